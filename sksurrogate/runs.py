@@ -1,0 +1,377 @@
+"""The border: what a user hands over becomes a sequence of :class:`Run`; below it nothing asks again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import DataError, RunError
+
+__all__ = ["Run", "Runs", "cut_runs", "resolve_runs", "stack_runs", "unstack_runs"]
+
+#: Rows with this label (the gaps that :func:`cut_runs` leaves) belong to no run.
+LEFT_OUT = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run: rows ``start:stop`` of the stacked data, in time order.
+
+    Attributes
+    ----------
+    label : object
+        What the user calls this run.
+    start, stop : int
+        Rows in the stacked data.
+    X : ndarray (n_samples, n_inputs)
+    y : ndarray (n_samples, n_outputs) or None
+    t : ndarray (n_samples,)
+        Time of each row; starts at 0 unless a time column was named.
+    """
+
+    label: Any
+    start: int
+    stop: int
+    X: np.ndarray
+    y: np.ndarray | None
+    t: np.ndarray
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, eq=False)
+class Runs(Sequence):
+    """The runs of one data set and what was learned at the border.
+
+    Attributes
+    ----------
+    runs : tuple of Run
+    n_samples : int
+        Rows of the stacked data, rows that were left out included.
+    dt : float
+        Sample time.
+    input_names, output_names : tuple of str or None
+        Column names where a frame was given (run and time columns left out).
+    y_is_1d : bool
+        Whether y came as (n_samples,).
+    """
+
+    runs: tuple[Run, ...]
+    n_samples: int
+    dt: float
+    input_names: tuple[str, ...] | None = None
+    output_names: tuple[str, ...] | None = None
+    y_is_1d: bool = True
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.runs[index]
+
+    def unstack(self, rows: np.ndarray) -> list[np.ndarray]:
+        """Cut an array of ``n_samples`` rows into runs."""
+        return [rows[run.start : run.stop] for run in self.runs]
+
+    def stack(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        """Join one array a run to ``n_samples`` rows; rows that belong to no run are nan."""
+        out = np.full((self.n_samples, *np.shape(parts[0])[1:]), np.nan)
+        for run, part in zip(self.runs, parts):
+            out[run.start : run.stop] = part
+        return out
+
+
+def resolve_runs(
+    X: Any,
+    y: Any = None,
+    *,
+    groups: Any = None,
+    run: str | int | None = None,
+    time: str | int | None = None,
+    dt: float | None = None,
+    allow_uneven: bool = False,
+    allow_nan: bool = False,
+    min_rows: int = 1,
+) -> Runs:
+    """Turn data in the package's convention into runs.
+
+    Parameters
+    ----------
+    X : array-like or frame (n_samples, n_columns)
+        Inputs, and the run and time columns where they are named.
+    y : array-like (n_samples,) or (n_samples, n_outputs), optional
+        Outputs.
+    groups : array-like (n_samples,), optional
+        Label of the run of each row; wins over ``run``. Label -1 means: in no run.
+    run : None, column name, int or "index"
+        Where X itself says which run a row belongs to. None: one run.
+    time : column name or int, optional
+        Column of X that holds the time.
+    dt : float, optional
+        Sample time; by default that of the time column, else 1.
+    allow_uneven : bool, default=False
+        Whether uneven sampling is accepted.
+    allow_nan : bool, default=False
+        Whether missing values are accepted.
+    min_rows : int, default=1
+        Rows that every run needs.
+
+    Returns
+    -------
+    Runs
+
+    Raises
+    ------
+    DataError
+        Lengths differ, a value is missing or infinite, a column is unknown, sampling is uneven.
+    RunError
+        A run is in two pieces or too short.
+
+    Examples
+    --------
+    >>> runs = resolve_runs([[1.0], [2.0], [3.0]], [4.0, 5.0, 6.0], groups=["a", "a", "b"], dt=0.1)
+    >>> [(r.label, len(r)) for r in runs]
+    [('a', 2), ('b', 1)]
+    """
+    frame = X if hasattr(X, "columns") else None
+    names = [str(c) for c in frame.columns] if frame is not None else None
+    labels = _labels_from_index(frame) if run == "index" else None
+    table = _as_table(X, "X")
+    n_samples = len(table)
+    drop: list[int] = []
+    if run is not None and run != "index":
+        column = _column(run, names, table.shape[1], "run")
+        drop.append(column)
+        labels = _raw_column(X, table, column)
+    clock = None
+    if time is not None:
+        column = _column(time, names, table.shape[1], "time")
+        drop.append(column)
+        clock = _floats(table[:, column], f"time={time!r}")
+    if groups is not None:
+        labels = np.asarray(groups)
+        if labels.ndim != 1 or len(labels) != n_samples:
+            raise DataError(f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids.")
+    keep = [j for j in range(table.shape[1]) if j not in drop]
+    inputs = _floats(table[:, keep], "X")
+    outputs, output_names, is_1d = _outputs(y, n_samples)
+    if not allow_nan:
+        _refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
+        if outputs is not None:
+            _refuse_missing(outputs, "y", output_names, labels)
+    pieces = _pieces(labels, n_samples, min_rows)
+    step, times = _times(clock, pieces, dt, allow_uneven, time)
+    runs = tuple(
+        Run(label, a, b, inputs[a:b], None if outputs is None else outputs[a:b], t) for (label, a, b), t in zip(pieces, times)
+    )
+    return Runs(runs, n_samples, step, tuple(names[j] for j in keep) if names else None, tuple(output_names) if output_names else None, is_1d)
+
+
+def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
+    """Stack a list of runs: ``stack_runs([X1, X2], [y1, y2]) -> X, y, groups``.
+
+    Examples
+    --------
+    >>> X, y, groups = stack_runs([[[1.0], [2.0]], [[3.0]]], [[1.0, 2.0], [3.0]])
+    >>> groups
+    array([0, 0, 1])
+    """
+    if y is not None and len(X) != len(y):
+        raise DataError(f"X is a list of {len(X)} runs and y of {len(y)}: give one entry a run in both.")
+    parts = [np.asarray(part) for part in X]
+    groups = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    if y is None:
+        return np.concatenate(parts), None, groups
+    targets = [np.asarray(part) for part in y]
+    for k, (a, b) in enumerate(zip(parts, targets)):
+        if len(a) != len(b):
+            raise DataError(f"run {k}: X has {len(a)} rows and y has {len(b)}: the rows of a run belong together.")
+    return np.concatenate(parts), np.concatenate(targets), groups
+
+
+def unstack_runs(X: Any, groups: Any) -> list[np.ndarray]:
+    """Inverse of :func:`stack_runs` for one array: a list with one array a run.
+
+    Examples
+    --------
+    >>> unstack_runs([1.0, 2.0, 3.0], [0, 0, 1])
+    [array([1., 2.]), array([3.])]
+    """
+    rows = np.asarray(X)
+    return [rows[a:b] for _, a, b in _pieces(np.asarray(groups), len(rows), 1)]
+
+
+def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
+    """Cut every run into blocks that count as runs, so that ``GroupKFold`` works on one long record.
+
+    Parameters
+    ----------
+    groups : array-like (n_samples,) or int
+        Labels of the runs, or the number of rows of a single run.
+    n_blocks : int
+        Blocks a run.
+    gap : int, default=0
+        Rows left out (label -1) between two blocks of a run.
+
+    Returns
+    -------
+    ndarray of int (n_samples,)
+        New labels 0, 1, ...; -1 in the gaps.
+
+    Examples
+    --------
+    >>> cut_runs(7, n_blocks=2, gap=1)
+    array([ 0,  0,  0, -1,  1,  1,  1])
+    """
+    labels = np.zeros(groups, dtype=int) if isinstance(groups, (int, np.integer)) else np.asarray(groups)
+    out = np.full(len(labels), LEFT_OUT)
+    count = 0
+    for label, a, b in _pieces(labels, len(labels), 1):
+        rows = b - a - gap * (n_blocks - 1)
+        if n_blocks < 1 or rows < n_blocks:
+            raise RunError(f"run {label!r} has {b - a} rows: {n_blocks} blocks with gaps of {gap} rows do not fit; lower n_blocks or gap.")
+        edges = a + np.round(np.linspace(0, rows, n_blocks + 1)).astype(int)
+        for k in range(n_blocks):
+            out[edges[k] + k * gap : edges[k + 1] + k * gap] = count
+            count += 1
+    return out
+
+
+def _as_table(X: Any, name: str) -> np.ndarray:
+    """A 2-D array of whatever dtype; 1-D and sparse are refused with the way out."""
+    if hasattr(X, "toarray"):
+        raise DataError(f"{name} is sparse; sparse input is not supported here: pass {name}.toarray().")
+    table = X.to_numpy() if hasattr(X, "to_numpy") else np.asarray(X)
+    if table.ndim == 1:
+        raise DataError(f"{name} is 1-D with shape {table.shape}, expected (n_samples, n_inputs): use {name}.reshape(-1, 1) for one input.")
+    if table.ndim != 2:
+        raise DataError(f"{name} has shape {table.shape}, expected (n_samples, n_inputs); stack several runs with stack_runs.")
+    if len(table) == 0:
+        raise DataError(f"{name} has no rows; at least one sample is needed.")
+    return table
+
+
+def _column(key: str | int, names: list[str] | None, n_columns: int, argument: str) -> int:
+    """Position of a column that is given by name or position."""
+    if isinstance(key, str):
+        if names is None:
+            raise DataError(f"{argument}={key!r} names a column, but X is an array without names: give its position or pass a frame.")
+        if key not in names:
+            raise DataError(f"{argument}={key!r} is not a column of X; columns are {names}.")
+        return names.index(key)
+    if not -n_columns <= key < n_columns:
+        raise DataError(f"{argument}={key} is out of range: X has {n_columns} columns.")
+    return int(key) % n_columns
+
+
+def _raw_column(X: Any, table: np.ndarray, column: int) -> np.ndarray:
+    """The column as the user wrote it (an object table would lose integer labels)."""
+    values = np.asarray(table[:, column])
+    if values.dtype == object:
+        values = np.asarray(values.tolist())
+    if values.dtype.kind == "f" and np.all(np.isfinite(values)) and np.all(values == np.round(values)):
+        values = values.astype(int)
+    return values
+
+
+def _labels_from_index(frame: Any) -> np.ndarray:
+    """First level of a pandas index."""
+    if frame is None or not hasattr(frame, "index"):
+        raise DataError('run="index" needs a pandas frame with the run in its index; name the column instead: run="...".')
+    return np.asarray(frame.index.get_level_values(0))
+
+
+def _floats(values: np.ndarray, name: str) -> np.ndarray:
+    """float64, or a message that shows what could not be read as a number."""
+    if np.iscomplexobj(values):
+        raise DataError(f"Complex data not supported: {name} is complex.")
+    try:
+        return np.ascontiguousarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{name} holds something that is not a number ({error}): is a text column among the inputs?") from error
+
+
+def _outputs(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | None, bool]:
+    """y as (n_samples, n_outputs), its names, and whether it was 1-D."""
+    if y is None:
+        return None, None, True
+    names = [str(c) for c in y.columns] if hasattr(y, "columns") else None
+    values = _floats(y.to_numpy() if hasattr(y, "to_numpy") else np.asarray(y), "y")
+    if values.ndim not in (1, 2):
+        raise DataError(f"y has shape {values.shape}, expected (n_samples,) or (n_samples, n_outputs).")
+    if len(values) != n_samples:
+        raise DataError(f"X has {n_samples} rows and y has {len(values)}: both need one row a sample.")
+    return values.reshape(n_samples, -1), names, values.ndim == 1
+
+
+def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None, labels: np.ndarray | None) -> None:
+    """nan or inf is an error that names row, column and run."""
+    bad = ~np.isfinite(values)
+    if labels is not None and np.issubdtype(labels.dtype, np.number):
+        bad[labels == LEFT_OUT] = False
+    if bad.any():
+        row, column = (int(i) for i in np.argwhere(bad)[0])
+        what = "NaN" if np.isnan(values[row, column]) else "infinity"
+        where = f"column {columns[column]!r}" if columns else f"column {column}"
+        of_run = "" if labels is None else f" (run {labels[row]!r})"
+        raise DataError(
+            f"Input {name} contains {what}: row {row}, {where}{of_run}; {int(bad.sum())} values in all. "
+            "Remove or interpolate them first (sksurrogate.features.Interpolator does so within a run)."
+        )
+
+
+def _pieces(labels: np.ndarray | None, n_samples: int, min_rows: int) -> list[tuple[Any, int, int]]:
+    """(label, start, stop) of every run; a run in two pieces is an error."""
+    if labels is None:
+        pieces = [(None, 0, n_samples)]
+    else:
+        starts = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
+        stops = np.r_[starts[1:], n_samples]
+        pieces, seen = [], {}
+        for a, b in zip(starts.tolist(), stops.tolist()):
+            label = labels[a].item() if hasattr(labels[a], "item") else labels[a]
+            if label == LEFT_OUT and not isinstance(label, str):
+                continue
+            if label in seen:
+                raise RunError(
+                    f"run {label!r} is in two pieces: rows {seen[label][0]}..{seen[label][1] - 1} and again from row {a}. "
+                    "The rows of a run must be adjacent and in time order: sort by run, or give the second piece its own label."
+                )
+            seen[label] = (a, b)
+            pieces.append((label, a, b))
+        if not pieces:
+            raise RunError("every row is labelled -1 (left out): no run remains.")
+    for label, a, b in pieces:
+        if b - a < min_rows:
+            name = "the data have" if label is None else f"run {label!r} has"
+            raise RunError(f"{name} {b - a} rows (n_samples={b - a}), but {min_rows} are needed here: give longer runs or fewer lags.")
+    return pieces
+
+
+def _times(
+    clock: np.ndarray | None, pieces: list[tuple[Any, int, int]], dt: float | None, allow_uneven: bool, time: str | int | None
+) -> tuple[float, list[np.ndarray]]:
+    """Sample time and the time of every row."""
+    if dt is not None and not (np.isfinite(dt) and dt > 0):
+        raise DataError(f"dt={dt!r} must be a positive number of time units.")
+    if clock is None:
+        step = 1.0 if dt is None else float(dt)
+        return step, [step * np.arange(b - a) for _, a, b in pieces]
+    steps = [np.diff(clock[a:b]) for _, a, b in pieces]
+    joined = np.concatenate(steps) if steps else np.empty(0)
+    step = float(dt) if dt is not None else (float(np.median(joined)) if len(joined) else 1.0)
+    for (label, a, _), difference in zip(pieces, steps):
+        wrong = difference <= 0 if allow_uneven else ~np.isclose(difference, step, rtol=1e-3, atol=0)
+        if wrong.any():
+            row = a + int(np.flatnonzero(wrong)[0])
+            found = clock[row + 1] - clock[row]
+            if found <= 0:
+                problem = f"time does not increase after row {row} ({clock[row]:g} -> {clock[row + 1]:g}): sort the rows, or name the run column"
+            else:
+                problem = f"uneven sampling after row {row}: step {found:g}, expected {step:g}; resample to an even grid"
+            raise DataError(f"time={time!r}, run {label!r}: {problem}.")
+    return step, [clock[a:b] for _, a, b in pieces]
