@@ -1,0 +1,128 @@
+"""Linear recursions and smoothing problems over time as banded systems: no Python loop over samples.
+
+Stacked runs lie one behind the other on one time axis of ``n_samples`` rows; ``starts`` holds the first row of every
+run, and nothing couples across it. Rows of the banded systems are ordered time, state.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
+
+__all__ = ["BlockTridiagonal", "first_order_scan", "recursion_band", "solve_recursion"]
+
+
+def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Band of the unit lower triangular matrix of ``s[k+1] - A[k] s[k] = b[k+1]``.
+
+    Parameters
+    ----------
+    A : ndarray (n_states, n_states, n_samples)
+        ``A[:, :, k]`` leads from row k to row k + 1; the last row of every run is not used.
+    starts : ndarray of int (n_runs,)
+
+    Returns
+    -------
+    ndarray (2 n_states, n_samples * n_states), Fortran order
+    """
+    n, _, n_samples = A.shape
+    band = np.zeros((n_samples, n, 2 * n))  # its transpose is Fortran ordered
+    ends = np.r_[starts[1:], n_samples] - 1
+    for i in range(n):
+        for j in range(n):
+            band[:, j, n + i - j] = -A[i, j]
+            band[ends, j, n + i - j] = 0.0
+    band[:, :, 0] = 1.0
+    return band.reshape(n_samples * n, 2 * n).T
+
+
+def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Solve ``s[k+1] - A[k] s[k] = b[k+1]``, ``s = b`` at the first row of each run.
+
+    Parameters
+    ----------
+    band : ndarray (2 n_states, n_samples * n_states)
+        From :func:`recursion_band`.
+    b : ndarray (n_states, n_columns, n_samples)
+
+    Returns
+    -------
+    ndarray (n_states, n_columns, n_samples)
+
+    Examples
+    --------
+    >>> A = np.full((1, 1, 3), 0.5)
+    >>> solve_recursion(recursion_band(A, np.array([0])), np.array([[[1.0, 0.0, 0.0]]]))
+    array([[[1.  , 0.5 , 0.25]]])
+    """
+    n, n_columns, n_samples = b.shape
+    columns = np.asfortranarray(b.transpose(2, 0, 1).reshape(n_samples * n, n_columns))
+    solution, info = dtbtrs(band, columns, uplo="L", diag="U", overwrite_b=1)
+    if info != 0:
+        raise FloatingPointError(f"dtbtrs: argument {-info} is illegal")
+    return np.ascontiguousarray(solution.reshape(n_samples, n, n_columns).transpose(1, 2, 0))
+
+
+def first_order_scan(factor: float, b: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """``w[k] = factor * w[k-1] + b[k]`` along the last axis, ``w = b`` at the first row of each run.
+
+    Examples
+    --------
+    >>> first_order_scan(0.5, np.array([1.0, 0.0, 0.0]), np.array([0]))
+    array([1.  , 0.5 , 0.25])
+    """
+    n_samples = b.shape[-1]
+    band = np.empty((n_samples, 2))
+    band[:, 0] = 1.0
+    band[:, 1] = -factor
+    band[np.r_[starts[1:], n_samples] - 1, 1] = 0.0
+    rows = np.asfortranarray(b.reshape(-1, n_samples).T)
+    solution, _ = dtbtrs(band.T, rows, uplo="L", diag="U")
+    return np.ascontiguousarray(solution.T).reshape(b.shape)
+
+
+class BlockTridiagonal:
+    """Cholesky factor of a symmetric positive definite block tridiagonal matrix over time.
+
+    Parameters
+    ----------
+    diagonal : ndarray (n_samples, n, n)
+    lower : ndarray (n_samples, n, n)
+        Block that couples row k + 1 to row k (``lower[k] = M[k+1, k]``); zero at the end of a run.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The matrix is not positive definite.
+    """
+
+    def __init__(self, diagonal: np.ndarray, lower: np.ndarray):
+        n_samples, n, _ = diagonal.shape
+        band = np.zeros((n_samples, n, 2 * n))
+        for i in range(n):
+            for j in range(n):
+                if i >= j:
+                    band[:, j, i - j] = diagonal[:, i, j]
+                band[:, j, n + i - j] += lower[:, i, j]
+        self._shape = (n_samples, n)
+        self._factor, info = dpbtrf(band.reshape(n_samples * n, 2 * n).T, lower=1, overwrite_ab=1)
+        if info != 0:
+            raise np.linalg.LinAlgError("the block tridiagonal matrix is not positive definite")
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Solve for right-hand sides ``b`` (n_columns, n_samples, n)."""
+        n_samples, n = self._shape
+        columns = np.asfortranarray(b.reshape(-1, n_samples * n).T)
+        solution, _ = dpbtrs(self._factor, columns, lower=1, overwrite_b=1)
+        return solution.T.reshape(-1, n_samples, n)
+
+    def half_solve(self, b: np.ndarray) -> np.ndarray:
+        """``L'^-1 b``: turns unit normal draws ``b`` (n_columns, n_samples, n) into draws with the inverse as covariance."""
+        n_samples, n = self._shape
+        columns = np.asfortranarray(b.reshape(-1, n_samples * n).T)
+        solution, _ = dtbtrs(self._factor, columns, uplo="L", trans="T", overwrite_b=1)
+        return solution.T.reshape(-1, n_samples, n)
+
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant."""
+        return 2.0 * float(np.sum(np.log(self._factor[0])))

@@ -1,0 +1,210 @@
+"""The continuous hot loop: one Runge-Kutta step map, called once for all times, runs, rivals and perturbations.
+
+Arrays are ``(n_states, n_columns, n_samples)``: column = unperturbed, one per state, one per parameter; ``n_samples`` =
+all runs one behind the other. The map leads from every sample to the next; :func:`close` turns it into a free run by
+Newton's method over the whole time axis, :func:`march` by a loop over time (many short runs, or where Newton fails).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
+
+__all__ = ["Stepper", "close", "march", "rk4", "state_jacobian"]
+
+#: Relative step of the forward differences through the step map (insensitive between 1e-9 and 1e-3).
+DIFFERENCE = 1e-5
+
+Derivative = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Clip = Callable[[np.ndarray], np.ndarray]
+
+
+class Stepper(Protocol):
+    """What the kernel asks of a model with its inputs and parameters filled in: the map from sample to sample."""
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """(n_states, n_columns, n_samples) -> the states one sample later."""
+
+
+def rk4(
+    derivative: Derivative,
+    t: np.ndarray,
+    x: np.ndarray,
+    mean: np.ndarray,
+    half: np.ndarray | None,
+    h: float,
+    clip: Clip | None = None,
+) -> np.ndarray:
+    """Fourth-order Runge-Kutta over one sample in ``n_sub`` steps.
+
+    Parameters
+    ----------
+    derivative : callable (t, x, u) -> dx/dt
+    t : ndarray
+        Time of every sample.
+    x : ndarray (n_states, *s)
+    mean, half : ndarray (n_sub, n_inputs, *s)
+        Inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
+    h : float
+        Width of a substep.
+    clip : callable, optional
+        Limits on the states, in force at every stage so that other balances see the limited state; a second argument
+        is True at the end of a substep, where what was cut off may go elsewhere.
+
+    Returns
+    -------
+    ndarray (n_states, *s)
+    """
+    for s in range(len(mean)):
+        u = mean[s]
+        u0, u1 = (u, u) if half is None else (u - half[s], u + half[s])
+        k = derivative(t, x, u0)
+        total = k
+        z = x + (h / 2) * k
+        k = derivative(t + h / 2, z if clip is None else clip(z), u)
+        total = total + 2 * k
+        z = x + (h / 2) * k
+        k = derivative(t + h / 2, z if clip is None else clip(z), u)
+        total += 2 * k
+        z = x + h * k
+        k = derivative(t + h, z if clip is None else clip(z), u1)
+        total += k
+        x = x + (h / 6) * total
+        if clip is not None:
+            x = clip(x, True)  # type: ignore[call-arg]
+        t = t + h
+    return x
+
+
+def march(
+    derivative: Derivative,
+    x0: np.ndarray,
+    t0: np.ndarray,
+    mean: np.ndarray,
+    half: np.ndarray | None,
+    h: float | np.ndarray,
+    clip: Clip | None = None,
+) -> np.ndarray:
+    """Free run by a loop over time, all runs abreast.
+
+    Parameters
+    ----------
+    x0 : ndarray (n_states, n_runs)
+    t0 : ndarray (n_runs,)
+        Time of the first row of every run.
+    mean, half : ndarray (n_sub, n_inputs, n_runs, n_samples)
+    h : float or ndarray (n_samples,)
+        Width of a substep; one for each sample where sampling is uneven.
+
+    Returns
+    -------
+    ndarray (n_states, n_runs, n_samples)
+        The first row is ``x0``.
+    """
+    n_sub, n_samples = len(mean), mean.shape[-1]
+    out = np.empty((*x0.shape, n_samples))
+    out[..., 0] = x = x0
+    widths = np.broadcast_to(h, (n_samples,))
+    now = np.asarray(t0, dtype=float)
+    for k in range(n_samples - 1):
+        x = rk4(derivative, now, x, mean[..., k], None if half is None else half[..., k], widths[k], clip)
+        out[..., k + 1] = x
+        now = now + n_sub * widths[k]
+    return out
+
+
+def state_jacobian(step: Stepper, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The next states and their derivative with respect to the states, by forward differences of the whole step map.
+
+    Parameters
+    ----------
+    step : Stepper
+    x : ndarray (n_states, n_samples)
+    scale : ndarray (n_states,)
+        Size of each state.
+
+    Returns
+    -------
+    following : ndarray (n_states, n_samples)
+    A : ndarray (n_states, n_states, n_samples)
+    """
+    n = len(x)
+    columns = np.repeat(x[:, None, :], n + 1, axis=1)
+    steps = DIFFERENCE * scale
+    for j in range(n):
+        columns[j, j + 1] += steps[j]
+    after = step(columns)
+    return after[:, 0], (after[:, 1:] - after[:, :1]) / steps[:, None]
+
+
+def _defects(after: np.ndarray, x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """``F(x[k-1]) - x[k]`` in row k, 0 in the first row of a run."""
+    d = np.zeros_like(x)
+    d[:, 1:] = after[:, :-1] - x[:, 1:]
+    d[:, starts] = 0.0
+    return d
+
+
+def close(
+    step: Stepper,
+    x: np.ndarray,
+    starts: np.ndarray,
+    scale: np.ndarray,
+    tolerance: float,
+    *,
+    band: np.ndarray | None = None,
+    max_steps: int = 14,
+    max_fresh: int = 5,
+) -> tuple[np.ndarray, bool, np.ndarray]:
+    """Free run by Newton's method over the whole time axis, from a trajectory near it.
+
+    Chord steps with the last Jacobian; a fresh one when a step shrinks the correction by less than 0.4.
+
+    Parameters
+    ----------
+    step : Stepper
+        The map with one column.
+    x : ndarray (n_states, n_samples)
+        Start; its first rows of the runs are the initial states.
+    starts : ndarray of int (n_runs,)
+    scale : ndarray (n_states,)
+        Size of each state; corrections are measured in it.
+    tolerance : float
+        Largest correction, in units of ``scale``, at which the run counts as closed.
+    band : ndarray, optional
+        Band of the recursion from a linearisation near x.
+
+    Returns
+    -------
+    x : ndarray (n_states, n_samples)
+    closed : bool
+    band : ndarray
+    """
+    fresh, last = 0, np.inf
+    weight = scale[:, None]
+    for _ in range(max_steps):
+        if band is None:
+            after, A = state_jacobian(step, x, scale)
+            band, fresh = recursion_band(A, starts), fresh + 1
+        else:
+            after = step(x[:, None, :])[:, 0]
+        defect = _defects(after, x, starts)
+        if not np.all(np.isfinite(defect)):
+            return x, False, band
+        correction = solve_recursion(band, defect[:, None, :])[:, 0]
+        size = float(np.max(np.abs(correction) / weight))
+        if not np.isfinite(size) or size > 1e6:
+            return x, False, band
+        x = x + correction
+        if size < tolerance:
+            return x, True, band
+        if size > 0.4 * last:
+            if fresh >= max_fresh:
+                return x, False, band
+            band = None
+        last = size
+    return x, False, band if band is not None else np.empty(0)

@@ -1,0 +1,216 @@
+"""Input signals between the samples: linear pieces on a grid of substeps, and what actuators do to them.
+
+A :class:`Signal` holds, for every substep, the mean and half the rise of the input. Zero-order hold and first-order hold
+are exact in this form; delays and lags are kept to the zeroth and first moment of every substep, so that a simulation
+with them converges as one with a smooth input and depends smoothly on the delay.
+
+Arrays are ``(n_sub, n_columns, n_samples)`` for one input: column = rival or perturbation, ``n_samples`` = stacked runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.kernels.banded import first_order_scan
+
+__all__ = ["Signal", "delay", "hold", "lag", "play", "pointwise", "rate_limit"]
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """One input as linear pieces.
+
+    Attributes
+    ----------
+    mean : ndarray (n_sub, n_columns, n_samples)
+    half : ndarray of the same shape or None
+        Half the rise over the substep; None where the signal is constant within a sample.
+    """
+
+    mean: np.ndarray
+    half: np.ndarray | None = None
+
+    def start(self) -> np.ndarray:
+        """Value at the start of every substep."""
+        return self.mean if self.half is None else self.mean - self.half
+
+    def end(self) -> np.ndarray:
+        """Value at the end of every substep."""
+        return self.mean if self.half is None else self.mean + self.half
+
+
+def hold(u: np.ndarray, n_sub: int, order: int, starts: np.ndarray) -> Signal:
+    """Samples ``u`` (n_samples,) held (``order=0``) or joined linearly (``order=1``)."""
+    if order == 0:
+        return Signal(np.broadcast_to(u, (n_sub, 1, len(u))))
+    following = np.r_[u[1:], u[-1]]
+    ends = np.r_[starts[1:], len(u)] - 1
+    following[ends] = u[ends]
+    rise = (following - u) / n_sub
+    place = np.arange(n_sub)[:, None, None] + 0.5
+    return Signal(u + place * rise, np.broadcast_to(rise / 2, (n_sub, 1, len(u))))
+
+
+def pointwise(g: Callable[[np.ndarray], np.ndarray], signal: Signal) -> Signal:
+    """A static characteristic g(u); exact for held inputs, Simpson's rule within a substep otherwise."""
+    if signal.half is None:
+        return Signal(g(signal.mean))
+    first, middle, last = g(signal.start()), g(signal.mean), g(signal.end())
+    return Signal((first + 4 * middle + last) / 6, (last - first) / 2)
+
+
+def _by_time(values: np.ndarray) -> np.ndarray:
+    """(n_sub, n_columns, n_samples) -> (n_columns, n_samples * n_sub) in order of time."""
+    n_sub, n_columns, n_samples = values.shape
+    return values.transpose(1, 2, 0).reshape(n_columns, n_samples * n_sub)
+
+
+def _by_substep(values: np.ndarray, n_sub: int) -> np.ndarray:
+    """Inverse of :func:`_by_time`."""
+    n_columns, n = values.shape
+    return np.ascontiguousarray(values.reshape(n_columns, n // n_sub, n_sub).transpose(2, 0, 1))
+
+
+def _over_columns(one: Callable[..., tuple[np.ndarray, np.ndarray]], signal: Signal, size: np.ndarray) -> Signal:
+    """Apply ``one(mean, half, size)`` to every column; equal sizes on equal signals are computed once."""
+    n_sub, n_given, _ = signal.mean.shape
+    size = np.ravel(size)
+    mean = _by_time(signal.mean)
+    half = _by_time(signal.half) if signal.half is not None else np.zeros_like(mean)
+    n_columns = max(n_given, len(size))
+    out_mean, out_half = np.empty((n_columns, mean.shape[1])), np.empty((n_columns, mean.shape[1]))
+    known: dict[tuple[float, int], int] = {}
+    for c in range(n_columns):
+        source = c if n_given > 1 else 0
+        value = float(size[c if len(size) > 1 else 0])
+        twin = known.setdefault((value, source), c)
+        if twin == c:
+            out_mean[c], out_half[c] = one(mean[source], half[source], value)
+        else:
+            out_mean[c], out_half[c] = out_mean[twin], out_half[twin]
+    return Signal(_by_substep(out_mean, n_sub), _by_substep(out_half, n_sub))
+
+
+def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Signal:
+    """``u(t - time)``; before the first row of a run its value. Exact in the first two moments of every substep.
+
+    Parameters
+    ----------
+    signal : Signal
+    time : ndarray (n_columns,)
+        Delay of every column, >= 0.
+    h : float
+        Width of a substep.
+    starts : ndarray of int (n_runs,)
+        First sample of every run.
+    """
+    n_sub = len(signal.mean)
+    n = signal.mean.shape[2] * n_sub
+    first = _first_of_run(starts * n_sub, n)
+
+    def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+        whole = max(size, 0.0) / h
+        m = int(min(np.floor(whole), n))
+        phi = min(whole - m, 1.0) if m < n else 0.0
+        before = (mean - half)[first]
+        late, later = np.arange(n) - m, np.arange(n) - m - 1
+        in2, in1 = late >= first, later >= first
+        a2, b2 = np.where(in2, mean[late], before), np.where(in2, half[late], 0.0)
+        a1, b1 = np.where(in1, mean[later], before), np.where(in1, half[later], 0.0)
+        cube = (2 * phi - 1) ** 3
+        new_mean = phi * (a1 + b1 * (1 - phi)) + (1 - phi) * (a2 - b2 * phi)
+        new_half = 3 * (
+            (a1 + 2 * (1 - phi) * b1 - a2 + 2 * phi * b2) * (phi * phi - phi) + b1 * (cube + 1) / 6 + b2 * (1 - cube) / 6
+        )
+        return new_mean, new_half
+
+    return _over_columns(one, signal, time)
+
+
+def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray) -> Signal:
+    """``c dw/dt + w = u``, ``w(0) = u(0)``, solved exactly and kept to two moments a substep.
+
+    Parameters as :func:`delay`, with the time constant of every column.
+    """
+    n_sub = len(signal.mean)
+    firsts = starts * n_sub
+
+    def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+        k = max(size / h, 1e-9)  # time constant in substeps
+        p, q = mean - half, 2 * half
+        decay = np.exp(-1.0 / k)
+        rise = -np.expm1(-1.0 / k)  # 1 - decay
+        b = p * rise + q * (1 - k * rise)
+        b[firsts] += decay * p[firsts]
+        ends = first_order_scan(decay, b, firsts)
+        w0 = np.r_[p[0], ends[:-1]]
+        w0[firsts] = p[firsts]
+        d = w0 - p + q * k
+        moment = 2 * k * k * rise - k * (1 + decay) if k < 100 else -1 / (6 * k) + 1 / (12 * k**2) - 1 / (40 * k**3)
+        return p + q / 2 - q * k + d * k * rise, half + 3 * d * moment
+
+    return _over_columns(one, signal, time_constant)
+
+
+def _first_of_run(starts: np.ndarray, n: int) -> np.ndarray:
+    """For each row, the first row of its run."""
+    return np.repeat(starts, np.diff(np.r_[starts, n]))
+
+
+def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray) -> Signal:
+    """Backlash: ``w[k] = clip(w[k-1], u[k] - c, u[k] + c)``, starts at the first value.
+
+    Clips compose to clips, so that the recursion is a prefix scan of log2(n) vectorised passes.
+    """
+    n_sub = len(signal.mean)
+    held = signal.half is None
+    nodes = _by_time(signal.mean[:1]) if held else _by_time(np.stack([signal.start(), signal.end()], 1).reshape(2 * n_sub, *signal.mean.shape[1:]))
+    per_sample = 1 if held else 2 * n_sub
+    width = np.reshape(half_width, (-1, 1))
+    n = nodes.shape[1]
+    low, high = np.broadcast_arrays(nodes - width, nodes + width)
+    low, high = low.copy(), high.copy()
+    firsts = starts * per_sample
+    low[:, firsts] = high[:, firsts] = nodes[:, firsts]
+    age = np.arange(n) - _first_of_run(firsts, n)
+    step = 1
+    while step < n:
+        rows = np.flatnonzero(age >= step)
+        if not len(rows):
+            break
+        a, b = low[:, rows - step], high[:, rows - step]
+        low[:, rows], high[:, rows] = np.clip(a, low[:, rows], high[:, rows]), np.clip(b, low[:, rows], high[:, rows])
+        step *= 2
+    if held:
+        return Signal(np.broadcast_to(low, (n_sub, *low.shape)))
+    pairs = _by_substep(low, per_sample).reshape(n_sub, 2, len(low), -1)
+    return Signal((pairs[:, 0] + pairs[:, 1]) / 2, (pairs[:, 1] - pairs[:, 0]) / 2)
+
+
+def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray) -> Signal:
+    """``abs(dw/dt) <= c`` towards the input, starts at its first value; the ramp ends exactly where it meets a held input."""
+    n_sub = len(signal.mean)
+    target = _by_time(signal.end())
+    reach = np.reshape(limit, (-1, 1)) * h
+    target, reach = np.broadcast_arrays(target, np.broadcast_to(reach, (max(len(target), len(reach)), 1)))
+    n = target.shape[1]
+    bounds = np.r_[starts * n_sub, n]
+    longest = int(np.max(np.diff(bounds)))
+    before = np.empty(target.shape)
+    first = _by_time(signal.start())[:, bounds[:-1]]
+    w = np.broadcast_to(first, (len(target), first.shape[1])).copy()
+    r = reach[:, :1]
+    for k in range(longest):  # each sample depends on the last: the one loop over time here, all runs and columns at once
+        rows = bounds[:-1] + k
+        alive = rows < bounds[1:]
+        before[:, rows[alive]] = w[:, alive]
+        w[:, alive] += np.clip(target[:, rows[alive]] - w[:, alive], -r, r)
+    d = before - target
+    f = np.minimum(np.abs(d) / np.maximum(r, 1e-300), 1.0)
+    met = np.abs(d) <= r
+    mean = np.where(met, target + d * f / 2, before - np.sign(d) * r / 2)
+    half = np.where(met, d * (f * f - 1.5 * f), -np.sign(d) * r / 2)
+    return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub))

@@ -1,0 +1,150 @@
+"""Free runs of a right-hand side: substeps chosen by their error, scipy's integrators for stiff plants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError
+from sksurrogate.kernels.integrate import march, rk4
+from sksurrogate.kernels.signals import hold
+
+__all__ = ["free_run", "hold_inputs", "raise_if_diverged"]
+
+#: Largest local error of a sample, relative to the size of the state, that the choice of substeps accepts.
+TOLERANCE = 1e-8
+#: More substeps than this and the plant counts as stiff.
+MOST_SUBSTEPS = 48
+
+Derivative = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
+
+
+def hold_inputs(U: np.ndarray, n_sub: int, order: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """Inputs (n_runs, n_samples, n_inputs) as substep means and half rises (n_sub, n_inputs, n_runs, n_samples)."""
+    n_runs, n_samples, n_inputs = U.shape
+    signals = [hold(U[r, :, i], n_sub, order, np.array([0])) for i in range(n_inputs) for r in range(n_runs)]
+    if not signals:
+        return np.zeros((n_sub, 0, n_runs, n_samples)), None
+    mean = np.stack([s.mean[:, 0] for s in signals], 1).reshape(n_sub, n_inputs, n_runs, n_samples)
+    if order == 0:
+        return mean, None
+    half = np.stack([s.half[:, 0] for s in signals if s.half is not None], 1).reshape(mean.shape)
+    return mean, half
+
+
+def free_run(
+    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, *, order: int, method: str, states: tuple[str, ...]
+) -> np.ndarray:
+    """States of runs of equal length.
+
+    Parameters
+    ----------
+    derivative : callable (t, x, u) -> dx/dt on arrays (n, n_runs)
+    U : ndarray (n_runs, n_samples, n_inputs)
+    X0 : ndarray (n_runs, n_states)
+    t : ndarray (n_samples,)
+    order : {0, 1}
+        Hold.
+    method : str
+        "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
+
+    Returns
+    -------
+    ndarray (n_runs, n_samples, n_states)
+        Not finite from where a run diverges.
+    """
+    with np.errstate(all="ignore"):
+        if method in ("auto", "RK4"):
+            X, n_sub = _explicit(derivative, U, X0, t, order)
+            if method == "RK4" or (n_sub <= MOST_SUBSTEPS and np.all(np.isfinite(X))):
+                return X
+            method = "LSODA"
+        return np.stack([_adaptive(derivative, U[r], X0[r], t, order, method) for r in range(len(U))])
+
+
+def _explicit(derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int) -> tuple[np.ndarray, int]:
+    """Runge-Kutta with as many substeps as the local error asks for; that number."""
+    n_sub = 2
+    dt = np.diff(t, append=t[-1] + (t[-1] - t[-2] if len(t) > 1 else 1.0))
+    step: float | np.ndarray = float(dt[0]) if np.allclose(dt, dt[0], rtol=1e-9) else dt
+    while True:
+        mean, half = hold_inputs(U, n_sub, order)
+        X = march(derivative, X0.T, np.full(len(U), t[0]), mean, half, np.asarray(step) / n_sub)
+        wanted = _substeps_needed(derivative, X, U, t, order, n_sub, step)
+        if wanted <= n_sub or n_sub > MOST_SUBSTEPS:
+            return X.transpose(1, 2, 0), n_sub
+        n_sub = wanted
+
+
+def _substeps_needed(
+    derivative: Derivative, X: np.ndarray, U: np.ndarray, t: np.ndarray, order: int, n_sub: int, step: float | np.ndarray
+) -> int:
+    """Compare one sample in ``n_sub`` and in ``2 n_sub`` substeps, for all samples at once."""
+    if not np.all(np.isfinite(X)):
+        return 2 * n_sub if n_sub <= MOST_SUBSTEPS else n_sub
+    scale = np.maximum(np.max(np.abs(X), axis=(1, 2)), 1e-12)[:, None, None]
+    times = np.broadcast_to(t, X.shape[1:])
+    widths = np.broadcast_to(step, X.shape[1:])
+    once = rk4(derivative, times, X, *hold_inputs(U, n_sub, order), widths / n_sub)  # type: ignore[arg-type]
+    twice = rk4(derivative, times, X, *hold_inputs(U, 2 * n_sub, order), widths / (2 * n_sub))  # type: ignore[arg-type]
+    error = np.max(np.abs(once - twice) / scale, axis=0)
+    if not np.all(np.isfinite(error)):
+        return 2 * n_sub
+    # A kink is crossed now and then: it asks for fewer substeps than its own error would.
+    worst = max(float(np.quantile(error, 0.98)), float(np.max(error)) * 1e-3)
+    return n_sub if worst <= TOLERANCE else int(np.ceil(n_sub * min((worst / TOLERANCE) ** 0.25 * 1.1, 8.0)))
+
+
+def _adaptive(derivative: Derivative, U: np.ndarray, x0: np.ndarray, t: np.ndarray, order: int, method: str) -> np.ndarray:
+    """scipy's integrator over stretches of constant input (held), or the whole run (joined linearly)."""
+    X = np.full((len(t), len(x0)), np.nan)
+    X[0] = x0
+    if order == 1:
+        stretches = [(0, len(t) - 1)]
+    else:
+        changes = np.flatnonzero(np.any(np.diff(U[:-1], axis=0) != 0, axis=1)) + 1 if len(t) > 2 else np.empty(0, int)
+        edges = np.r_[0, changes, len(t) - 1].astype(int)
+        stretches = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:]) if b > a]
+
+    def rhs(now: float, x: np.ndarray, a: int) -> np.ndarray:
+        u = U[a] if order == 0 else np.array([np.interp(now, t, column) for column in U.T])
+        return derivative(now, x[:, None], u[:, None])[:, 0]
+
+    for a, b in stretches:
+        longest = np.inf if order == 0 else float(np.max(np.diff(t)))
+        try:
+            solution = solve_ivp(
+                rhs, (t[a], t[b]), X[a], method=method, t_eval=t[a : b + 1], args=(a,), rtol=1e-8, atol=1e-10, max_step=longest
+            )
+        except ValueError as error:
+            if "method" in str(error):
+                raise SimulatorError(f'method={method!r} is unknown: use "auto", "RK4", "RK45", "DOP853", "LSODA", "Radau" or "BDF".') from error
+            return X  # scipy refuses non-finite states: the caller reports the divergence
+        X[a : a + solution.y.shape[1]] = solution.y.T
+        if not solution.success:
+            X[a + solution.y.shape[1] :] = np.nan
+            return X
+    return X
+
+
+def raise_if_diverged(X: np.ndarray, t: np.ndarray, states: tuple[str, ...], labels: list[object] | None = None) -> None:
+    """Raise :class:`SimulationDiverged` with run, time, state and remedy if states (n_runs, n_samples, n_states) are not finite."""
+    bad = ~np.isfinite(X)
+    if not bad.any():
+        return
+    run = int(np.flatnonzero(bad.any(axis=(1, 2)))[0])
+    row = int(np.flatnonzero(bad[run].any(axis=1))[0])
+    state = states[int(np.flatnonzero(bad[run, row])[0])]
+    label = labels[run] if labels is not None else (run if len(X) > 1 else None)
+    where = "" if label is None else f"run {label!r}, "
+    raise SimulationDiverged(
+        f"the simulation left the finite numbers: {where}row {row}, t = {t[row]:g}, state {state!r}. "
+        'Check x0, the units of the inputs and the signs in rhs; a stiff plant may want method="LSODA" or a smaller dt.',
+        run=label,
+        row=row,
+        time=float(t[row]),
+        state=state,
+    )

@@ -1,0 +1,82 @@
+"""The nominal model of a simulator with a right-hand side, on columns of states, inputs and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.physics._rhs import PointwiseFunction
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["PlantModel"]
+
+
+class PlantModel:
+    """Right-hand side (or step) and output of a plant on arrays ``(n, *s)``.
+
+    The user's functions see flat points, as scipy's ``vectorized=True``: x (n_states, n_points), u (n_inputs, n_points),
+    t and every varied parameter (n_points,).
+
+    Parameters
+    ----------
+    plant : Plant
+        With access "rhs" or "step".
+    """
+
+    def __init__(self, plant: Plant):
+        self.plant = plant
+        simulator = plant.simulator
+        n = len(plant.states)
+        self._rhs = PointwiseFunction(simulator.rhs, n, "rhs", plant.states) if plant.access == "rhs" else None
+        self._step = PointwiseFunction(simulator.step, n, "step", plant.states) if plant.access == "step" else None
+        self._selected = plant.output_states
+        self._output = None
+        if self._selected is None:
+            self._output = PointwiseFunction(simulator.output, len(plant.outputs), "output", plant.outputs)
+
+    def probe(self, u: np.ndarray) -> None:
+        """Try the user's functions at the initial state and an input ``u`` (n_inputs,), so that mistakes speak early."""
+        at = (0.0, self.plant.x0, u, self.plant.params)
+        if self._rhs is not None:
+            self._rhs.probe(*at)
+        if self._step is not None:
+            self._step.probe(*at, self.plant.dt)
+        if self._output is not None:
+            self._output.probe(*at)
+
+    def _call(
+        self, function: PointwiseFunction, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None, *extra: Any
+    ) -> np.ndarray:
+        """Flatten, call, restore."""
+        shape = x.shape[1:]
+        p: Mapping[str, Any] = self.plant.params
+        if len(shape) == 1:
+            times, flat, inputs = np.broadcast_to(t, shape), x, u if u.shape[1:] == shape else np.broadcast_to(u, (len(u), *shape))
+            if varied:
+                p = {**p, **{k: np.broadcast_to(v, shape) for k, v in varied.items()}}
+            return function(times, flat, inputs, p, *extra)
+        size = int(np.prod(shape))
+        times = np.broadcast_to(t, shape).reshape(size)
+        inputs = np.broadcast_to(u, (len(u), *shape)).reshape(len(u), size)
+        if varied:
+            p = {**p, **{k: np.broadcast_to(v, shape).reshape(size) for k, v in varied.items()}}
+        return function(times, x.reshape(len(x), size), inputs, p, *extra).reshape(function.size, *shape)
+
+    def derivative(self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+        """dx/dt, (n_states, *s)."""
+        assert self._rhs is not None
+        return self._call(self._rhs, t, x, u, varied)
+
+    def step(self, t: Any, x: np.ndarray, u: np.ndarray, dt: float, varied: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+        """The states one step later, (n_states, *s)."""
+        assert self._step is not None
+        return self._call(self._step, t, x, u, varied, dt)
+
+    def output(self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+        """Measured outputs, (n_outputs, *s)."""
+        if self._selected is not None:
+            return x[list(self._selected)]
+        assert self._output is not None
+        return self._call(self._output, t, x, u, varied)

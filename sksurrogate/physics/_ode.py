@@ -1,0 +1,199 @@
+"""A simulator from an ODE right-hand side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._free_run import free_run, raise_if_diverged
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import BaseSimulator, describe
+
+__all__ = ["ODESimulator"]
+
+
+class ODESimulator(BaseSimulator):
+    """Simulator of ``dx/dt = rhs(t, x, u, p)``.
+
+    Parameters
+    ----------
+    rhs : callable ``rhs(t, x, u, p)``
+        x is (n_states, *s), u (n_inputs, *s), p a dict of floats (or arrays of shape s); returns ``len(states)``
+        components of shape s, or scalars. One that branches on values works too, sample by sample, with a warning.
+    states, inputs, outputs : list of str
+        Names. Outputs are states by name, unless ``output`` is given. A state and an output may share a name.
+    params : dict of float
+        Parameters of ``rhs`` by name.
+    dt : float
+        Sample time; its unit is that of time in ``rhs``.
+    hold : {"zoh", "foh"}, default="zoh"
+        ``U[k]`` acts on [t_k, t_k+1), or samples are joined linearly.
+    method : str, default="auto"
+        "auto": Runge-Kutta of order 4 with substeps chosen by their error, scipy's LSODA where the plant is stiff.
+        "RK4" forces the first, the name of a method of :func:`scipy.integrate.solve_ivp` the second.
+    output : callable ``output(t, x, u, p)``, optional
+        Measured outputs where they are not states.
+    x0 : array-like (n_states,), optional
+        Initial state; zeros by default.
+
+    Notes
+    -----
+    ``Y[0]`` is the output at ``x0``; row k depends on ``U[0..k]`` only.
+
+    References
+    ----------
+    Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), section 2.6.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.physics import ODESimulator
+    >>> def rhs(t, x, u, p):
+    ...     q, v = x
+    ...     return v, (u[0] - p["k"] * q - p["c"] * v) / p["m"]
+    >>> plant = ODESimulator(rhs, states=["position", "velocity"], inputs=["force"], outputs=["position"],
+    ...                      params={"m": 1.0, "k": 20.0, "c": 0.3}, dt=0.01)
+    >>> plant.simulate(np.zeros((3, 1)), x0=[0.1, 0.0]).round(4)
+    array([[0.1   ],
+           [0.0999],
+           [0.0996]])
+    """
+
+    def __init__(
+        self,
+        rhs: Callable[..., Any],
+        *,
+        states: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        params: Mapping[str, float],
+        dt: float,
+        hold: str = "zoh",
+        method: str = "auto",
+        output: Callable[..., Any] | None = None,
+        x0: Any = None,
+    ):
+        self.rhs = rhs
+        self.states = states
+        self.inputs = inputs
+        self.outputs = outputs
+        self.params = params
+        self.dt = dt
+        self.hold = hold
+        self.method = method
+        self.output = output
+        self.x0 = x0
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Constructor arguments; with ``deep`` also every parameter as ``params__<name>``."""
+        out = super().get_params(deep=False)
+        if deep and isinstance(self.params, Mapping):
+            out.update({f"params__{name}": value for name, value in self.params.items()})
+        return out
+
+    def set_params(self, **params: Any) -> ODESimulator:
+        """Set constructor arguments, or single parameters as ``params__k=2.0`` (in a new dict; the user's is never written)."""
+        single = {key.removeprefix("params__"): params.pop(key) for key in list(params) if key.startswith("params__")}
+        if params:
+            super().set_params(**params)
+        if single:
+            unknown = sorted(set(single) - set(self.params))
+            if unknown:
+                raise ValueError(f"params__{unknown[0]}: the simulator has no parameter {unknown[0]!r}; it has {sorted(self.params)}.")
+            self.params = {**self.params, **single}
+        return self
+
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run.
+
+        Parameters
+        ----------
+        U : array-like (n_samples, n_inputs)
+        x0 : array-like (n_states,), optional
+            Default: the constructor's, else zeros.
+        t : array-like (n_samples,), optional
+            Times; default ``dt * arange(n_samples)``.
+
+        Returns
+        -------
+        ndarray (n_samples, n_outputs)
+
+        Raises
+        ------
+        SimulationDiverged
+            A state left the finite numbers; the message names time, state and remedy.
+        SimulatorError
+            U or x0 has the wrong shape, or ``rhs`` does not keep the contract.
+        """
+        inputs = self._check_inputs(U)
+        return self._run(inputs[None], self._check_x0(x0)[None], t)[0]
+
+    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
+        """Free runs of equal length, all abreast: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
+        inputs = np.asarray(U, dtype=float)
+        if inputs.ndim != 3 or inputs.shape[2] != len(self._names("inputs")):
+            raise SimulatorError(f"U has shape {inputs.shape}, expected (n_runs, n_samples, {len(self._names('inputs'))}).")
+        start = np.broadcast_to(self._check_x0(None) if X0 is None else np.asarray(X0, dtype=float), (len(inputs), len(self._names("states"))))
+        return self._run(inputs, start, t)
+
+    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """States and their derivatives of one run, both (n_samples, n_states); the derivative with the input that acts from t_k on."""
+        inputs = self._check_inputs(U)
+        X, times, model = self._states(inputs[None], self._check_x0(x0)[None], t)
+        return X[0], model.derivative(times, X[0].T, inputs.T).T
+
+    def _names(self, what: str) -> tuple[str, ...]:
+        value = getattr(self, what)
+        return (value,) if isinstance(value, str) else tuple(value)
+
+    def _check_inputs(self, U: Any) -> np.ndarray:
+        """(n_samples, n_inputs) as float."""
+        inputs = np.asarray(U, dtype=float)
+        names = self._names("inputs")
+        if inputs.ndim == 1 and len(names) == 1:
+            inputs = inputs[:, None]
+        if inputs.ndim != 2 or inputs.shape[1] != len(names):
+            raise SimulatorError(f"U has shape {inputs.shape}, expected (n_samples, {len(names)}): one column for each of inputs={list(names)}.")
+        if not np.all(np.isfinite(inputs)):
+            row = int(np.flatnonzero(~np.isfinite(inputs).all(axis=1))[0])
+            raise SimulatorError(f"U is not finite in row {row}: {inputs[row].tolist()}; interpolate or cut the record there.")
+        return inputs
+
+    def _check_x0(self, x0: Any) -> np.ndarray:
+        """(n_states,) as float."""
+        names = self._names("states")
+        given = self.x0 if x0 is None else x0
+        start = np.zeros(len(names)) if given is None else np.asarray(given, dtype=float).reshape(-1)
+        if start.shape != (len(names),):
+            raise SimulatorError(f"x0 has {start.size} values, expected {len(names)}: one for each of states={list(names)}.")
+        return start
+
+    def _states(self, U: np.ndarray, X0: np.ndarray, t: Any) -> tuple[np.ndarray, np.ndarray, PlantModel]:
+        """States (n_runs, n_samples, n_states), times, model."""
+        if self.hold not in ("zoh", "foh"):
+            raise SimulatorError(f'hold={self.hold!r} is unknown: use "zoh" (held) or "foh" (joined linearly).')
+        if not (np.isscalar(self.dt) and np.isfinite(self.dt) and self.dt > 0):
+            raise SimulatorError(f"dt={self.dt!r} must be a positive number of time units.")
+        model = PlantModel(describe(self))
+        if not callable(self.output) and model.plant.output_states is None:
+            unknown = [name for name in self._names("outputs") if name not in self._names("states")]
+            raise SimulatorError(
+                f"outputs={list(self._names('outputs'))}: {unknown[0]!r} is not one of states={list(self._names('states'))}; "
+                "name a state, or give output=function(t, x, u, p)."
+            )
+        times = float(self.dt) * np.arange(U.shape[1]) if t is None else np.asarray(t, dtype=float)
+        if times.shape != (U.shape[1],):
+            raise SimulatorError(f"t has shape {times.shape}, expected ({U.shape[1]},): one time for each row of U.")
+        model.probe(U[0, 0])
+        order = 0 if self.hold == "zoh" else 1
+        X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=self._names("states"))
+        raise_if_diverged(X, times, self._names("states"))
+        return X, times, model
+
+    def _run(self, U: np.ndarray, X0: np.ndarray, t: Any) -> np.ndarray:
+        """Outputs (n_runs, n_samples, n_outputs)."""
+        X, times, model = self._states(U, X0, t)
+        return model.output(times, X.transpose(2, 0, 1), U.transpose(2, 0, 1)).transpose(1, 2, 0)

@@ -1,0 +1,120 @@
+"""A user's right-hand side, probed once and made safe to call on any number of points at a time."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import SimulatorError
+
+__all__ = ["PointwiseFunction"]
+
+
+class PointwiseFunction:
+    """``function(t, x, u, p)`` on points ``(n, *s)``, whatever the user wrote.
+
+    The function is probed on a few points: one that handles ``(n_states, n_points)`` arrays is called once for all
+    points; one that branches on values is called point by point, with one warning that shows how to vectorise it.
+
+    Parameters
+    ----------
+    function : callable
+    size : int
+        Components it must return.
+    what : str
+        How the message calls it: "rhs", "output" or "step".
+    names : sequence of str
+        Names of the components.
+    """
+
+    def __init__(self, function: Callable[..., Any], size: int, what: str, names: Sequence[str]):
+        self.function = function
+        self.size = size
+        self.what = what
+        self.names = tuple(names)
+        self.vectorised: bool | None = None
+
+    def probe(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> None:
+        """Decide how to call the function, at points around ``x`` (n_states,), ``u`` (n_inputs,).
+
+        Raises
+        ------
+        SimulatorError
+            It raises, or returns the wrong number of components.
+        """
+        if self.vectorised is not None:
+            return
+        spread = np.array([0.0, 1e-3, -1e-3, 0.5, -0.5])
+        xs = x[:, None] + spread * np.maximum(np.abs(x), 0.1)[:, None]
+        us = u[:, None] + spread[::-1] * np.maximum(np.abs(u), 0.1)[:, None]
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            single = np.stack([self._one(t, xs[:, k], us[:, k], p, *extra) for k in range(len(spread))], axis=1)
+            try:
+                together = self._many(np.full(len(spread), t), xs, us, p, *extra)
+                self.vectorised = bool(np.allclose(single, together, rtol=1e-9, atol=1e-12, equal_nan=True))
+            except Exception:
+                self.vectorised = False
+        if not self.vectorised:
+            warnings.warn(
+                f"{self.what} does not take arrays of points and is called point by point, which is slow. Write it so that every "
+                "entry of x and u may be an array: np.where(x > 0, a, b) for 'a if x > 0 else b', np.maximum for max, "
+                "np.exp for math.exp, x[0], x[1] for the components.",
+                UserWarning,
+                stacklevel=4,
+            )
+
+    def _one(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
+        """One point."""
+        try:
+            value = self.function(t, x, u, p, *extra)
+        except (KeyError, NameError, AttributeError, TypeError, IndexError, ValueError) as error:
+            detail = f"parameter {error} is not in params" if isinstance(error, KeyError) else f"{type(error).__name__}: {error}"
+            raise SimulatorError(
+                f"{self.what}(t, x, u, p) failed at t={t:g}, x={x.tolist()}, u={u.tolist()}: {detail}. "
+                f"x has {len(x)} states and u {len(u)} inputs; params are {sorted(p)}."
+            ) from error
+        try:
+            out = np.array([np.asarray(component, dtype=float).reshape(()) for component in _components(value)])
+        except (TypeError, ValueError):
+            out = np.empty(0)
+        if len(out) != self.size:
+            raise SimulatorError(
+                f"{self.what}(t, x, u, p) must return {self.size} components, one for each of {list(self.names)}, "
+                f"but returned {value!r} for one point."
+            )
+        return out
+
+    def _many(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
+        """All points in one call."""
+        value = self.function(t, x, u, p, *extra)
+        out = np.empty((self.size, *x.shape[1:])) if x.ndim > 1 else np.empty(self.size)
+        if len(value) != self.size:
+            raise SimulatorError(f"{self.what} returned {len(value)} components, expected {self.size}: {list(self.names)}.")
+        for i, component in enumerate(value):
+            out[i] = component
+        return out
+
+    def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
+        """Points ``x`` (n_states, n_points) -> (size, n_points); t and entries of p are floats or (n_points,)."""
+        if self.vectorised is None:
+            at = (float(np.ravel(t)[0]), x.reshape(len(x), -1)[:, 0], u.reshape(len(u), -1)[:, 0])
+            self.probe(*at, {k: (float(np.ravel(v)[0]) if isinstance(v, np.ndarray) else v) for k, v in p.items()}, *extra)
+        if self.vectorised:
+            return self._many(t, x, u, p, *extra)
+        n_points = x.shape[1]
+        times = np.broadcast_to(t, (n_points,))
+        varied = {k: v for k, v in p.items() if isinstance(v, np.ndarray) and v.ndim > 0}
+        out = np.empty((self.size, n_points))
+        for m in range(n_points):
+            q = {**p, **{k: float(v[m]) for k, v in varied.items()}} if varied else p
+            out[:, m] = self._one(float(times[m]), x[:, m], u[:, m], q, *extra)
+        return out
+
+
+def _components(value: Any) -> Any:
+    """A scalar counts as one component."""
+    return value if hasattr(value, "__len__") else [value]

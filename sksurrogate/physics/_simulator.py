@@ -1,0 +1,135 @@
+"""The simulator protocol: what is present decides what can be asked."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator
+
+from sksurrogate.exceptions import SimulatorError
+
+__all__ = ["BaseSimulator", "Plant", "describe"]
+
+
+class BaseSimulator(BaseEstimator):
+    """Base of the simulators: one method, ``simulate``; everything else is found by presence.
+
+    A subclass gives ``simulate(U, x0=None, t=None) -> Y`` for one run. It may give ``rhs(t, x, u, p)``,
+    ``step(t, x, u, p, dt)``, ``output(t, x, u, p)``, ``simulate_states(U, x0, t)``, ``simulate_batch(U, X0, t)``,
+    ``jacobian(t, x, u, p)``, and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
+    and ``x0``. Any object with ``simulate`` is a simulator; this base only adds ``get_params``, ``clone`` and ``repr``.
+    """
+
+    @abstractmethod
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run: ``U`` (n_samples, n_inputs) -> ``Y`` (n_samples, n_outputs)."""
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What is known of a simulator, read once at the border.
+
+    Attributes
+    ----------
+    simulator : object
+    access : {"rhs", "step", "trajectory"}
+        Finest access that the simulator gives.
+    states, inputs, outputs : tuple of str
+        Names; made up (``u0``, ``y0``) where the simulator gives none.
+    params : dict
+        Nominal parameters.
+    dt : float
+    hold : {"zoh", "foh"}
+    x0 : ndarray (n_states,)
+        Nominal initial state.
+    """
+
+    simulator: Any
+    access: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    params: Mapping[str, float]
+    dt: float
+    hold: str
+    x0: np.ndarray
+
+    @property
+    def output_states(self) -> tuple[int, ...] | None:
+        """Positions of the states that are the outputs, None where an output function is given."""
+        if callable(getattr(self.simulator, "output", None)):
+            return None
+        if not set(self.outputs) <= set(self.states):
+            return None
+        return tuple(self.states.index(name) for name in self.outputs)
+
+
+def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple[str, ...]:
+    """Names as given, else letter and number."""
+    if given is not None:
+        return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
+    return tuple(f"{letter}{k}" for k in range(count or 0))
+
+
+def describe(simulator: Any, *, n_inputs: int | None = None, n_outputs: int | None = None, dt: float | None = None) -> Plant:
+    """Read a simulator: access, names, parameters.
+
+    Parameters
+    ----------
+    simulator : object with ``simulate``
+    n_inputs, n_outputs : int, optional
+        Columns of the data, for simulators that do not name their signals.
+    dt : float, optional
+        Sample time for simulators that have none.
+
+    Returns
+    -------
+    Plant
+
+    Raises
+    ------
+    SimulatorError
+        There is no ``simulate``, or names and data do not fit.
+    """
+    if not callable(getattr(simulator, "simulate", None)):
+        raise SimulatorError(
+            f"simulator={simulator!r} has no method simulate(U, x0=None, t=None): wrap it, "
+            "for example in sksurrogate.physics.CallableSimulator or ODESimulator."
+        )
+    has_states = getattr(simulator, "states", None) is not None
+    if callable(getattr(simulator, "rhs", None)) and has_states:
+        access = "rhs"
+    elif callable(getattr(simulator, "step", None)) and has_states:
+        access = "step"
+    else:
+        access = "trajectory"
+    inputs = _names(getattr(simulator, "inputs", None), n_inputs, "u")
+    outputs = _names(getattr(simulator, "outputs", None), n_outputs, "y")
+    states = _names(getattr(simulator, "states", None), 0, "x")
+    for given, count, what, argument in ((inputs, n_inputs, "inputs", "X"), (outputs, n_outputs, "outputs", "y")):
+        if count is not None and len(given) != count:
+            raise SimulatorError(
+                f"{argument} has {count} columns, but the simulator has {len(given)} {what} {list(given)}: "
+                f"give {argument} the columns of the simulator, in its order."
+            )
+    x0 = getattr(simulator, "x0", None)
+    start = np.zeros(len(states)) if x0 is None else np.asarray(x0, dtype=float).reshape(-1)
+    own_dt = getattr(simulator, "dt", None)
+    return Plant(
+        simulator,
+        access,
+        states,
+        inputs,
+        outputs,
+        dict(getattr(simulator, "params", None) or {}),
+        float(own_dt if own_dt is not None else (dt if dt is not None else 1.0)),
+        str(getattr(simulator, "hold", "zoh")),
+        start,
+    )
+
+
+Rhs = Callable[[Any, np.ndarray, np.ndarray, Mapping[str, Any]], Any]
