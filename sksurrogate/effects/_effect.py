@@ -1,0 +1,310 @@
+"""An effect: a small parametric change to a simulator whose null value gives the simulator back.
+
+One family for each place where an effect can enter; a member writes one formula. Arrays of parameters have shape
+(n_columns, 1), those of signals (n_columns, n_samples): columns are rivals and perturbations, all computed at once.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from sklearn.base import BaseEstimator
+
+from sksurrogate.kernels.signals import Signal
+from sksurrogate.physics._simulator import Plant
+
+__all__ = [
+    "BalanceEffect",
+    "BaseEffect",
+    "HiddenEffect",
+    "InputEffect",
+    "LimitEffect",
+    "Parameter",
+    "ParameterEffect",
+    "Probe",
+    "SensorEffect",
+    "SensorPath",
+]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Attributes
+    ----------
+    name : str
+    null : float
+        Value at which the effect is absent (of the magnitude; that of a shape parameter is not used).
+    low, high : float
+        Bounds.
+    unit : str
+        In words, for example "dx/dt over v".
+    """
+
+    name: str
+    null: float = 0.0
+    low: float = -np.inf
+    high: float = np.inf
+    unit: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """What the data show about one place, from which an effect takes its starting values.
+
+    Attributes
+    ----------
+    v : ndarray (n_samples,) or None
+        The variable along the smoothed trajectory (the product for "v*w"); the input, output or state itself where
+        the effect acts on it.
+    x : ndarray (n_samples,)
+        The state, input or output of the location.
+    rate : float
+        RMS of the derivative of that state (0 for inputs and outputs).
+    dt, duration : float
+        Sample time and length of the longest run.
+    starts : ndarray of int (n_runs,)
+        First rows of the runs.
+    """
+
+    v: np.ndarray | None
+    x: np.ndarray
+    rate: float
+    dt: float
+    duration: float
+    starts: np.ndarray
+
+    def unit(self, form: np.ndarray) -> float:
+        """Size of a coefficient that makes ``c * form`` a tenth of the derivative."""
+        size = float(np.mean(np.abs(form)))
+        return 0.1 * self.rate / size if size > 0 and self.rate > 0 else 1.0
+
+    def quantiles(self, values: np.ndarray, *q: float) -> list[float]:
+        """Distinct quantiles of ``values``."""
+        return list(dict.fromkeys(float(value) for value in np.quantile(values, q)))
+
+
+class BaseEffect(BaseEstimator):
+    """Base of all effects (made to be subclassed through one of the five families).
+
+    Parameters
+    ----------
+    location : str, optional
+        Name of the parameter, state, input or output where the effect enters.
+    variable : str, optional
+        Signal that drives it ("v*w" for a product, names sorted); None where the form has no v.
+
+    Attributes
+    ----------
+    name : str
+        Canonical name.
+    kind : {"parameter", "state", "input", "output"}
+        What ``location`` names.
+    parameters : tuple of Parameter
+        Magnitude first.
+    equation, signature : str
+        The form, and what it usually leaves in the residual, in words.
+    twins : tuple of str
+        Effects that often predict the same.
+    access : {"trajectory", "step"}
+        Coarsest access to the simulator with which the effect can be tested.
+    linear : bool
+        Whether the change is proportional to the magnitude.
+    order : int
+        Place in the order in which effects on one input or sensor act.
+    """
+
+    name: ClassVar[str] = ""
+    kind: ClassVar[str] = "state"
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    equation: ClassVar[str] = ""
+    signature: ClassVar[str] = ""
+    twins: ClassVar[tuple[str, ...]] = ()
+    access: ClassVar[str] = "step"
+    linear: ClassVar[bool] = True
+    order: ClassVar[int] = 0
+
+    def __init__(self, location: str | None = None, variable: str | None = None):
+        self.location = location
+        self.variable = variable
+
+    @property
+    def key(self) -> tuple[str, str | None, str | None]:
+        """``(name, location, variable)``."""
+        return self.name, self.location, self.variable
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Starting values, one tuple of all parameters for each start (magnitudes of the secant dictionary)."""
+        return [tuple(parameter.null for parameter in self.parameters)]
+
+    @classmethod
+    def instances(cls, plant: Plant, balances: Sequence[str]) -> Iterator[BaseEffect]:
+        """All places and variables of a plant where the effect makes sense.
+
+        Parameters
+        ----------
+        plant : Plant
+        balances : sequence of str
+            States whose balance may hold an effect (kinematic identities are left out).
+        """
+        places = {"parameter": tuple(plant.params), "state": tuple(balances), "input": plant.inputs, "output": plant.outputs}[cls.kind]
+        for place in places:
+            for variable in cls.variables(plant, place):
+                yield cls(place, variable)
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """Variables that may drive the effect at a location."""
+        return (None,)
+
+
+class ParameterEffect(BaseEffect):
+    """A parameter of the simulator is not what it is said to be."""
+
+    kind = "parameter"
+    access = "trajectory"
+
+    @abstractmethod
+    def value(self, p: float, t: Any, theta: Sequence[Any]) -> Any:
+        """The parameter, given its nominal value ``p`` (a float) and the time."""
+
+
+class BalanceEffect(BaseEffect):
+    """A term is missing in the balance of a state."""
+
+    #: Signals that may be the variable: "state", "input" or both; () for forms without v.
+    drivers: ClassVar[tuple[str, ...]] = ("state",)
+
+    @abstractmethod
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """What is added to dx/dt.
+
+        Parameters
+        ----------
+        t : ndarray
+            Time.
+        x : ndarray
+            State of the location.
+        v : ndarray, or tuple of two ndarrays for "v*w"
+            Variable.
+        theta : sequence of ndarray
+            Parameters, magnitude first.
+        width : float
+            Half width over which kinks such as sign(v) are smoothed, in units of v; the sharper the dearer.
+        """
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        if not cls.drivers:
+            return (None,)
+        return (plant.states if "state" in cls.drivers else ()) + (plant.inputs if "input" in cls.drivers else ())
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        v = probe.v if probe.v is not None else probe.x
+        theta = tuple(1.0 if p is self.parameters[0] else p.null for p in self.parameters)
+        form = np.broadcast_to(self.term(np.zeros_like(probe.x), probe.x, v, theta, 0.02 * float(np.std(v)) + 1e-12), probe.x.shape)
+        return [(probe.unit(form), *theta[1:])]
+
+
+class LimitEffect(BaseEffect):
+    """A state cannot pass a limit."""
+
+    linear = False
+
+    @abstractmethod
+    def clip(self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool) -> tuple[np.ndarray, np.ndarray | None]:
+        """The limited state, and the variable's state with what it receives.
+
+        Parameters
+        ----------
+        x : ndarray (n_columns, n_samples)
+            State of the location.
+        v : ndarray or None
+            State of the variable.
+        theta : sequence of ndarray
+        final : bool
+            True at the end of a substep, where what was cut off goes elsewhere; False at the stages within.
+        """
+
+
+class HiddenEffect(BalanceEffect):
+    """The balance depends on a state that the simulator does not have."""
+
+    n_hidden: ClassVar[int] = 1
+    #: Whether the hidden initial state is fitted with the others (a filter that may not have been at rest) or known.
+    free_start: ClassVar[bool] = False
+    linear = False
+
+    def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
+        """Hidden states (n_hidden entries) at the start of a run, given the variable there."""
+        return [np.zeros_like(v)] * self.n_hidden
+
+    @abstractmethod
+    def rates(self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float) -> Sequence[Any]:
+        """Derivatives of the hidden states ``z`` (n_hidden, n_columns, n_samples); ``dv`` is dv/dt."""
+
+    @abstractmethod
+    def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
+        """What is added to dx/dt."""
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        return np.zeros_like(x)
+
+
+class InputEffect(BaseEffect):
+    """The actuator does something to the input before it acts."""
+
+    kind = "input"
+    access = "trajectory"
+    linear = False
+
+    @abstractmethod
+    def transform(self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray) -> Signal:
+        """The input that acts.
+
+        Parameters
+        ----------
+        u, v : Signal
+            The input, and the variable (another input) where there is one; arrays (n_sub, n_columns, n_samples).
+        theta : sequence of ndarray (n_columns, 1)
+        h : float
+            Width of a substep.
+        starts : ndarray of int (n_runs,)
+            First samples of the runs.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class SensorPath:
+    """An output between the samples as cubic pieces: values and slopes to the right and to the left of every sample.
+
+    Attributes
+    ----------
+    y, right, left : ndarray (n_columns, n_samples)
+    """
+
+    y: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
+
+
+class SensorEffect(BaseEffect):
+    """The sensor does not show what it should."""
+
+    kind = "output"
+    access = "trajectory"
+    #: Whether the effect has a memory and needs the path between samples (:meth:`follow`), or not (:meth:`read`).
+    memory: ClassVar[bool] = False
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """The reading of a sensor without memory, from the output ``y``, another output ``v`` and the time."""
+        return y
+
+    def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+        """The reading of a sensor with a memory."""
+        return path

@@ -1,0 +1,325 @@
+"""The augmented model: a plant, a list of effects and re-tuned parameters, on columns for the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import (
+    BalanceEffect,
+    BaseEffect,
+    HiddenEffect,
+    InputEffect,
+    LimitEffect,
+    ParameterEffect,
+    SensorEffect,
+    SensorPath,
+)
+from sksurrogate.kernels.integrate import rk4
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.signals import Signal, hold
+from sksurrogate.physics._model import PlantModel
+
+__all__ = ["AugmentedModel", "BoundModel"]
+
+
+class AugmentedModel:
+    """A plant with effects and free parameters over a record.
+
+    The parameter vector ``theta`` holds the parameters of every effect in turn, then one number for each free parameter:
+    the logarithm of its factor, or what is added to it where its nominal value is 0.
+
+    Parameters
+    ----------
+    model : PlantModel
+    effects : sequence of BaseEffect
+    free : sequence of str
+        Names of the parameters that are re-tuned.
+    record : Record
+    n_sub : int
+        Substeps a sample.
+    scale : ndarray (n_nominal_states,)
+        Size of every state.
+    sharpness : float, default=50
+        Kinks are smoothed over a variable's size divided by it.
+    """
+
+    def __init__(
+        self,
+        model: PlantModel,
+        effects: Sequence[BaseEffect],
+        free: Sequence[str],
+        record: Record,
+        *,
+        n_sub: int,
+        scale: np.ndarray,
+        sharpness: float = 50.0,
+    ):
+        self.model, self.plant, self.record = model, model.plant, record
+        self.effects, self.free = tuple(effects), tuple(free)
+        self.n_sub, self.sharpness = n_sub, sharpness
+        self.n_nominal = len(self.plant.states)
+        self._slices: list[slice] = []
+        position = 0
+        for effect in self.effects:
+            self._slices.append(slice(position, position + len(effect.parameters)))
+            position += len(effect.parameters)
+        self.n_theta = position + len(self.free)
+        self.free_slice = slice(position, self.n_theta)
+        self._hidden: dict[int, slice] = {}
+        n = self.n_nominal
+        for i, effect in enumerate(self.effects):
+            if isinstance(effect, HiddenEffect):
+                self._hidden[i] = slice(n, n + effect.n_hidden)
+                n += effect.n_hidden
+        self.n_states = n
+        self.nominal_scale = np.asarray(scale, dtype=float)
+        self.input_scale = np.maximum(np.max(np.abs(record.u), axis=1), 1e-12) if len(record.u) else np.empty(0)
+        self.scale = np.concatenate([self.nominal_scale, [self._size(self.effects[i]) for i, s in self._hidden.items() for _ in range(s.start, s.stop)]])
+
+    def _size(self, effect: BaseEffect) -> float:
+        """Size of the variable of an effect."""
+        return float(np.prod([self._signal_size(name) for name in _factors(effect)])) if effect.variable else 1.0
+
+    def _signal_size(self, name: str) -> float:
+        if name in self.plant.states:
+            return float(self.nominal_scale[self.plant.states.index(name)])
+        return float(self.input_scale[self.plant.inputs.index(name)])
+
+    def bind(self, theta: np.ndarray) -> BoundModel:
+        """The model at parameter vectors ``theta`` (n_theta, n_columns)."""
+        return BoundModel(self, theta)
+
+    def parameters_of(self, i: int, theta: np.ndarray) -> list[np.ndarray]:
+        """Parameters of effect i as a list of arrays (n_columns, 1)."""
+        return [row[:, None] for row in theta[self._slices[i]]]
+
+    def slice_of(self, i: int) -> slice:
+        """Where the parameters of effect i stand in theta."""
+        return self._slices[i]
+
+    def hidden_of(self, i: int) -> slice:
+        """Where the hidden states of effect i stand among the states."""
+        return self._hidden[i]
+
+    @property
+    def free_states(self) -> np.ndarray:
+        """Which initial states are unknown: all nominal ones, and hidden ones that need not have been at rest."""
+        known = np.ones(self.n_states, dtype=bool)
+        for i, rows in self._hidden.items():
+            effect = self.effects[i]
+            known[rows] = isinstance(effect, HiddenEffect) and effect.free_start
+        return known
+
+
+def _factors(effect: BaseEffect) -> list[str]:
+    """Names of the signals in a variable: "v" or "v*w"."""
+    return effect.variable.split("*") if effect.variable else []
+
+
+class BoundModel:
+    """An :class:`AugmentedModel` with its parameters filled in: a step map over all samples, and its outputs.
+
+    Parameters
+    ----------
+    augmented : AugmentedModel
+    theta : ndarray (n_theta, n_columns)
+    """
+
+    def __init__(self, augmented: AugmentedModel, theta: np.ndarray):
+        self.a = augmented
+        self.theta = theta
+        self.record = augmented.record
+        self.h = self.record.dt / augmented.n_sub
+        self._parameters = [augmented.parameters_of(i, theta) for i in range(len(augmented.effects))]
+        self._has_limits = any(isinstance(effect, LimitEffect) for effect in augmented.effects)
+        self._drift = any(isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects)
+        self._constant_params = None if self._drift else self._varied(0.0)
+        self._mean, self._half = self._inputs()
+
+    # ---- parameters -------------------------------------------------------------------------------------------------
+    def _varied(self, t: Any) -> dict[str, np.ndarray]:
+        """Parameters that differ from their nominal values, (n_columns, 1) or (n_columns, n_samples)."""
+        params, varied = self.a.plant.params, {}
+        for name, row in zip(self.a.free, self.theta[self.a.free_slice]):
+            varied[name] = retuned(params[name], row[:, None])
+        for effect, values in zip(self.a.effects, self._parameters):
+            if isinstance(effect, ParameterEffect) and effect.location is not None:
+                varied[effect.location] = effect.value(varied.get(effect.location, params[effect.location]), t, values)
+        return varied
+
+    # ---- inputs -----------------------------------------------------------------------------------------------------
+    def _inputs(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Inputs that act: (n_sub, n_inputs, n_columns | 1, n_samples)."""
+        a, record = self.a, self.record
+        order = 0 if a.plant.hold == "zoh" else 1
+        signals = [hold(u, a.n_sub, order, record.starts) for u in record.u]
+        given = list(signals)
+        acting = [(e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, InputEffect)]
+        for _, i, effect in sorted(acting, key=lambda item: item[:2]):
+            place = a.plant.inputs.index(str(effect.location))
+            other = given[a.plant.inputs.index(effect.variable)] if effect.variable else None
+            signals[place] = effect.transform(signals[place], other, self._parameters[i], self.h, record.starts)
+        if not signals:
+            return np.zeros((a.n_sub, 0, 1, record.n_samples)), None
+        mean = _stack([s.mean for s in signals])
+        if all(s.half is None for s in signals):
+            return mean, None
+        return mean, np.broadcast_to(_stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals]), mean.shape)
+
+    # ---- dynamics ---------------------------------------------------------------------------------------------------
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """States (n_states, n_columns, n_samples) one sample later."""
+        if self.a.plant.access == "step":
+            return self._whole_step(x)
+        clip = self.clip if self._has_limits else None
+        return rk4(self.derivative, self.record.t, x, self._mean, self._half, self.h, clip)
+
+    def _whole_step(self, x: np.ndarray) -> np.ndarray:
+        """A simulator's own step between two half steps of the effects' terms (Strang)."""
+        record, n = self.record, self.a.n_nominal
+        x = self._kick(record.t, x, self._mean[0], record.dt / 2)
+        varied = self._constant_params if self._constant_params is not None else self._varied(record.t)
+        after = x.copy()
+        after[:n] = self.a.model.step(record.t, x[:n], np.mean(self._mean, axis=0), record.dt, varied)
+        after = self._kick(record.t + record.dt, after, self._mean[-1], record.dt / 2)
+        return self.clip(after, True) if self._has_limits else after
+
+    def _kick(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float) -> np.ndarray:
+        """Effects' terms alone over a time h (midpoint rule)."""
+        rate = self._effect_rates(t, x, u, np.zeros_like(x))
+        return x + h * self._effect_rates(t, x + (h / 2) * rate, u, np.zeros_like(x))
+
+    def derivative(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """dx/dt with the effects."""
+        n = self.a.n_nominal
+        varied = self._constant_params if self._constant_params is not None else self._varied(t)
+        nominal = self.a.model.derivative(t, x[:n], u, varied)
+        if not self.a.effects:
+            return nominal
+        dx = np.empty((self.a.n_states, *nominal.shape[1:]))
+        dx[:n] = nominal
+        return self._effect_rates(t, x, u, dx)
+
+    def _effect_rates(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        """Add the terms of the balance effects to ``dx`` and fill in the rates of the hidden states."""
+        a = self.a
+        for i, effect in enumerate(a.effects):
+            if isinstance(effect, BalanceEffect):
+                place = a.plant.states.index(str(effect.location))
+                v = self.variable(effect, x, u)
+                if isinstance(effect, HiddenEffect):
+                    dx[place] += effect.force(x[a.hidden_of(i)], v, self._parameters[i])
+                else:
+                    dx[place] += effect.term(t, x[place], v, self._parameters[i], self.width(effect))
+        for i, effect in enumerate(a.effects):
+            if isinstance(effect, HiddenEffect):
+                v = self.variable(effect, x, u)
+                is_state = effect.variable in a.plant.states
+                dv = dx[a.plant.states.index(str(effect.variable))] if is_state else np.zeros_like(v)
+                for row, rate in zip(range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rates(x[a.hidden_of(i)], t, v, dv, self._parameters[i], self.width(effect))):
+                    dx[row] = rate
+        return dx
+
+    def width(self, effect: BaseEffect) -> float:
+        """Smoothing of the kinks of an effect."""
+        return self.a._size(effect) / self.a.sharpness
+
+    def variable(self, effect: BaseEffect, x: np.ndarray, u: np.ndarray) -> Any:
+        """Values of the variable: an array, a pair for "v*w", None where there is none."""
+        states, inputs = self.a.plant.states, self.a.plant.inputs
+        found = tuple(x[states.index(name)] if name in states else u[inputs.index(name)] for name in _factors(effect))
+        if not found:
+            return None
+        return found[0] if len(found) == 1 else found
+
+    def clip(self, x: np.ndarray, final: bool = False) -> np.ndarray:
+        """Limits on states."""
+        x = x.copy()
+        states = self.a.plant.states
+        for i, effect in enumerate(self.a.effects):
+            if isinstance(effect, LimitEffect):
+                place = states.index(str(effect.location))
+                other = states.index(effect.variable) if effect.variable else None
+                limited, received = effect.clip(x[place], None if other is None else x[other], self._parameters[i], final)
+                x[place] = limited
+                if other is not None and received is not None:
+                    x[other] = received
+        return x
+
+    def start(self, x0: np.ndarray) -> np.ndarray:
+        """Initial states with the hidden ones at rest: (n_nominal, n_columns, n_runs) -> (n_states, n_columns, n_runs)."""
+        a = self.a
+        out = np.zeros((a.n_states, *x0.shape[1:]))
+        out[: a.n_nominal] = x0
+        u0 = (self._mean if self._half is None else self._mean - self._half)[0][..., self.record.starts]
+        for i, effect in enumerate(a.effects):
+            if isinstance(effect, HiddenEffect):
+                v = np.broadcast_to(self.variable(effect, x0, u0), x0.shape[1:])
+                for row, value in zip(range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rest(v, self._parameters[i])):
+                    out[row] = value
+        return self.clip(out) if self._has_limits else out
+
+    # ---- outputs ----------------------------------------------------------------------------------------------------
+    def outputs(self, x: np.ndarray) -> np.ndarray:
+        """Readings of the sensors (n_outputs, n_columns, n_samples) along states (n_states, n_columns, n_samples)."""
+        a, record = self.a, self.record
+        n = a.n_nominal
+        varied = self._constant_params if self._constant_params is not None else self._varied(record.t)
+        u = self._mean[0] if self._half is None else self._mean[0] - self._half[0]
+        y = a.model.output(record.t, x[:n], u, varied)
+        sensors = sorted(((e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, SensorEffect)), key=lambda item: item[:2])
+        if not sensors:
+            return y
+        raw, y = y, y.copy()
+        paths: dict[int, SensorPath] = {}
+        for _, i, effect in sensors:
+            place = a.plant.outputs.index(str(effect.location))
+            if effect.memory:
+                path = paths.get(place) or self._path(x, raw, place)
+                paths[place] = effect.follow(path, self._parameters[i], record.dt, record.starts)
+                y[place] = paths[place].y
+            else:
+                other = raw[a.plant.outputs.index(effect.variable)] if effect.variable else None
+                y[place] = effect.read(y[place], other, record.t, self._parameters[i])
+        return y
+
+    def _path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
+        """One output between the samples: slopes from the right-hand side, before and after the input moves."""
+        record = self.record
+        first = self._mean[0] if self._half is None else self._mean[0] - self._half[0]
+        last = self._mean[-1] if self._half is None else self._mean[-1] + self._half[-1]
+        before = np.concatenate([last[..., :1], last[..., :-1]], axis=-1)
+        right = self._slope(x, first, place)
+        left = right if np.array_equal(before, first) else self._slope(x, before, place)
+        left = left.copy()
+        left[:, record.starts] = right[:, record.starts]
+        return SensorPath(y[place], right, left)
+
+    def _slope(self, x: np.ndarray, u: np.ndarray, place: int) -> np.ndarray:
+        """Time derivative of an output: that of its state, or a difference along the flow."""
+        a, t, n = self.a, self.record.t, self.a.n_nominal
+        if a.plant.access == "step":
+            y = a.model.output(t, x[:n], u, self._constant_params)[place]
+            return np.gradient(y, self.record.dt, axis=-1)
+        dx = self.derivative(t, x, u)[:n]
+        if a.plant.output_states is not None:
+            return dx[a.plant.output_states[place]]
+        eps = 1e-6 * self.record.dt
+        varied = self._constant_params if self._constant_params is not None else self._varied(t)
+        ahead = a.model.output(t + eps, x[:n] + eps * dx, u, varied)[place]
+        return (ahead - a.model.output(t, x[:n], u, varied)[place]) / eps
+
+
+def retuned(nominal: float, phi: Any) -> Any:
+    """A free parameter: nominal times exp(phi), or phi itself where the nominal value is 0."""
+    return phi if nominal == 0 else nominal * np.exp(phi)
+
+
+def _stack(parts: list[np.ndarray]) -> np.ndarray:
+    """(n_sub, n_columns | 1, n_samples) of every input -> (n_sub, n_inputs, n_columns | 1, n_samples)."""
+    if all(part.shape[1] == 1 for part in parts):
+        return np.stack(parts, axis=1)
+    return np.stack(np.broadcast_arrays(*parts), axis=1)
