@@ -113,6 +113,22 @@ class AugmentedModel:
             known[rows] = isinstance(effect, HiddenEffect) and effect.free_start
         return known
 
+    @property
+    def plain_outputs(self) -> tuple[int, ...] | None:
+        """Positions of the states that are the outputs; None with an output function or a sensor effect."""
+        if any(isinstance(effect, SensorEffect) for effect in self.effects):
+            return None
+        return self.plant.output_states
+
+    def closing_weight(self, sd: np.ndarray) -> np.ndarray:
+        """Size to which every state of a free run is to be closed: the noise of the measured, that share of the others."""
+        spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
+        weight = self.scale * min(float(np.min(sd / spread)), 1.0)
+        if self.plant.output_states is not None:
+            for j, i in enumerate(self.plant.output_states):
+                weight[i] = min(weight[i], sd[j])
+        return weight
+
 
 def _factors(effect: BaseEffect) -> list[str]:
     """Names of the signals in a variable: "v" or "v*w"."""
@@ -158,33 +174,44 @@ class BoundModel:
         signals = [hold(u, a.n_sub, order, record.starts) for u in record.u]
         given = list(signals)
         acting = [(e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, InputEffect)]
+        own = [row for _, i, _ in acting for row in range(*a.slice_of(i).indices(a.n_theta))]
+        # Columns that perturb something else share one path of the input.
+        _, first, column = np.unique(self.theta[own], axis=1, return_index=True, return_inverse=True)
         for _, i, effect in sorted(acting, key=lambda item: item[:2]):
             place = a.plant.inputs.index(str(effect.location))
             other = given[a.plant.inputs.index(effect.variable)] if effect.variable else None
-            signals[place] = effect.transform(signals[place], other, self._parameters[i], self.h, record.starts)
+            distinct = [row[first, None] for row in self.theta[a.slice_of(i)]]
+            signals[place] = effect.transform(signals[place], other, distinct, self.h, record.starts)
         if not signals:
             return np.zeros((a.n_sub, 0, 1, record.n_samples)), None
         mean = _stack([s.mean for s in signals])
-        if all(s.half is None for s in signals):
-            return mean, None
-        return mean, np.broadcast_to(_stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals]), mean.shape)
+        half = None
+        if any(s.half is not None for s in signals):
+            half = np.broadcast_to(_stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals]), mean.shape)
+        if mean.shape[2] > 1:
+            column = np.ravel(column)
+            mean, half = mean[:, :, column], None if half is None else half[:, :, column]
+        return mean, half
 
     # ---- dynamics ---------------------------------------------------------------------------------------------------
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        """States (n_states, n_columns, n_samples) one sample later."""
+    def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """States (n_states, n_columns, n_samples) one sample later; with ``rows``, only those samples."""
+        t, mean, half = self.record.t, self._mean, self._half
+        if rows is not None:
+            t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]
         if self.a.plant.access == "step":
-            return self._whole_step(x)
+            return self._whole_step(t, x, mean)
         clip = self.clip if self._has_limits else None
-        return rk4(self.derivative, self.record.t, x, self._mean, self._half, self.h, clip)
+        return rk4(self.derivative, t, x, mean, half, self.h, clip)
 
-    def _whole_step(self, x: np.ndarray) -> np.ndarray:
+    def _whole_step(self, t: np.ndarray, x: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """A simulator's own step between two half steps of the effects' terms (Strang)."""
-        record, n = self.record, self.a.n_nominal
-        x = self._kick(record.t, x, self._mean[0], record.dt / 2)
-        varied = self._constant_params if self._constant_params is not None else self._varied(record.t)
+        dt, n = self.record.dt, self.a.n_nominal
+        x = self._kick(t, x, mean[0], dt / 2)
+        varied = self._constant_params if self._constant_params is not None else self._varied(t)
         after = x.copy()
-        after[:n] = self.a.model.step(record.t, x[:n], np.mean(self._mean, axis=0), record.dt, varied)
-        after = self._kick(record.t + record.dt, after, self._mean[-1], record.dt / 2)
+        after[:n] = self.a.model.step(t, x[:n], np.mean(mean, axis=0), dt, varied)
+        after = self._kick(t + dt, after, mean[-1], dt / 2)
         return self.clip(after, True) if self._has_limits else after
 
     def _kick(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float) -> np.ndarray:

@@ -1,0 +1,339 @@
+"""What a diagnosis says: frozen results of every question, each with a readable text form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sksurrogate.gap._display import GapDisplay
+
+__all__ = [
+    "Curve",
+    "EffectEstimate",
+    "GapReport",
+    "MissingTerm",
+    "NextExperiment",
+    "Shrink",
+    "Table",
+    "Trace",
+    "Where",
+]
+
+
+@dataclass(frozen=True)
+class Table(Sequence):
+    """Rows of named values.
+
+    Attributes
+    ----------
+    rows : tuple of dict
+        All with the same keys.
+    """
+
+    rows: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return list(self.rows[0]) if self.rows else []
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, index: Any) -> Any:
+        return Table(self.rows[index]) if isinstance(index, slice) else self.rows[index]
+
+    def __iter__(self) -> Iterator[Mapping[str, Any]]:
+        return iter(self.rows)
+
+    def column(self, name: str) -> list[Any]:
+        """Values of one column."""
+        return [row[name] for row in self.rows]
+
+    def to_pandas(self) -> Any:
+        """The table as a pandas frame (extra ``frames``)."""
+        from sksurrogate.exceptions import require
+
+        return require("pandas", "frames").DataFrame(list(self.rows))
+
+    def __str__(self) -> str:
+        cells = [self.columns] + [[_cell(row[c]) for c in self.columns] for row in self.rows]
+        if not self.rows:
+            return "(empty)"
+        widths = [max(len(line[j]) for line in cells) for j in range(len(cells[0]))]
+        return "\n".join("  ".join(text.ljust(w) for text, w in zip(line, widths)).rstrip() for line in cells)
+
+
+def _cell(value: Any) -> str:
+    """Text of one value."""
+    if value is None:
+        return "-"
+    if isinstance(value, (float, np.floating)):
+        return f"{value:.4g}"
+    if isinstance(value, tuple):
+        return "(" + ", ".join(_cell(v) for v in value) + ")"
+    return str(value)
+
+
+@dataclass(frozen=True)
+class EffectEstimate:
+    """One named effect.
+
+    Attributes
+    ----------
+    name, location : str
+    variable : str or None
+    share : float
+        Share of the gap's power on held-out runs that this effect removes.
+    params : dict of float
+        Magnitude first.
+    intervals : dict of (float, float)
+        90 % intervals, same keys as ``params``; inf where unbounded.
+    probability : float
+        Among all rivals, none and unknown.
+    equivalents : list of (name, location, variable)
+        Other effects that these data cannot tell from this one.
+    why : str
+        When they part.
+    """
+
+    name: str
+    location: str
+    variable: str | None
+    share: float
+    params: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    probability: float
+    equivalents: list[tuple[str, str, str | None]] = field(default_factory=list)
+    why: str = ""
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{k} = {v:.4g} [{self.intervals[k][0]:.4g}, {self.intervals[k][1]:.4g}]" for k, v in self.params.items())
+        driver = f" in {self.variable}" if self.variable else ""
+        return f"{self.name} at {self.location}{driver}: {values}; {100 * self.share:.1f} % of the gap, probability {self.probability:.3f}"
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the gap lies.
+
+    Attributes
+    ----------
+    location : str or None
+        The state, input, output or parameter most accused; None where there is no gap.
+    kind : {"state", "input", "output", "parameter"} or None
+    by_output : Table
+        output, gap (units of the output), noise, share.
+    by_location : Table
+        location, kind, share, evidence.
+    by_region : Table
+        rule (readable), share of the gap's power there, share of the samples.
+    by_time : Table
+        start, stop (time), level, kind ("constant", "change", "drift").
+    by_frequency : Table
+        low, high (cycles per time unit), gap power, noise power, share.
+    """
+
+    location: str | None
+    kind: str | None
+    by_output: Table = Table()
+    by_location: Table = Table()
+    by_region: Table = Table()
+    by_time: Table = Table()
+    by_frequency: Table = Table()
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """How far the gap shrinks, free run on runs that took no part in the fit.
+
+    Attributes
+    ----------
+    before, after, floor : float
+        RMSE of the free run, each output divided by its standard deviation.
+    fraction : float
+        ``1 - gap_after / gap_before`` with ``gap = sqrt(max(rmse^2 - floor^2, 0))``; nan without a gap.
+    interval : (float, float)
+        90 %.
+    by_output : Table
+        output, before, after, floor in units of the output, and fraction.
+    after_retuning, fraction_retuning : float
+        The same when the simulator's parameters are re-tuned and nothing else.
+    after_correction, fraction_correction : float
+        The same with the generic learned correction.
+    fraction_power : float
+        The same as ``fraction`` in energy, ``1 - gap_after^2 / gap_before^2``.
+    measurable : bool
+        False where the gap is not clearly above the floor.
+    """
+
+    before: float
+    after: float
+    floor: float
+    fraction: float
+    interval: tuple[float, float]
+    by_output: Table = Table()
+    after_retuning: float = float("nan")
+    fraction_retuning: float = float("nan")
+    after_correction: float = float("nan")
+    fraction_correction: float = float("nan")
+    fraction_power: float = float("nan")
+    measurable: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """The missing term against one variable.
+
+    Attributes
+    ----------
+    variable : str
+    at, value, low, high : ndarray (n_points,)
+        Points on the variable, mean of the term there and its 90 % band, in units of the derivative (or of the input or
+        output where it sits there).
+    explained : float
+        Share of the term's variance that a curve in this variable alone explains on runs left out.
+    """
+
+    variable: str
+    at: np.ndarray
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    explained: float
+
+
+@dataclass(frozen=True)
+class MissingTerm:
+    """The shape of what is missing.
+
+    Attributes
+    ----------
+    location : str
+    kind : str
+    curves : tuple of Curve
+        Best variable first.
+    candidates : tuple of str
+        Symbolic candidates, best first.
+    """
+
+    location: str
+    kind: str
+    curves: tuple[Curve, ...]
+    candidates: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to measure or excite next.
+
+    Attributes
+    ----------
+    sentence : str
+    options : Table
+        experiment, gain (expected separation of the tied rivals in nats), between.
+    """
+
+    sentence: str
+    options: Table = Table()
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One run for the eye: measured, simulated, simulated with the effects; held out from the fit that drew it.
+
+    Attributes
+    ----------
+    label : object
+    t : ndarray (n_samples,)
+    measured, before, after : ndarray (n_samples, n_outputs)
+    """
+
+    label: Any
+    t: np.ndarray
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class GapReport:
+    """The answer of a diagnosis.
+
+    Attributes
+    ----------
+    verdict : {"none", "explained", "unknown"}
+    sentence : str
+        The verdict in plain words, with what to do next.
+    effects : list of EffectEstimate
+        In order of share; never None.
+    ranking : Table
+        All rivals with their evidence.
+    retuned : Table
+        One row a free parameter: parameter, nominal, value, low, high, moved.
+    where : Where
+    shrink : Shrink
+    missing_term : MissingTerm or None
+    next_experiment : NextExperiment or None
+    complete : bool
+        False after an interrupt.
+    notes : tuple of str
+        What a careful reader should know (closed loop, gap below the bar, what could not be tested).
+    untestable : tuple of str
+        Effects that this access to the simulator does not allow to test.
+    outputs, states, inputs : tuple of str
+    traces : tuple of Trace
+    seconds : float
+    """
+
+    verdict: str
+    sentence: str
+    effects: list[EffectEstimate]
+    ranking: Table
+    retuned: Table
+    where: Where
+    shrink: Shrink
+    missing_term: MissingTerm | None = None
+    next_experiment: NextExperiment | None = None
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    untestable: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    traces: tuple[Trace, ...] = ()
+    seconds: float = float("nan")
+
+    def plot(self) -> GapDisplay:
+        """Draw the report: a :class:`~sksurrogate.gap.GapDisplay` (extra ``plot``)."""
+        from sksurrogate.gap._display import GapDisplay
+
+        return GapDisplay(self).plot()
+
+    def to_html(self, path: Any = None) -> str:
+        """One self-contained page; written to ``path`` where given, returned as text."""
+        from sksurrogate.gap._page import html_page
+
+        page = html_page(self)
+        if path is not None:
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(page)
+        return page
+
+    def _repr_html_(self) -> str:
+        from sksurrogate.gap._page import html_fragment
+
+        return html_fragment(self)
+
+    def __str__(self) -> str:
+        from sksurrogate.gap._page import terminal_page
+
+        return terminal_page(self)
+
+    def __repr__(self) -> str:
+        named = ", ".join(effect.name for effect in self.effects) or "no effect"
+        return f"GapReport(verdict={self.verdict!r}, {named}, where={self.where.location!r})"

@@ -1,0 +1,141 @@
+"""Soft-dynamics smoother: the states that agree best with measurements and a model that may be wrong.
+
+``min sum |(y - g(x)) / sd|^2 + sum |d_k / q|^2`` over all states at once, d_k = F(x_k) - x_{k+1}; Gauss-Newton with one
+banded Cholesky factor an iteration. The allowance q of every balance is set to its own defects, so that kinematic rows
+become hard and faulty balances soft by themselves; unmeasured states are found on the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.kernels.banded import BlockTridiagonal
+from sksurrogate.kernels.integrate import DIFFERENCE, state_jacobian
+
+__all__ = ["Smoothed", "noise_of_differences", "smooth"]
+
+
+def noise_of_differences(y: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Standard deviation of white sensor noise: MAD of third differences / 0.6745 / sqrt(20), (n_outputs,).
+
+    Parameters
+    ----------
+    y : ndarray (n_outputs, n_samples)
+    starts : ndarray of int (n_runs,)
+    """
+    parts = [np.diff(part, n=3, axis=1) for part in np.split(y, starts[1:], axis=1) if part.shape[1] > 3]
+    spread = np.std(y, axis=1)
+    floor = np.maximum(1e-4 * spread, 1e-12)
+    if not parts:
+        return np.maximum(0.01 * spread, floor)
+    return np.maximum(np.median(np.abs(np.concatenate(parts, axis=1)), axis=1) / 0.6745 / np.sqrt(20.0), floor)
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """A smoothed trajectory.
+
+    Attributes
+    ----------
+    x : ndarray (n_states, n_samples)
+    defects : ndarray (n_states, n_samples)
+        ``F(x_k) - x_{k+1}`` in row k, 0 in the last row of a run.
+    allowance : ndarray (n_states,)
+        RMS defect of every state.
+    A : ndarray (n_states, n_states, n_samples)
+        State Jacobians of the step map.
+    """
+
+    x: np.ndarray
+    defects: np.ndarray
+    allowance: np.ndarray
+    A: np.ndarray
+
+
+def output_jacobian(bound, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs (n_outputs, n_samples) and their derivative (n_outputs, n_states, n_samples), differences at each sample."""
+    n = len(x)
+    columns = np.repeat(x[:, None, :], n + 1, axis=1)
+    steps = DIFFERENCE * scale
+    for j in range(n):
+        columns[j, j + 1] += steps[j]
+    y = bound.outputs(columns)
+    return y[:, 0], (y[:, 1:] - y[:, :1]) / steps[:, None]
+
+
+def smooth(
+    bound,
+    y: np.ndarray,
+    starts: np.ndarray,
+    sd: np.ndarray,
+    x: np.ndarray,
+    scale: np.ndarray,
+    *,
+    max_iterations: int = 12,
+    floor: float = 1e-4,
+) -> Smoothed:
+    """Smooth.
+
+    Parameters
+    ----------
+    bound : bound model with one column: callable on states, with ``outputs``
+    y : ndarray (n_outputs, n_samples)
+    starts : ndarray of int (n_runs,)
+    sd : ndarray (n_outputs,)
+        Standard deviation of the sensor noise.
+    x : ndarray (n_states, n_samples)
+        Start: measured states as measured, others a guess.
+    scale : ndarray (n_states,)
+    floor : float
+        Smallest allowance, in units of ``scale``.
+
+    Returns
+    -------
+    Smoothed
+    """
+    n, n_samples = x.shape
+    ends = np.r_[starts[1:], n_samples] - 1
+    inner, later = np.ones(n_samples, bool), np.ones(n_samples, bool)
+    inner[ends], later[starts] = False, False
+    q = 0.1 * scale
+    anchor = x.copy()
+    last = np.inf
+    best: Smoothed | None = None
+    for _ in range(max_iterations):
+        after, A = state_jacobian(bound, x, scale)
+        g, C = output_jacobian(bound, x, scale)
+        if not (np.all(np.isfinite(after)) and np.all(np.isfinite(A)) and np.all(np.isfinite(g))):
+            break
+        d = np.zeros_like(x)
+        d[:, :-1] = after[:, :-1] - x[:, 1:]
+        d[:, ends] = 0.0
+        best = Smoothed(x, d, np.sqrt(np.sum(d**2, axis=1) / max(inner.sum(), 1)), A)
+        Q = 1.0 / q**2
+        At = np.where(inner[:, None, None], A.transpose(2, 0, 1), 0.0)
+        Ct = C.transpose(2, 0, 1) / sd[:, None]
+        tie = 1e-8 / scale**2
+        diagonal = Ct.transpose(0, 2, 1) @ Ct + (At.transpose(0, 2, 1) * Q) @ At
+        index = np.arange(n)
+        diagonal[:, index, index] += tie + np.where(later[:, None], Q, 0.0)
+        right = (Ct.transpose(0, 2, 1) @ ((y - g) / sd[:, None]).T[:, :, None])[:, :, 0] + tie * (anchor - x).T
+        right -= (At.transpose(0, 2, 1) @ (d * Q[:, None]).T[:, :, None])[:, :, 0]
+        right[1:] += np.where(later[1:, None], (d * Q[:, None]).T[:-1], 0.0)
+        try:
+            step = BlockTridiagonal(diagonal, -Q[:, None] * At).solve(right[None])[0].T
+        except np.linalg.LinAlgError:
+            break
+        x = x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])
+        size = float(np.max(np.abs(step) / scale[:, None]))
+        new_q = np.maximum(best.allowance, floor * scale)
+        steady = np.all(np.abs(np.log(new_q / q)) < 0.3)
+        q = np.clip(new_q, q / 10, q * 3)
+        if size < 1e-3 and steady:
+            break
+        if not np.isfinite(size) or (size > 1e3 * last):
+            break
+        last = size
+    if best is None:
+        raise FloatingPointError("the model gives no finite step along the measured trajectory")
+    return best
