@@ -70,6 +70,8 @@ class Probe:
         Sample time and length of the longest run.
     starts : ndarray of int (n_runs,)
         First rows of the runs.
+    factors : tuple of ndarray (n_samples,)
+        The two signals of a variable "v*w" one by one.
     """
 
     v: np.ndarray | None
@@ -78,6 +80,7 @@ class Probe:
     dt: float
     duration: float
     starts: np.ndarray
+    factors: tuple[np.ndarray, ...] = ()
 
     def unit(self, form: np.ndarray) -> float:
         """Size of a coefficient that makes ``c * form`` a tenth of the derivative."""
@@ -139,7 +142,10 @@ class BaseEffect(BaseEstimator):
         return self.name, self.location, self.variable
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Starting values, one tuple of all parameters for each start (magnitudes of the secant dictionary)."""
+        """Starting values, one tuple of all parameters for each start (magnitudes of the secant dictionary).
+
+        Empty where these data cannot show the effect (a limit on a signal that never moves).
+        """
         return [tuple(parameter.null for parameter in self.parameters)]
 
     @classmethod
@@ -170,8 +176,8 @@ class ParameterEffect(BaseEffect):
     access = "trajectory"
 
     @abstractmethod
-    def value(self, p: float, t: Any, theta: Sequence[Any]) -> Any:
-        """The parameter, given its nominal value ``p`` (a float) and the time."""
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
+        """The parameter, given its nominal value ``p`` and the time; jumps in time are smoothed over ``width``."""
 
 
 class BalanceEffect(BaseEffect):
@@ -195,7 +201,8 @@ class BalanceEffect(BaseEffect):
         theta : sequence of ndarray
             Parameters, magnitude first.
         width : float
-            Half width over which kinks such as sign(v) are smoothed, in units of v; the sharper the dearer.
+            Half width over which kinks such as sign(v) are smoothed, in units of v (of time where there is no v); the
+            sharper the dearer.
         """
 
     @classmethod

@@ -163,7 +163,7 @@ class BoundModel:
             varied[name] = retuned(params[name], row[:, None])
         for effect, values in zip(self.a.effects, self._parameters):
             if isinstance(effect, ParameterEffect) and effect.location is not None:
-                varied[effect.location] = effect.value(varied.get(effect.location, params[effect.location]), t, values)
+                varied[effect.location] = effect.value(varied.get(effect.location, params[effect.location]), t, values, self.h)
         return varied
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
@@ -251,8 +251,8 @@ class BoundModel:
         return dx
 
     def width(self, effect: BaseEffect) -> float:
-        """Smoothing of the kinks of an effect."""
-        return self.a._size(effect) / self.a.sharpness
+        """Smoothing of the kinks of an effect: in units of its variable, of time where it has none."""
+        return self.a._size(effect) / self.a.sharpness if effect.variable else self.h
 
     def variable(self, effect: BaseEffect, x: np.ndarray, u: np.ndarray) -> Any:
         """Values of the variable: an array, a pair for "v*w", None where there is none."""

@@ -1,0 +1,72 @@
+"""Effects on parameters: a number in the simulator is wrong, drifts or jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import Parameter, ParameterEffect, Probe
+from sksurrogate.effects._smooth import after
+
+__all__ = ["ParameterDrift", "ParameterError", "ParameterStep"]
+
+#: Times, as shares of the longest run, at which jumps are tried.
+JUMPS = tuple(float(share) for share in (np.arange(15) + 0.5) / 15)
+
+
+class ParameterError(ParameterEffect):
+    """A parameter is off by a factor: ``p (1 + c)``; ``p + c`` where the nominal value is 0."""
+
+    name = "parameter_error"
+    parameters = (Parameter("relative_error", unit="1 (unit of p where p is 0)"),)
+    equation = "p (1 + c); p + c where the nominal p is 0"
+    signature = "whatever the parameter does, from the first row to the last, in every run alike"
+    twins = ("input_gain", "sensor_gain", "linear_loss", "parameter_drift")
+
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
+        """``p (1 + c)``."""
+        return np.where(np.equal(p, 0), p + theta[0], p * (1 + theta[0]))
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A twentieth."""
+        return [(0.05,)]
+
+
+class ParameterDrift(ParameterEffect):
+    """A parameter changes in proportion to time: ``p (1 + c t)``."""
+
+    name = "parameter_drift"
+    parameters = (Parameter("rate", unit="1 over time"),)
+    equation = "p (1 + c t)"
+    signature = "a residual that is nil at the start of a run and grows with time where the parameter acts"
+    twins = ("drift", "sensor_drift", "parameter_error", "parameter_step")
+    access = "step"
+
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
+        """``p (1 + c t)``."""
+        return p * (1 + theta[0] * t)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth at the end of the longest run."""
+        return [(0.1 / max(probe.duration, probe.dt),)]
+
+
+class ParameterStep(ParameterEffect):
+    """A parameter jumps: ``p (1 + c)`` after ``t0``."""
+
+    name = "parameter_step"
+    parameters = (Parameter("relative_error"), Parameter("time", unit="time"))
+    equation = "p (1 + c) after t0"
+    signature = "no residual before the jump; afterwards that of a wrong parameter"
+    twins = ("step_disturbance", "parameter_error", "parameter_drift")
+    access = "step"
+
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
+        """``p (1 + c)`` after ``t0``."""
+        return p * (1 + theta[0] * after(t, theta[1], width))
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth, at fifteen times."""
+        return [(0.1, share * probe.duration) for share in JUMPS]

@@ -1,0 +1,53 @@
+"""Kinks over a finite width: a width of 0 gives the kink itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+__all__ = ["after", "magnitude", "positive", "sign"]
+
+#: Floor under roots and powers, whose slope at 0 is infinite.
+TINY = 1e-12
+
+
+def sign(v: Any, width: float) -> Any:
+    """``sign(v)``, as ``tanh(v / width)``.
+
+    Examples
+    --------
+    >>> sign(np.array([-2.0, 0.0, 2.0]), 0.0)
+    array([-1.,  0.,  1.])
+    """
+    return np.tanh(v / width) if width > 0 else np.sign(v)
+
+
+def magnitude(v: Any, width: float) -> Any:
+    """``abs(v)``, as ``v tanh(v / width)``."""
+    return v * np.tanh(v / width) if width > 0 else np.abs(v)
+
+
+def positive(v: Any) -> Any:
+    """``max(v, 0)`` for roots and powers."""
+    return np.maximum(v, TINY)
+
+
+def after(t: Any, start: Any, width: float) -> Any:
+    """1 after ``start``, 0 before, as the integral of a hat of half width ``width``.
+
+    With ``width`` equal to the integrator's step, sums over the step grid reproduce the integral of the jump and its
+    first moment wherever it lies within a step (hats sum to one and reproduce straight lines), and results depend
+    smoothly on ``start``.
+
+    Examples
+    --------
+    >>> after(np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), 0.0, 1.0)
+    array([0.   , 0.125, 0.5  , 0.875, 1.   ])
+    >>> after(np.array([-0.5, 0.0, 0.5]), 0.0, 0.0)
+    array([0., 1., 1.])
+    """
+    if width <= 0:
+        return np.where(t >= start, 1.0, 0.0)
+    z = np.clip((t - start) / width, -1.0, 1.0)
+    return np.where(z < 0, 0.5 * (1 + z) ** 2, 1 - 0.5 * (1 - z) ** 2)
