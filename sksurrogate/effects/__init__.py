@@ -1,1 +1,30 @@
-"""effects."""
+"""Effects: small parametric changes to a simulator whose null value gives the simulator back."""
+
+from sksurrogate.effects._catalogue import CATALOGUE, build_effects
+from sksurrogate.effects._effect import (
+    BalanceEffect,
+    BaseEffect,
+    HiddenEffect,
+    InputEffect,
+    LimitEffect,
+    Parameter,
+    ParameterEffect,
+    Probe,
+    SensorEffect,
+    SensorPath,
+)
+
+__all__ = [
+    "CATALOGUE",
+    "BalanceEffect",
+    "BaseEffect",
+    "HiddenEffect",
+    "InputEffect",
+    "LimitEffect",
+    "Parameter",
+    "ParameterEffect",
+    "Probe",
+    "SensorEffect",
+    "SensorPath",
+    "build_effects",
+]

@@ -148,6 +148,10 @@ class BaseEffect(BaseEstimator):
         """
         return [tuple(parameter.null for parameter in self.parameters)]
 
+    def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """The same effect with its parameters in the ranges in which they are reported (phases, signs)."""
+        return tuple(theta)
+
     @classmethod
     def instances(cls, plant: Plant, balances: Sequence[str]) -> Iterator[BaseEffect]:
         """All places and variables of a plant where the effect makes sense.

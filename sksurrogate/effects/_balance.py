@@ -1,0 +1,444 @@
+"""Effects on the balance of a state: a term is missing in dx/dt, or the state has a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BalanceEffect, LimitEffect, Parameter, Probe
+from sksurrogate.effects._parameter import JUMPS
+from sksurrogate.effects._smooth import TINY, after, positive, sign
+from sksurrogate.physics._simulator import Plant
+
+__all__ = [
+    "AsymmetricFriction",
+    "Bilinear",
+    "ConstantBias",
+    "CoulombFriction",
+    "CubicStiffness",
+    "Drift",
+    "EndStop",
+    "Exchange",
+    "GravityTilt",
+    "LinearLoss",
+    "Overflow",
+    "PeriodicDisturbance",
+    "PowerLaw",
+    "QuadraticDrag",
+    "QuadraticLoss",
+    "Radiation",
+    "SqrtLeak",
+    "StateSaturation",
+    "StepDisturbance",
+    "StribeckFriction",
+    "frequencies",
+]
+
+#: Places on the reached range at which limits and edges are tried: 0.998 rather than 1 because a run may begin above a limit.
+LEVELS = (0.998, 0.97, 0.9, 0.75, 0.5)
+
+
+def _others(names: Sequence[str], location: str) -> tuple[str, ...]:
+    """Names without that of the location."""
+    return tuple(name for name in names if name != location)
+
+
+def frequencies(duration: float, dt: float, most: int = 80) -> np.ndarray:
+    """Angular frequencies at which a record of that duration can show a line: its harmonics up to pi / (3 dt).
+
+    Neighbours are one resolution (2 pi / duration) apart, so that every frequency lies in the main lobe of one; above
+    ``most`` lines, geometrically spaced from where they would be too many.
+    """
+    lowest, highest = 2 * np.pi / max(duration, 6 * dt), np.pi / (3 * dt)
+    count = int(highest / lowest)
+    if count <= most:
+        return lowest * np.r_[0.5, 0.75, np.arange(1, max(count, 1) + 1)]
+    return lowest * np.r_[0.5, 0.75, np.unique(np.round(np.geomspace(1, count, 2 * most)))][: 2 * most]
+
+
+class ConstantBias(BalanceEffect):
+    """A constant force or flow: ``+ c``."""
+
+    name = "constant_bias"
+    drivers = ()
+    parameters = (Parameter("value", unit="dx/dt"),)
+    equation = "+ c"
+    signature = "a transient after the start of every run that settles at an offset, whatever the input does"
+    twins = ("input_bias", "sensor_bias", "gravity_tilt", "drift", "parameter_error")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``c``."""
+        return theta[0] + np.zeros_like(x)
+
+
+class LinearLoss(BalanceEffect):
+    """Viscous friction or first-order decay: ``- c v``."""
+
+    name = "linear_loss"
+    drivers = ("state", "input")
+    parameters = (Parameter("coefficient", unit="dx/dt over v"),)
+    equation = "- c v"
+    signature = "in proportion to v: energy is lost at resonance, steps settle lower"
+    twins = ("parameter_error", "quadratic_drag", "exchange", "input_gain")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c v``."""
+        return -theta[0] * v
+
+
+class QuadraticLoss(BalanceEffect):
+    """A loss that grows with the square, whatever the sign: ``- c v^2``."""
+
+    name = "quadratic_loss"
+    drivers = ("state", "input")
+    parameters = (Parameter("coefficient", unit="dx/dt over v^2"),)
+    equation = "- c v^2"
+    signature = "even harmonics and a shift of the mean with the amplitude of v"
+    twins = ("quadratic_drag", "constant_bias", "bilinear", "input_curve", "power_law")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c v^2``."""
+        return -theta[0] * v * v
+
+
+class QuadraticDrag(BalanceEffect):
+    """Drag of a turbulent flow: ``- c v abs(v)``."""
+
+    name = "quadratic_drag"
+    parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^2"),)
+    equation = "- c v abs(v)"
+    signature = "odd in v; strong when fast, gone when slow"
+    twins = ("linear_loss", "coulomb_friction", "quadratic_loss", "cubic_stiffness", "power_law")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c v abs(v)``."""
+        return -theta[0] * v * np.abs(v)
+
+
+class CoulombFriction(BalanceEffect):
+    """Dry friction: ``- c sign(v)``."""
+
+    name = "coulomb_friction"
+    parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
+    equation = "- c sign(v)"
+    signature = "a square wave with the sign of v; free motion stops in finite time; worst at small amplitudes"
+    twins = ("asymmetric_friction", "stribeck_friction", "linear_loss", "lugre_friction", "input_dead_zone", "input_backlash")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c sign(v)``."""
+        return -theta[0] * sign(v, width)
+
+
+class AsymmetricFriction(BalanceEffect):
+    """Dry friction that differs by direction: ``- c sign(v) - c2``."""
+
+    name = "asymmetric_friction"
+    parameters = (Parameter("level", low=0.0, unit="dx/dt"), Parameter("offset", unit="dx/dt"))
+    equation = "- c sign(v) - c2"
+    signature = "a square wave with the sign of v about a mean that is not nil"
+    twins = ("coulomb_friction", "constant_bias", "stribeck_friction")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c sign(v) - c2``."""
+        return -theta[0] * sign(v, width) - theta[1]
+
+
+class StribeckFriction(BalanceEffect):
+    """Dry friction that is larger when slow: ``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``."""
+
+    name = "stribeck_friction"
+    parameters = (
+        Parameter("level", low=0.0, unit="dx/dt"),
+        Parameter("static_level", low=0.0, unit="dx/dt"),
+        Parameter("velocity", null=1.0, low=0.0, unit="v"),
+    )
+    equation = "- (c + (cs - c) exp(-(v/vs)^2)) sign(v)"
+    signature = "stick and slip at reversals; less friction once it moves"
+    twins = ("coulomb_friction", "asymmetric_friction", "lugre_friction")
+    linear = False
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``."""
+        level, static, velocity = theta
+        ratio = np.minimum(np.abs(v) / np.maximum(velocity, TINY), 30.0)
+        return -(level + (static - level) * np.exp(-ratio * ratio)) * sign(v, width)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Two levels, friction at rest twice as large or nil, two velocities on the reached range."""
+        assert probe.v is not None
+        speed = float(np.sqrt(np.mean(probe.v**2)))
+        level = probe.unit(np.sign(probe.v))
+        return [(size * level, ratio * size * level, s * speed) for size in (0.5, 2.0) for ratio in (2.0, 0.5) for s in (0.15, 0.6) if speed > 0]
+
+
+class CubicStiffness(BalanceEffect):
+    """A hardening spring: ``- c v^3``."""
+
+    name = "cubic_stiffness"
+    parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^3"),)
+    equation = "- c v^3"
+    signature = "third harmonic; the resonance moves with the amplitude"
+    twins = ("linear_loss", "quadratic_drag", "end_stop", "parameter_error")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c v^3``."""
+        return -theta[0] * v * v * v
+
+
+class SqrtLeak(BalanceEffect):
+    """Outflow through an orifice: ``- c sqrt(max(v, 0))``."""
+
+    name = "sqrt_leak"
+    parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over sqrt(v)"),)
+    equation = "- c sqrt(max(v, 0))"
+    signature = "an outflow that grows ever more slowly with the level"
+    twins = ("linear_loss", "power_law", "constant_bias", "parameter_error")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c sqrt(max(v, 0))``."""
+        return -theta[0] * np.sqrt(positive(v))
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the balance; none where v never is positive."""
+        assert probe.v is not None
+        return super().starts(probe) if np.any(probe.v > 0) else []
+
+
+class PowerLaw(BalanceEffect):
+    """A loss with an unknown exponent: ``- c v^m``, or ``- c v^m w`` of two signals; v >= 0."""
+
+    name = "power_law"
+    drivers = ("state",)
+    parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^m (w)"), Parameter("exponent", null=1.0, low=0.05, high=8.0))
+    equation = "- c v^m, v >= 0 (- c v^m w for v*w)"
+    signature = "a loss that is no straight line in the level: kinetics, valves, natural convection"
+    twins = ("linear_loss", "sqrt_leak", "quadratic_loss", "bilinear", "parameter_error")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c v^m`` or ``- c v^m w``."""
+        coefficient, exponent = theta
+        if isinstance(v, tuple):
+            return -coefficient * positive(v[0]) ** exponent * v[1]
+        return -coefficient * positive(v) ** exponent
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """Any state; products of the location's state with another (a reaction that uses it up), either one raised."""
+        products = [pair for other in _others(plant.states, location) for pair in (f"{location}*{other}", f"{other}*{location}")]
+        return (*plant.states, *products)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Exponents below and above one; none where v never is positive."""
+        assert probe.v is not None
+        v: Any = probe.factors if len(probe.factors) == 2 else (probe.v, np.ones_like(probe.v))
+        if not np.any(v[0] > 0):
+            return []
+        forms = {m: self.term(0.0, probe.x, v, (1.0, m), 0.0) for m in (0.5, 1.5, 2.5)}
+        return [(probe.unit(form), m) for m, form in forms.items()]
+
+
+class Exchange(BalanceEffect):
+    """Heat or mass exchanged with a neighbour: ``+ c (v - x)``."""
+
+    name = "exchange"
+    drivers = ("state", "input")
+    parameters = (Parameter("coefficient", unit="1 over time"),)
+    equation = "+ c (v - x)"
+    signature = "the state is drawn towards its neighbour"
+    twins = ("linear_loss", "radiation", "hidden_relaxation", "parameter_error")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``c (v - x)``."""
+        return theta[0] * (v - x)
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """The other states, and the inputs."""
+        return _others(plant.states, location) + plant.inputs
+
+
+class Radiation(Exchange):
+    """Heat radiated by a neighbour: ``+ c (v^4 - x^4)``."""
+
+    name = "radiation"
+    parameters = (Parameter("coefficient", low=0.0, unit="1 over time and x^3"),)
+    equation = "+ c (v^4 - x^4)"
+    signature = "an exchange that matters only when hot"
+    twins = ("exchange", "linear_loss", "power_law")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``c (v^4 - x^4)``."""
+        v2, x2 = v * v, x * x
+        return theta[0] * (v2 * v2 - x2 * x2)
+
+
+class Bilinear(BalanceEffect):
+    """A product of two signals: ``+ c v w``."""
+
+    name = "bilinear"
+    parameters = (Parameter("coefficient", unit="dx/dt over v w"),)
+    equation = "+ c v w (variable v*w, names sorted)"
+    signature = "a response to one signal that depends on the level of the other"
+    twins = ("linear_loss", "quadratic_loss", "power_law", "input_curve", "parameter_error")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``c v w``; a single array counts as the product."""
+        return theta[0] * (v[0] * v[1] if isinstance(v, tuple) else v)
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """All pairs of signals with a state in it."""
+        pairs = combinations(sorted({*plant.states, *plant.inputs}), 2)
+        return tuple(f"{a}*{b}" for a, b in pairs if a in plant.states or b in plant.states)
+
+
+class GravityTilt(BalanceEffect):
+    """Weight along an angle: ``- c sin(v)``."""
+
+    name = "gravity_tilt"
+    parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
+    equation = "- c sin(v)"
+    signature = "a restoring term that bends over at large angles"
+    twins = ("linear_loss", "cubic_stiffness", "constant_bias", "parameter_error")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c sin(v)``."""
+        return -theta[0] * np.sin(v)
+
+
+class EndStop(BalanceEffect):
+    """An elastic stop: ``- c max(v - edge, 0)``."""
+
+    name = "end_stop"
+    parameters = (Parameter("stiffness", low=0.0, unit="dx/dt over v"), Parameter("edge", unit="v"))
+    equation = "- c max(v - edge, 0)"
+    signature = "one-sided pushes where v is largest, nothing elsewhere"
+    twins = ("cubic_stiffness", "state_saturation", "quadratic_loss")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``- c max(v - edge, 0)``."""
+        return -theta[0] * np.maximum(v - theta[1], 0.0)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Edges within the reached range."""
+        assert probe.v is not None
+        edges = probe.quantiles(probe.v, 0.97, 0.9, 0.75, 0.5, 0.25)
+        return [(probe.unit(np.maximum(probe.v - edge, 0.0)), edge) for edge in edges if np.any(probe.v > edge)]
+
+
+class StateSaturation(LimitEffect):
+    """A hard limit: ``x <= c``."""
+
+    name = "state_saturation"
+    parameters = (Parameter("limit", null=np.inf, unit="x"),)
+    equation = "x <= c"
+    signature = "flat tops of the state at one level"
+    twins = ("overflow", "end_stop", "sensor_saturation", "input_saturation")
+
+    def clip(
+        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """``min(x, c)``."""
+        return np.minimum(x, theta[0]), None
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Limits at quantiles of the reached range."""
+        return [(limit,) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
+
+
+class Overflow(LimitEffect):
+    """A vessel that spills: ``x <= c``; a share of what is cut off is added to dv/dt."""
+
+    name = "overflow"
+    parameters = (Parameter("limit", null=np.inf, unit="x"), Parameter("share", low=0.0, unit="v over x"))
+    equation = "x <= c; a share of what is cut off is added to dv/dt"
+    signature = "flat tops of one state while another rises faster"
+    twins = ("state_saturation", "end_stop", "exchange")
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """The other states."""
+        return _others(plant.states, location)
+
+    def clip(
+        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """``min(x, c)``; at the end of a substep ``v + share (x - min(x, c))``."""
+        limited = np.minimum(x, theta[0])
+        return limited, v + theta[1] * (x - limited) if final and v is not None else None
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Limits at quantiles of the reached range; half of it spills over."""
+        return [(limit, 0.5) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
+
+
+class Drift(BalanceEffect):
+    """A force or flow that grows with time: ``+ c t``."""
+
+    name = "drift"
+    drivers = ()
+    parameters = (Parameter("rate", unit="dx/dt over time"),)
+    equation = "+ c t"
+    signature = "a residual that grows through the run, filtered by the plant"
+    twins = ("sensor_drift", "constant_bias", "parameter_drift", "step_disturbance")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``c t``."""
+        return theta[0] * t + np.zeros_like(x)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the balance in the middle of the longest run."""
+        return [(probe.unit(np.ones(1)) * 2 / max(probe.duration, probe.dt),)]
+
+
+class PeriodicDisturbance(BalanceEffect):
+    """An unmeasured oscillation: ``+ c sin(w t + phase)``."""
+
+    name = "periodic_disturbance"
+    drivers = ()
+    parameters = (
+        Parameter("amplitude", unit="dx/dt"),
+        Parameter("angular_frequency", null=1.0, low=0.0, unit="radian over time"),
+        Parameter("phase", unit="radian"),
+    )
+    equation = "+ c sin(w t + phase)"
+    signature = "a line in the spectrum of the residual that the input does not have"
+    twins = ("drift", "hidden_mode")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``c sin(w t + phase)``."""
+        return theta[0] * np.sin(theta[1] * t + theta[2]) + np.zeros_like(x)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Sine and cosine at every frequency that the longest run resolves."""
+        unit = probe.unit(np.ones(1))
+        return [(unit, float(w), phase) for w in frequencies(probe.duration, probe.dt) for phase in (0.0, np.pi / 2)]
+
+    def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """Amplitude >= 0, phase in (-pi, pi]; while it is fitted both are free, or the fit would stick at a border."""
+        amplitude, frequency, phase = theta
+        turned = phase + (np.pi if amplitude < 0 else 0.0)
+        return abs(amplitude), frequency, float(np.pi - np.mod(np.pi - turned, 2 * np.pi))
+
+
+class StepDisturbance(BalanceEffect):
+    """A load that sets in: ``+ c`` after ``t0``."""
+
+    name = "step_disturbance"
+    drivers = ()
+    parameters = (Parameter("size", unit="dx/dt"), Parameter("time", unit="time"))
+    equation = "+ c after t0"
+    signature = "no residual before one moment, a transient and an offset after it"
+    twins = ("constant_bias", "parameter_step", "drift")
+
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
+        """``c`` after ``t0``."""
+        return theta[0] * after(t, theta[1], width) + np.zeros_like(x)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Fifteen times."""
+        unit = probe.unit(np.ones(1))
+        return [(unit, share * probe.duration) for share in JUMPS]

@@ -1,0 +1,194 @@
+"""The catalogue: every effect by its canonical name, and its instances over the places and signals of a plant."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects import _balance as balance
+from sksurrogate.effects import _hidden as hidden
+from sksurrogate.effects import _input as actuator
+from sksurrogate.effects import _parameter as parameter
+from sksurrogate.effects import _sensor as sensor
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["CATALOGUE", "build_effects", "kinematic_states"]
+
+_ORDER: tuple[type[BaseEffect], ...] = (
+    parameter.ParameterError,
+    parameter.ParameterDrift,
+    parameter.ParameterStep,
+    balance.ConstantBias,
+    balance.LinearLoss,
+    balance.QuadraticLoss,
+    balance.QuadraticDrag,
+    balance.CoulombFriction,
+    balance.AsymmetricFriction,
+    balance.StribeckFriction,
+    balance.CubicStiffness,
+    balance.SqrtLeak,
+    balance.PowerLaw,
+    balance.Exchange,
+    balance.Radiation,
+    balance.Bilinear,
+    balance.GravityTilt,
+    balance.EndStop,
+    balance.StateSaturation,
+    balance.Overflow,
+    balance.Drift,
+    balance.PeriodicDisturbance,
+    balance.StepDisturbance,
+    hidden.Hysteresis,
+    hidden.LugreFriction,
+    hidden.HiddenRelaxation,
+    hidden.HiddenMode,
+    actuator.InputGain,
+    actuator.InputBias,
+    actuator.InputCurve,
+    actuator.InputCoupling,
+    actuator.InputDeadZone,
+    actuator.InputBacklash,
+    actuator.InputSaturation,
+    actuator.RateLimit,
+    actuator.InputQuantization,
+    actuator.InputDelay,
+    actuator.InputLag,
+    sensor.SensorLag,
+    sensor.SensorDelay,
+    sensor.SensorCoupling,
+    sensor.SensorNonlinearity,
+    sensor.SensorGain,
+    sensor.SensorBias,
+    sensor.SensorDrift,
+    sensor.SensorRectification,
+    sensor.SensorSaturation,
+    sensor.SensorQuantization,
+)
+
+#: Canonical name -> class, in the order of the table in the documentation.
+CATALOGUE: dict[str, type[BaseEffect]] = {effect.name: effect for effect in _ORDER}
+
+
+def build_effects(
+    plant: Plant, balances: Sequence[str], effects: Iterable[Any] | str | type[BaseEffect] | BaseEffect | None = None
+) -> list[BaseEffect]:
+    """Instances of effects over the places and variables of a plant.
+
+    Parameters
+    ----------
+    plant : Plant
+    balances : sequence of str
+        States whose balance may hold an effect; leave out the :func:`kinematic_states`.
+    effects : None, or one or several of str, class, instance
+        None: the whole catalogue. A name or class is enumerated over the plant; an instance with a location is taken
+        as it is, one without is enumerated like its class.
+
+    Returns
+    -------
+    list of BaseEffect
+        Those that the plant's access allows, in the order given, none twice.
+
+    Raises
+    ------
+    ValueError
+        A name is not in the catalogue, a class is no effect, or an instance names a signal that the plant lacks.
+    """
+    if effects is None:
+        wanted: list[Any] = list(CATALOGUE.values())
+    elif isinstance(effects, str | BaseEffect) or inspect.isclass(effects):
+        wanted = [effects]
+    else:
+        wanted = list(effects)  # type: ignore[arg-type]
+    found: dict[tuple[Any, ...], BaseEffect] = {}
+    for item in wanted:
+        for effect in _instances(item, plant, balances):
+            if effect.access == "trajectory" or plant.access in ("rhs", "step"):
+                found.setdefault((type(effect), *effect.key, *_extras(effect)), effect)
+    return list(found.values())
+
+
+def _extras(effect: BaseEffect) -> tuple[Any, ...]:
+    """Further constructor arguments of a user's own effect, which may tell two instances at one place apart."""
+    own = effect.get_params(deep=False)
+    return tuple(sorted((name, repr(value)) for name, value in own.items() if name not in ("location", "variable")))
+
+
+def _instances(item: Any, plant: Plant, balances: Sequence[str]) -> Iterable[BaseEffect]:
+    """One entry of ``effects=`` as instances."""
+    if isinstance(item, str):
+        if item not in CATALOGUE:
+            close = difflib.get_close_matches(item, CATALOGUE, n=3, cutoff=0.4)
+            hint = f"did you mean {' or '.join(repr(name) for name in close)}?" if close else f"known are {list(CATALOGUE)}."
+            raise ValueError(f"effects: {item!r} is not in the catalogue; {hint} An effect of your own goes in as a class or instance.")
+        return CATALOGUE[item].instances(plant, balances)
+    if inspect.isclass(item) and issubclass(item, BaseEffect):
+        return item.instances(plant, balances)
+    if isinstance(item, BaseEffect):
+        if item.location is None:
+            return type(item).instances(plant, balances)
+        check_place(item, plant)
+        return [item]
+    raise ValueError(
+        f"effects: {item!r} is neither a name of the catalogue, nor a subclass of BaseEffect, nor an instance of one; "
+        "write for example effects=['coulomb_friction', MyEffect]."
+    )
+
+
+def check_place(effect: BaseEffect, plant: Plant) -> None:
+    """Say which name an effect uses that the plant does not have.
+
+    Raises
+    ------
+    ValueError
+    """
+    places = {"parameter": tuple(plant.params), "state": plant.states, "input": plant.inputs, "output": plant.outputs}[effect.kind]
+    if effect.location not in places:
+        raise ValueError(f"{effect!r}: location={effect.location!r} is no {effect.kind} of the simulator, which has {list(places)}.")
+    if effect.variable is None:
+        return
+    signals = plant.outputs if effect.kind == "output" else plant.inputs if effect.kind == "input" else plant.states + plant.inputs
+    for name in effect.variable.split("*"):
+        if name not in signals:
+            raise ValueError(f"{effect!r}: variable={effect.variable!r} needs signals of the simulator, which has {list(signals)}.")
+
+
+def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> tuple[str, ...]:
+    """States whose balance is an identity ``dq/dt = v`` with another state, seen at random points.
+
+    No effect can be missing there: a position changes with its speed, whatever else is wrong.
+
+    Parameters
+    ----------
+    model : PlantModel
+    n_points : int, default=12
+    random_state : int, default=0
+
+    Returns
+    -------
+    tuple of str
+    """
+    plant = model.plant
+    n = len(plant.states)
+    if plant.access == "trajectory" or n < 2:
+        return ()
+    random = np.random.default_rng(random_state)
+    size = np.maximum(np.abs(plant.x0), 1.0)[:, None]
+    x = plant.x0[:, None] + size * random.normal(size=(n, n_points))
+    x[:, n_points // 2 :] = np.abs(x[:, n_points // 2 :])  # concentrations and levels are not negative
+    u = np.abs(random.normal(size=(len(plant.inputs), n_points)))
+    t = np.linspace(0.0, 10 * plant.dt, n_points)
+    with np.errstate(all="ignore"):
+        if plant.access == "rhs":
+            dx, tolerance = model.derivative(t, x, u), 1e-12
+        else:
+            short = 1e-4 * plant.dt
+            dx, tolerance = (model.step(t, x, u, short) - x) / short, 1e-2
+    same = np.abs(dx[:, None] - x[None]) <= tolerance * np.maximum(np.abs(x[None]), 1e-3)
+    identity = np.all(same, axis=2) & ~np.eye(n, dtype=bool)
+    return tuple(name for name, row in zip(plant.states, identity) if row.any())

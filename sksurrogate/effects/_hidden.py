@@ -1,0 +1,175 @@
+"""Effects with a state that the simulator does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
+from sksurrogate.effects._smooth import TINY, magnitude
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
+
+
+class Hysteresis(HiddenEffect):
+    """Bouc-Wen hysteresis: ``- c z, dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2)``, ``z(0) = 0``, ``v' = dv/dt``."""
+
+    name = "hysteresis"
+    parameters = (Parameter("stiffness", low=0.0, unit="dx/dt over v"), Parameter("limit", null=1.0, low=TINY, unit="v"))
+    equation = "- c z, dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2), z(0) = 0"
+    signature = "a loop that is the same at any speed; a restoring force that yields"
+    twins = ("coulomb_friction", "lugre_friction", "linear_loss", "input_backlash")
+    linear = True
+
+    def rates(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
+    ) -> Sequence[Any]:
+        """``v' - (v' abs(z) + abs(v') z) / (2 limit)``: the same without a sign of zero to stumble over."""
+        limit = theta[1]
+        return [dv - (dv * np.abs(z[0]) + np.abs(dv) * z[0]) / (2 * limit)]
+
+    def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
+        """``- c z``."""
+        return -theta[0] * z[0]
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Limits between a small part of the movement of v and more than all of it; the force a tenth of the balance."""
+        assert probe.v is not None
+        size = float(np.std(probe.v))
+        found = []
+        for share in (0.05, 0.15, 0.4, 1.0, 2.5):
+            path = np.clip(probe.v - np.mean(probe.v), -share * size, share * size)
+            found.append((probe.unit(path), share * size))
+        return found if size > 0 else []
+
+
+class LugreFriction(HiddenEffect):
+    """Bristle friction (LuGre): ``- c z, dz/dt = v - c abs(v) z / g(v)``.
+
+    ``g = level + (static_level - level) exp(-(v/velocity)^2)``.
+    """
+
+    name = "lugre_friction"
+    parameters = (
+        Parameter("stiffness", low=0.0, unit="dx/dt over the integral of v"),
+        Parameter("level", null=1.0, low=TINY, unit="dx/dt"),
+        Parameter("static_level", null=1.0, low=TINY, unit="dx/dt"),
+        Parameter("velocity", null=1.0, low=TINY, unit="v"),
+    )
+    equation = "- c z, dz/dt = v - c abs(v) z / g(v), g = level + (static_level - level) exp(-(v/velocity)^2)"
+    signature = "springy before it slides, dry friction after"
+    twins = ("coulomb_friction", "stribeck_friction", "hysteresis")
+
+    def rates(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
+    ) -> Sequence[Any]:
+        """``v - c abs(v) z / g(v)``."""
+        stiffness, level, static, velocity = theta
+        ratio = np.minimum(np.abs(v) / velocity, 30.0)
+        g = level + (static - level) * np.exp(-ratio * ratio)
+        return [v - stiffness * magnitude(v, width) * z[0] / g]
+
+    def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
+        """``- c z``."""
+        return -theta[0] * z[0]
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Bristles that give way after a small part of a typical travel, no stiffer than a step can follow."""
+        assert probe.v is not None
+        speed, fastest = float(np.sqrt(np.mean(probe.v**2))), float(np.max(np.abs(probe.v)))
+        level = probe.unit(np.sign(probe.v))
+        bounds = np.r_[probe.starts, len(probe.v)]
+        paths = [np.cumsum(probe.v[a:b]) * probe.dt for a, b in zip(bounds[:-1], bounds[1:])]
+        travel = float(np.sqrt(np.mean([np.var(path) for path in paths])))
+        if speed == 0 or travel == 0:
+            return []
+        found = []
+        for size in (0.7, 2.0):
+            for share in (0.03, 0.2, 1.0):
+                stiffness = min(size * level / (share * travel), 1.5 * size * level / (fastest * probe.dt))
+                found.append((stiffness, size * level, 1.5 * size * level, 0.3 * speed))
+        return list(dict.fromkeys(found))
+
+
+class HiddenRelaxation(HiddenEffect):
+    """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``."""
+
+    name = "hidden_relaxation"
+    free_start = True
+    parameters = (
+        Parameter("coefficient", low=0.0, unit="dx/dt over v"),
+        Parameter("time_constant", null=1.0, low=TINY, unit="time"),
+    )
+    equation = "- c (v - z), dz/dt = (v - z)/time_constant"
+    signature = "a slow tail after every step; fast changes meet more resistance than slow ones"
+    twins = ("exchange", "linear_loss", "hidden_mode", "sensor_lag", "input_lag")
+    linear = True
+
+    def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
+        """``z(0) = v(0)``."""
+        return [v]
+
+    def rates(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
+    ) -> Sequence[Any]:
+        """``(v - z) / time_constant``."""
+        return [(v - z[0]) / theta[1]]
+
+    def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
+        """``- c (v - z)``."""
+        return -theta[0] * (v - z[0])
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Time constants over two decades, from two samples to the length of a run."""
+        assert probe.v is not None
+        longest = max(probe.duration, 4 * probe.dt)
+        times = [k * probe.dt for k in (2.0, 6.0, 20.0, 60.0, 200.0) if k * probe.dt < longest]
+        return [(probe.unit(probe.v - np.mean(probe.v)), time) for time in times]
+
+
+class HiddenMode(HiddenEffect):
+    """A flexible part or slosh: ``+ c (z - v), z'' = w^2 (v - z) - 2 d w z'``."""
+
+    name = "hidden_mode"
+    n_hidden = 2
+    free_start = True
+    parameters = (
+        Parameter("gain", low=0.0, unit="dx/dt over v"),
+        Parameter("angular_frequency", null=1.0, low=TINY, unit="radian over time"),
+        Parameter("damping", low=0.0),
+    )
+    equation = "+ c (z - v), z'' = w^2 (v - z) - 2 d w z'"
+    signature = "ringing at one frequency after fast changes"
+    twins = ("hidden_relaxation", "periodic_disturbance", "linear_loss", "parameter_error")
+    linear = True
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """The other states: a part hangs on a place and acts on the balance of the speed."""
+        return tuple(name for name in plant.states if name != location)
+
+    def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
+        """``z(0) = v(0), z'(0) = 0``."""
+        return [v, np.zeros_like(v)]
+
+    def rates(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
+    ) -> Sequence[Any]:
+        """``z'`` and ``w^2 (v - z) - 2 d w z'``."""
+        _, w, damping = theta
+        return [z[1], w * w * (v - z[0]) - 2 * damping * w * z[1]]
+
+    def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
+        """``c (z - v)``."""
+        return theta[0] * (z[0] - v)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Eight frequencies from two periods a run to six samples a period, lightly and well damped."""
+        assert probe.v is not None
+        unit = probe.unit(probe.v - np.mean(probe.v))
+        highest = np.pi / (3 * probe.dt)
+        lowest = min(4 * np.pi / max(probe.duration, probe.dt), highest / 2)
+        return [(unit, float(w), damping) for w in np.geomspace(lowest, highest, 8) for damping in (0.05, 0.4)]

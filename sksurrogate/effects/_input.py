@@ -1,0 +1,330 @@
+"""Effects on an input: what the actuator does before the simulator sees it. They act in the order of this file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import InputEffect, Parameter, Probe
+from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
+from sksurrogate.physics._simulator import Plant
+
+__all__ = [
+    "InputBacklash",
+    "InputBias",
+    "InputCoupling",
+    "InputCurve",
+    "InputDeadZone",
+    "InputDelay",
+    "InputGain",
+    "InputLag",
+    "InputQuantization",
+    "InputSaturation",
+    "RateLimit",
+    "levels_inside",
+    "quantize",
+    "step_sizes",
+    "times",
+]
+
+#: Steps smaller than this share of the signal round nothing that can be seen.
+COARSEST, FINEST = 1.0, 24.0
+
+
+def quantize(u: np.ndarray, step: Any) -> np.ndarray:
+    """``c round(u / c)``; u itself where c is 0.
+
+    Examples
+    --------
+    >>> quantize(np.array([0.2, 0.9]), 0.5)
+    array([0., 1.])
+    """
+    step = np.abs(step)
+    return np.where(step > 0, step * np.round(u / np.where(step > 0, step, 1.0)), u)
+
+
+def times(probe: Probe) -> list[tuple[float, ...]]:
+    """Delays and time constants to try: 0.3 to 30 samples."""
+    longest = max(probe.duration / 3, probe.dt)
+    return [(k * probe.dt,) for k in (0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0) if k * probe.dt <= longest]
+
+
+def step_sizes(signal: np.ndarray) -> list[tuple[float, ...]]:
+    """Steps of a quantisation to try: 1 to 24 steps to the largest value.
+
+    Close together: a step that is off shifts the rounding of large values by a whole step.
+    """
+    largest = float(np.max(np.abs(signal), initial=0.0))
+    counts = np.r_[np.arange(COARSEST, 10.0, 0.5), np.arange(10.0, FINEST + 1)]
+    return [(largest / float(count),) for count in counts] if largest > 0 else []
+
+
+def levels_inside(signal: np.ndarray) -> list[tuple[float, ...]]:
+    """Limits to try: just below the quantiles of the reached range, so that a signal of few levels reaches them too."""
+    found = np.quantile(signal, (0.998, 0.97, 0.9, 0.75, 0.5))
+    spread = float(np.ptp(signal))
+    limits = dict.fromkeys(float(value - 0.03 * spread) for value in found)
+    return [(limit,) for limit in limits if spread > 0 and np.any(signal > limit)]
+
+
+class InputGain(InputEffect):
+    """The actuator's gain is off: ``(1 + c) u``."""
+
+    name = "input_gain"
+    order = 0
+    parameters = (Parameter("relative_error"),)
+    equation = "(1 + c) u"
+    signature = "a scaled copy of the response to this input"
+    twins = ("sensor_gain", "parameter_error", "linear_loss", "input_saturation")
+    linear = True
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``(1 + c) u``."""
+        factor = 1 + theta[0]
+        return Signal(factor * u.mean, None if u.half is None else factor * u.half)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth."""
+        return [(0.1,)]
+
+
+class InputBias(InputEffect):
+    """The actuator has an offset: ``u + c``."""
+
+    name = "input_bias"
+    order = 1
+    parameters = (Parameter("value", unit="u"),)
+    equation = "u + c"
+    signature = "a transient after the start of every run that settles at an offset"
+    twins = ("constant_bias", "sensor_bias", "parameter_error")
+    linear = True
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``u + c``."""
+        return Signal(u.mean + theta[0], u.half)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the input's size."""
+        return [(0.1 * _size(probe.x),)]
+
+
+class InputCurve(InputEffect):
+    """The characteristic of a valve or thruster is bent: ``u + c u abs(u)``."""
+
+    name = "input_curve"
+    order = 2
+    parameters = (Parameter("coefficient", unit="1 over u"),)
+    equation = "u + c u abs(u)"
+    signature = "a gain that depends on the amplitude of the input"
+    twins = ("input_gain", "input_saturation", "input_dead_zone", "bilinear")
+    linear = True
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``u + c u abs(u)``."""
+        return pointwise(lambda value: value + theta[0] * value * np.abs(value), u)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth at the input's size."""
+        return [(0.1 / _size(probe.x),)]
+
+
+class InputCoupling(InputEffect):
+    """Another input leaks in: ``u + c v``."""
+
+    name = "input_coupling"
+    order = 3
+    parameters = (Parameter("coefficient", unit="u over v"),)
+    equation = "u + c v, v another input"
+    signature = "a residual that follows another input through this one's path"
+    twins = ("linear_loss", "sensor_coupling", "parameter_error")
+    linear = True
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """The other inputs."""
+        return tuple(name for name in plant.inputs if name != location)
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``u + c v``."""
+        assert v is not None
+        half = u.half if v.half is None else theta[0] * v.half + (0.0 if u.half is None else u.half)
+        return Signal(u.mean + theta[0] * v.mean, half)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of this input at the other one's size."""
+        assert probe.v is not None
+        return [(0.1 * _size(probe.x) / _size(probe.v),)]
+
+
+class InputDeadZone(InputEffect):
+    """Small inputs do nothing: ``sign(u) max(abs(u) - c, 0)``."""
+
+    name = "input_dead_zone"
+    order = 4
+    parameters = (Parameter("half_width", low=0.0, unit="u"),)
+    equation = "sign(u) max(abs(u) - c, 0)"
+    signature = "no response to small inputs, a constant lack with large ones"
+    twins = ("coulomb_friction", "input_gain", "input_backlash", "input_quantization")
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``u - clip(u, -c, c)``."""
+        width = np.maximum(theta[0], 0.0)
+        return pointwise(lambda value: value - np.clip(value, -width, width), u)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Parts of the largest input."""
+        largest = float(np.max(np.abs(probe.x), initial=0.0))
+        return [(share * largest,) for share in (0.03, 0.1, 0.25, 0.5)] if largest > 0 else []
+
+
+class InputBacklash(InputEffect):
+    """Play in a gear: the output stays until the input has crossed twice the half width; it starts at the first value."""
+
+    name = "input_backlash"
+    order = 5
+    parameters = (Parameter("half_width", low=0.0, unit="u"),)
+    equation = "play operator of half width c: w = clip(w before, u - c, u + c), w(0) = u(0)"
+    signature = "lag at reversals only, the less the larger the input"
+    twins = ("input_delay", "input_lag", "coulomb_friction", "input_dead_zone", "hysteresis")
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """Play."""
+        return play(u, np.maximum(theta[0], 0.0), starts)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Parts of half the range."""
+        half = float(np.ptp(probe.x)) / 2
+        return [(share * half,) for share in (0.03, 0.1, 0.25, 0.5)] if half > 0 else []
+
+
+class InputSaturation(InputEffect):
+    """The actuator has limits: ``clip(u, -c, c)``."""
+
+    name = "input_saturation"
+    order = 6
+    parameters = (Parameter("limit", null=np.inf, low=0.0, unit="u"),)
+    equation = "clip(u, -c, c)"
+    signature = "nothing until the input is large, then a lack that grows with it"
+    twins = ("input_gain", "input_curve", "rate_limit", "sensor_saturation", "state_saturation")
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``clip(u, -c, c)``."""
+        limit = np.maximum(theta[0], 0.0)
+        return pointwise(lambda value: np.clip(value, -limit, limit), u)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Limits within the reached range."""
+        size = np.abs(probe.x)
+        limits = [*levels_inside(size), (0.6 * float(np.max(size, initial=0.0)),)]
+        return [start for start in dict.fromkeys(limits) if start[0] > 0]
+
+
+class RateLimit(InputEffect):
+    """The actuator follows at a limited speed: ``abs(du/dt) <= c``; it starts at the first value."""
+
+    name = "rate_limit"
+    order = 7
+    parameters = (Parameter("limit", null=np.inf, low=0.0, unit="u over time"),)
+    equation = "abs(dw/dt) <= c towards u, w(0) = u(0)"
+    signature = "errors after large moves only, none after small ones"
+    twins = ("input_lag", "input_delay", "input_saturation")
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """Ramps towards u."""
+        return rate_limit(u, np.maximum(theta[0], 0.0), h, starts)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A large move takes from less than one to 25 samples."""
+        moves = np.delete(np.abs(np.diff(probe.x)), probe.starts[1:] - 1)
+        moves = moves[moves > 0]
+        if not len(moves):
+            return []
+        large = float(np.quantile(moves, 0.9))
+        return [(large / (k * probe.dt),) for k in (0.6, 1.5, 4.0, 10.0, 25.0)]
+
+
+class InputQuantization(InputEffect):
+    """The actuator moves in steps: ``c round(u / c)``."""
+
+    name = "input_quantization"
+    order = 8
+    parameters = (Parameter("step", low=0.0, unit="u"),)
+    equation = "c round(u / c)"
+    signature = "a saw tooth in the input that never exceeds half a step"
+    twins = ("input_dead_zone", "sensor_quantization")
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``c round(u / c)``."""
+        return pointwise(lambda value: quantize(value, theta[0]), u)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """From one step to 24 steps to the largest input."""
+        return step_sizes(probe.x)
+
+
+class InputDelay(InputEffect):
+    """The input arrives late: ``u(t - c)``; before the first row its value."""
+
+    name = "input_delay"
+    order = 9
+    parameters = (Parameter("delay", low=0.0, unit="time"),)
+    equation = "u(t - c)"
+    signature = "minus the delay times the slope of the response: largest right after edges"
+    twins = ("sensor_delay", "input_lag", "sensor_lag", "input_backlash")
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``u(t - c)``."""
+        return delay(u, theta[0], h, starts)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """0.3 to 30 samples."""
+        return times(probe)
+
+
+class InputLag(InputEffect):
+    """The actuator is slow: ``c dw/dt + w = u, w(0) = u(0)``."""
+
+    name = "input_lag"
+    order = 10
+    parameters = (Parameter("time_constant", low=0.0, unit="time"),)
+    equation = "c dw/dt + w = u, w(0) = u(0)"
+    signature = "errors after edges that die out; fast inputs arrive weaker"
+    twins = ("sensor_lag", "input_delay", "sensor_delay", "rate_limit", "parameter_error")
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """First-order lag."""
+        return lag(u, theta[0], h, starts)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """0.3 to 30 samples."""
+        return times(probe)
+
+
+def _size(signal: np.ndarray) -> float:
+    """Root mean square, 1 where the signal is nil."""
+    size = float(np.sqrt(np.mean(np.square(signal)))) if signal.size else 0.0
+    return size if size > 0 else 1.0

@@ -1,0 +1,320 @@
+"""Effects on an output: what the sensor makes of it. They act in the order of this file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
+from sksurrogate.effects._input import levels_inside, quantize, step_sizes, times
+from sksurrogate.kernels.banded import first_order_scan
+from sksurrogate.physics._simulator import Plant
+
+__all__ = [
+    "SensorBias",
+    "SensorCoupling",
+    "SensorDelay",
+    "SensorDrift",
+    "SensorGain",
+    "SensorLag",
+    "SensorNonlinearity",
+    "SensorQuantization",
+    "SensorRectification",
+    "SensorSaturation",
+    "lag_moments",
+]
+
+#: Nodes and weights on [0, 1]: exact for the smooth kernels of lags longer than a sample.
+_GAUSS = np.polynomial.legendre.leggauss(12)
+_NODES, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
+
+
+def lag_moments(ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What a first-order lag makes of 1, s, s^2, s^3 over one sample, s from 0 to 1.
+
+    Parameters
+    ----------
+    ratio : ndarray (n_columns, 1)
+        Time constant over sample time, >= 0.
+
+    Returns
+    -------
+    moments : ndarray (4, n_columns, 1)
+        ``integral of exp(-(1 - s) / ratio) / ratio * s^j``.
+    decay : ndarray (n_columns, 1)
+        ``exp(-1 / ratio)``.
+    decay_rate : ndarray (n_columns, 1)
+        ``exp(-1 / ratio) / ratio``.
+    """
+    k = np.maximum(ratio, 1e-15)
+    decay = np.exp(-1.0 / k)
+    moments = np.empty((4, *k.shape))
+    moments[0] = -np.expm1(-1.0 / k)
+    for j in (1, 2, 3):  # by parts; cancels where the lag is long, hence the quadrature there
+        moments[j] = 1.0 - j * k * moments[j - 1]
+    kernel = np.exp(-(1 - _NODES) / np.maximum(k, 0.5)) / np.maximum(k, 0.5) * _WEIGHTS
+    for j in (1, 2, 3):
+        moments[j] = np.where(k > 0.5, np.sum(kernel * _NODES**j, axis=-1, keepdims=True), moments[j])
+    return moments, decay, decay / k
+
+
+def _pieces(path: SensorPath, dt: float) -> np.ndarray:
+    """Coefficients of 1, s, s^2, s^3 of the cubic from every row to the next: (4, n_columns, n_samples - 1)."""
+    y, following = path.y[:, :-1], path.y[:, 1:]
+    m0, m1 = dt * path.right[:, :-1], dt * path.left[:, 1:]
+    rise = following - y
+    return np.stack([y, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise])
+
+
+class SensorLag(SensorEffect):
+    """A slow sensor: ``c dw/dt + w = y`` in continuous time, ``w(0) = y(0)``."""
+
+    name = "sensor_lag"
+    order = 0
+    memory = True
+    parameters = (Parameter("time_constant", low=0.0, unit="time"),)
+    equation = "c dw/dt + w = y, w(0) = y(0)"
+    signature = "edges and fast swings are smoothed in this output alone"
+    twins = ("input_lag", "sensor_delay", "input_delay", "hidden_relaxation")
+    linear = False
+
+    def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+        """The lag solved exactly along the cubic pieces of the path.
+
+        The pieces handed on keep the end values, the slopes before the samples and the means of the exact solution.
+        """
+        ratio = np.maximum(np.reshape(theta[0], (-1, 1)), 0.0) / dt
+        path = SensorPath(*np.broadcast_arrays(path.y, path.right, path.left))
+        a = _pieces(path, dt)
+        moments, decay, decay_rate = lag_moments(ratio)
+        n_columns, n_samples = max(len(path.y), len(ratio)), path.y.shape[1]
+        within = np.ones(n_samples - 1, dtype=bool)
+        within[starts[1:] - 1] = False
+        b = np.broadcast_to(path.y, (n_columns, n_samples)).copy()
+        b[:, 1:][:, within] = np.sum(moments[:, :, :] * a, axis=0)[:, within]
+        w = np.empty_like(b)
+        for c in range(n_columns):
+            w[c] = first_order_scan(float(decay[c if len(decay) > 1 else 0, 0]), b[c], starts)
+        before, later = w[:, :-1], w[:, 1:]
+        # dt w' at the end of a piece, (y - w) / ratio without the division by a small ratio.
+        end = a[1] * moments[0] + 2 * a[2] * moments[1] + 3 * a[3] * moments[2] + (a[0] - before) * decay_rate
+        mean = a[0] + a[1] / 2 + a[2] / 3 + a[3] / 4 - ratio * (later - before)
+        first = end + 12 * (mean - (before + later) / 2)
+        right, left = np.zeros_like(w), np.zeros_like(w)
+        right[:, :-1][:, within] = (first / dt)[:, within]
+        left[:, 1:][:, within] = (end / dt)[:, within]
+        left[:, starts] = right[:, starts]
+        ends = np.r_[starts[1:], n_samples] - 1
+        right[:, ends] = left[:, ends]
+        return SensorPath(w, right, left)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """0.3 to 30 samples."""
+        return times(probe)
+
+
+class SensorDelay(SensorEffect):
+    """A reading that comes late: ``y(t - c)``; before the first row its value."""
+
+    name = "sensor_delay"
+    order = 1
+    memory = True
+    parameters = (Parameter("delay", low=0.0, unit="time"),)
+    equation = "y(t - c)"
+    signature = "minus the delay times the slope of the output, from the first row on"
+    twins = ("input_delay", "sensor_lag", "input_lag")
+    linear = False
+
+    def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+        """The cubic piece in which ``t - c`` lies, exactly there."""
+        shift = np.maximum(np.reshape(theta[0], (-1, 1)), 0.0) / dt
+        shape = np.broadcast_shapes(path.y.shape, (len(shift), 1))
+        y, right, left = (np.broadcast_to(values, shape) for values in (path.y, path.right, path.left))
+        rows = np.arange(shape[1])
+        first = np.repeat(starts, np.diff(np.r_[starts, shape[1]]))
+        whole = np.floor(shift)
+        s = 1.0 - (shift - whole)  # place within the piece, in (0, 1]
+        piece = rows - np.minimum(whole, shape[1]).astype(int) - 1
+        inside = piece >= first
+        here = np.broadcast_to(np.where(inside, piece, first), shape)
+        last = np.broadcast_to(np.where(inside, piece + 1, first), shape)
+        y0, y1 = np.take_along_axis(y, here, 1), np.take_along_axis(y, last, 1)
+        m0, m1 = dt * np.take_along_axis(right, here, 1), dt * np.take_along_axis(left, last, 1)
+        q = 1.0 - s
+        late = (1 + 2 * s) * q * q * y0 + s * s * (3 - 2 * s) * y1 + s * q * q * m0 - s * s * q * m1
+        slope = (6 * s * q * (y1 - y0) + (1 - 4 * s + 3 * s * s) * m0 + (3 * s * s - 2 * s) * m1) / dt
+        late, before = np.where(inside, late, y0), np.where(inside, slope, 0.0)
+        # At the end of a piece the slope to the right is that of the next one.
+        beyond = np.clip(piece + 1, first, rows)
+        at_node = np.take_along_axis(right, np.broadcast_to(beyond, shape), 1)
+        started = piece + 1 >= first
+        return SensorPath(late, np.where((q == 0) & started, at_node, before), before)
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """0.3 to 30 samples."""
+        return times(probe)
+
+
+class SensorCoupling(SensorEffect):
+    """Another output leaks in: ``y + c v``."""
+
+    name = "sensor_coupling"
+    order = 2
+    parameters = (Parameter("coefficient", unit="y over v"),)
+    equation = "y + c v, v another output"
+    signature = "a residual that follows another output without delay"
+    twins = ("sensor_gain", "input_coupling", "exchange")
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """The other outputs."""
+        return tuple(name for name in plant.outputs if name != location)
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``y + c v``."""
+        return y + theta[0] * v
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of this output at the other one's size."""
+        assert probe.v is not None
+        return [(0.1 * _size(probe.x) / _size(probe.v),)]
+
+
+class SensorNonlinearity(SensorEffect):
+    """A bent characteristic: ``y + c y^2``."""
+
+    name = "sensor_nonlinearity"
+    order = 3
+    parameters = (Parameter("coefficient", unit="1 over y"),)
+    equation = "y + c y^2"
+    signature = "the square of the output, at rest and in motion alike"
+    twins = ("sensor_gain", "sensor_saturation", "quadratic_loss")
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``y + c y^2``."""
+        return y + theta[0] * y * y
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth at the output's size."""
+        return [(0.1 / _size(probe.x),)]
+
+
+class SensorGain(SensorEffect):
+    """A wrong scale: ``(1 + c) y``."""
+
+    name = "sensor_gain"
+    order = 4
+    parameters = (Parameter("relative_error"),)
+    equation = "(1 + c) y"
+    signature = "a scaled copy of the output, its initial value and offset included"
+    twins = ("input_gain", "parameter_error", "sensor_coupling", "sensor_nonlinearity")
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``(1 + c) y``."""
+        return (1 + theta[0]) * y
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth."""
+        return [(0.1,)]
+
+
+class SensorBias(SensorEffect):
+    """A wrong zero: ``y + c``."""
+
+    name = "sensor_bias"
+    order = 5
+    parameters = (Parameter("value", unit="y"),)
+    equation = "y + c"
+    signature = "a constant from the first row on, without transient"
+    twins = ("constant_bias", "input_bias", "sensor_drift")
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``y + c``."""
+        return y + theta[0]
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the output's deviation."""
+        return [(0.1 * (float(np.std(probe.x)) or 1.0),)]
+
+
+class SensorDrift(SensorEffect):
+    """A zero that wanders: ``y + c t``."""
+
+    name = "sensor_drift"
+    order = 6
+    parameters = (Parameter("rate", unit="y over time"),)
+    equation = "y + c t"
+    signature = "a ramp that the plant does not filter"
+    twins = ("drift", "sensor_bias", "parameter_drift")
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``y + c t``."""
+        return y + theta[0] * t
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the output's deviation in the middle of the longest run."""
+        return [(0.2 * (float(np.std(probe.x)) or 1.0) / max(probe.duration, probe.dt),)]
+
+
+class SensorRectification(SensorEffect):
+    """A sensor that loses the sign: ``abs(y)``. It has no parameter: it is there or it is not."""
+
+    name = "sensor_rectification"
+    order = 7
+    parameters = ()
+    equation = "abs(y)"
+    signature = "a mirror image wherever the output is negative"
+    twins = ("sensor_nonlinearity",)
+    linear = False
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``abs(y)``."""
+        return np.abs(y)
+
+
+class SensorSaturation(SensorEffect):
+    """A sensor that ends: ``min(y, c)``."""
+
+    name = "sensor_saturation"
+    order = 8
+    parameters = (Parameter("limit", null=np.inf, unit="y"),)
+    equation = "min(y, c)"
+    signature = "flat tops in this output while the others move on"
+    twins = ("state_saturation", "sensor_nonlinearity", "overflow")
+    linear = False
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``min(y, c)``."""
+        return np.minimum(y, theta[0])
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Limits within the reached range."""
+        return levels_inside(probe.x)
+
+
+class SensorQuantization(SensorEffect):
+    """A sensor that reads in steps: ``c round(y / c)``."""
+
+    name = "sensor_quantization"
+    order = 9
+    parameters = (Parameter("step", low=0.0, unit="y"),)
+    equation = "c round(y / c)"
+    signature = "readings on a grid; a saw tooth that never exceeds half a step"
+    twins = ("input_quantization",)
+    linear = False
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``c round(y / c)``."""
+        return quantize(y, theta[0])
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """From one step to 24 steps to the largest reading."""
+        return step_sizes(probe.x)
+
+
+def _size(signal: np.ndarray) -> float:
+    """Root mean square, 1 where the signal is nil."""
+    size = float(np.sqrt(np.mean(np.square(signal)))) if signal.size else 0.0
+    return size if size > 0 else 1.0
