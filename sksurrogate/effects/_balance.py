@@ -1,4 +1,4 @@
-"""Effects on the balance of a state: a term is missing in dx/dt, or the state has a limit."""
+"""Effects on the balance of a state: a term of states and inputs is missing in dx/dt."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, LimitEffect, Parameter, Probe
-from sksurrogate.effects._parameter import JUMPS
-from sksurrogate.effects._smooth import TINY, after, positive, sign
+from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
+from sksurrogate.effects._smooth import TINY, positive, sign
 from sksurrogate.physics._simulator import Plant
 
 __all__ = [
@@ -19,44 +18,22 @@ __all__ = [
     "ConstantBias",
     "CoulombFriction",
     "CubicStiffness",
-    "Drift",
     "EndStop",
     "Exchange",
     "GravityTilt",
     "LinearLoss",
-    "Overflow",
-    "PeriodicDisturbance",
     "PowerLaw",
     "QuadraticDrag",
     "QuadraticLoss",
     "Radiation",
     "SqrtLeak",
-    "StateSaturation",
-    "StepDisturbance",
     "StribeckFriction",
-    "frequencies",
 ]
-
-#: Places on the reached range at which limits and edges are tried: 0.998 rather than 1 because a run may begin above a limit.
-LEVELS = (0.998, 0.97, 0.9, 0.75, 0.5)
 
 
 def _others(names: Sequence[str], location: str) -> tuple[str, ...]:
     """Names without that of the location."""
     return tuple(name for name in names if name != location)
-
-
-def frequencies(duration: float, dt: float, most: int = 80) -> np.ndarray:
-    """Angular frequencies at which a record of that duration can show a line: its harmonics up to pi / (3 dt).
-
-    Neighbours are one resolution (2 pi / duration) apart, so that every frequency lies in the main lobe of one; above
-    ``most`` lines, geometrically spaced from where they would be too many.
-    """
-    lowest, highest = 2 * np.pi / max(duration, 6 * dt), np.pi / (3 * dt)
-    count = int(highest / lowest)
-    if count <= most:
-        return lowest * np.r_[0.5, 0.75, np.arange(1, max(count, 1) + 1)]
-    return lowest * np.r_[0.5, 0.75, np.unique(np.round(np.geomspace(1, count, 2 * most)))][: 2 * most]
 
 
 class ConstantBias(BalanceEffect):
@@ -125,7 +102,14 @@ class CoulombFriction(BalanceEffect):
     parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
     equation = "- c sign(v)"
     signature = "a square wave with the sign of v; free motion stops in finite time; worst at small amplitudes"
-    twins = ("asymmetric_friction", "stribeck_friction", "linear_loss", "lugre_friction", "input_dead_zone", "input_backlash")
+    twins = (
+        "asymmetric_friction",
+        "stribeck_friction",
+        "linear_loss",
+        "lugre_friction",
+        "input_dead_zone",
+        "input_backlash",
+    )
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``- c sign(v)``."""
@@ -171,7 +155,10 @@ class StribeckFriction(BalanceEffect):
         assert probe.v is not None
         speed = float(np.sqrt(np.mean(probe.v**2)))
         level = probe.unit(np.sign(probe.v))
-        return [(size * level, ratio * size * level, s * speed) for size in (0.5, 2.0) for ratio in (2.0, 0.5) for s in (0.15, 0.6) if speed > 0]
+        if speed == 0:
+            return []
+        levels = (0.5 * level, 2 * level)
+        return [(c, ratio * c, share * speed) for c in levels for ratio in (2.0, 0.5) for share in (0.15, 0.6)]
 
 
 class CubicStiffness(BalanceEffect):
@@ -212,7 +199,10 @@ class PowerLaw(BalanceEffect):
 
     name = "power_law"
     drivers = ("state",)
-    parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^m (w)"), Parameter("exponent", null=1.0, low=0.05, high=8.0))
+    parameters = (
+        Parameter("coefficient", low=0.0, unit="dx/dt over v^m (w)"),
+        Parameter("exponent", null=1.0, low=0.05, high=8.0),
+    )
     equation = "- c v^m, v >= 0 (- c v^m w for v*w)"
     signature = "a loss that is no straight line in the level: kinetics, valves, natural convection"
     twins = ("linear_loss", "sqrt_leak", "quadratic_loss", "bilinear", "parameter_error")
@@ -227,8 +217,8 @@ class PowerLaw(BalanceEffect):
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
         """Any state; products of the location's state with another (a reaction that uses it up), either one raised."""
-        products = [pair for other in _others(plant.states, location) for pair in (f"{location}*{other}", f"{other}*{location}")]
-        return (*plant.states, *products)
+        others = _others(plant.states, location)
+        return (*plant.states, *(f"{location}*{w}" for w in others), *(f"{w}*{location}" for w in others))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Exponents below and above one; none where v never is positive."""
@@ -327,118 +317,3 @@ class EndStop(BalanceEffect):
         assert probe.v is not None
         edges = probe.quantiles(probe.v, 0.97, 0.9, 0.75, 0.5, 0.25)
         return [(probe.unit(np.maximum(probe.v - edge, 0.0)), edge) for edge in edges if np.any(probe.v > edge)]
-
-
-class StateSaturation(LimitEffect):
-    """A hard limit: ``x <= c``."""
-
-    name = "state_saturation"
-    parameters = (Parameter("limit", null=np.inf, unit="x"),)
-    equation = "x <= c"
-    signature = "flat tops of the state at one level"
-    twins = ("overflow", "end_stop", "sensor_saturation", "input_saturation")
-
-    def clip(
-        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """``min(x, c)``."""
-        return np.minimum(x, theta[0]), None
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Limits at quantiles of the reached range."""
-        return [(limit,) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
-
-
-class Overflow(LimitEffect):
-    """A vessel that spills: ``x <= c``; a share of what is cut off is added to dv/dt."""
-
-    name = "overflow"
-    parameters = (Parameter("limit", null=np.inf, unit="x"), Parameter("share", low=0.0, unit="v over x"))
-    equation = "x <= c; a share of what is cut off is added to dv/dt"
-    signature = "flat tops of one state while another rises faster"
-    twins = ("state_saturation", "end_stop", "exchange")
-
-    @classmethod
-    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """The other states."""
-        return _others(plant.states, location)
-
-    def clip(
-        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """``min(x, c)``; at the end of a substep ``v + share (x - min(x, c))``."""
-        limited = np.minimum(x, theta[0])
-        return limited, v + theta[1] * (x - limited) if final and v is not None else None
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Limits at quantiles of the reached range; half of it spills over."""
-        return [(limit, 0.5) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
-
-
-class Drift(BalanceEffect):
-    """A force or flow that grows with time: ``+ c t``."""
-
-    name = "drift"
-    drivers = ()
-    parameters = (Parameter("rate", unit="dx/dt over time"),)
-    equation = "+ c t"
-    signature = "a residual that grows through the run, filtered by the plant"
-    twins = ("sensor_drift", "constant_bias", "parameter_drift", "step_disturbance")
-
-    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``c t``."""
-        return theta[0] * t + np.zeros_like(x)
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """A tenth of the balance in the middle of the longest run."""
-        return [(probe.unit(np.ones(1)) * 2 / max(probe.duration, probe.dt),)]
-
-
-class PeriodicDisturbance(BalanceEffect):
-    """An unmeasured oscillation: ``+ c sin(w t + phase)``."""
-
-    name = "periodic_disturbance"
-    drivers = ()
-    parameters = (
-        Parameter("amplitude", unit="dx/dt"),
-        Parameter("angular_frequency", null=1.0, low=0.0, unit="radian over time"),
-        Parameter("phase", unit="radian"),
-    )
-    equation = "+ c sin(w t + phase)"
-    signature = "a line in the spectrum of the residual that the input does not have"
-    twins = ("drift", "hidden_mode")
-
-    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``c sin(w t + phase)``."""
-        return theta[0] * np.sin(theta[1] * t + theta[2]) + np.zeros_like(x)
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Sine and cosine at every frequency that the longest run resolves."""
-        unit = probe.unit(np.ones(1))
-        return [(unit, float(w), phase) for w in frequencies(probe.duration, probe.dt) for phase in (0.0, np.pi / 2)]
-
-    def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
-        """Amplitude >= 0, phase in (-pi, pi]; while it is fitted both are free, or the fit would stick at a border."""
-        amplitude, frequency, phase = theta
-        turned = phase + (np.pi if amplitude < 0 else 0.0)
-        return abs(amplitude), frequency, float(np.pi - np.mod(np.pi - turned, 2 * np.pi))
-
-
-class StepDisturbance(BalanceEffect):
-    """A load that sets in: ``+ c`` after ``t0``."""
-
-    name = "step_disturbance"
-    drivers = ()
-    parameters = (Parameter("size", unit="dx/dt"), Parameter("time", unit="time"))
-    equation = "+ c after t0"
-    signature = "no residual before one moment, a transient and an offset after it"
-    twins = ("constant_bias", "parameter_step", "drift")
-
-    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``c`` after ``t0``."""
-        return theta[0] * after(t, theta[1], width) + np.zeros_like(x)
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Fifteen times."""
-        unit = probe.unit(np.ones(1))
-        return [(unit, share * probe.duration) for share in JUMPS]

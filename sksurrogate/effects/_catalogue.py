@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects import _balance as balance
+from sksurrogate.effects import _disturbance as disturbance
 from sksurrogate.effects import _hidden as hidden
 from sksurrogate.effects import _input as actuator
+from sksurrogate.effects import _limit as limit
 from sksurrogate.effects import _parameter as parameter
 from sksurrogate.effects import _sensor as sensor
 from sksurrogate.effects._effect import BaseEffect
@@ -39,11 +41,11 @@ _ORDER: tuple[type[BaseEffect], ...] = (
     balance.Bilinear,
     balance.GravityTilt,
     balance.EndStop,
-    balance.StateSaturation,
-    balance.Overflow,
-    balance.Drift,
-    balance.PeriodicDisturbance,
-    balance.StepDisturbance,
+    limit.StateSaturation,
+    limit.Overflow,
+    disturbance.Drift,
+    disturbance.PeriodicDisturbance,
+    disturbance.StepDisturbance,
     hidden.Hysteresis,
     hidden.LugreFriction,
     hidden.HiddenRelaxation,
@@ -124,8 +126,11 @@ def _instances(item: Any, plant: Plant, balances: Sequence[str]) -> Iterable[Bas
     if isinstance(item, str):
         if item not in CATALOGUE:
             close = difflib.get_close_matches(item, CATALOGUE, n=3, cutoff=0.4)
-            hint = f"did you mean {' or '.join(repr(name) for name in close)}?" if close else f"known are {list(CATALOGUE)}."
-            raise ValueError(f"effects: {item!r} is not in the catalogue; {hint} An effect of your own goes in as a class or instance.")
+            hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"known are {list(CATALOGUE)}."
+            raise ValueError(
+                f"effects: {item!r} is not in the catalogue; {hint} "
+                "An effect of your own goes in as a class or an instance."
+            )
         return CATALOGUE[item].instances(plant, balances)
     if inspect.isclass(item) and issubclass(item, BaseEffect):
         return item.instances(plant, balances)
@@ -147,15 +152,20 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
     ------
     ValueError
     """
-    places = {"parameter": tuple(plant.params), "state": plant.states, "input": plant.inputs, "output": plant.outputs}[effect.kind]
+    named = {"parameter": tuple(plant.params), "state": plant.states, "input": plant.inputs, "output": plant.outputs}
+    places = named[effect.kind]
     if effect.location not in places:
-        raise ValueError(f"{effect!r}: location={effect.location!r} is no {effect.kind} of the simulator, which has {list(places)}.")
+        raise ValueError(
+            f"{effect!r}: location={effect.location!r} is no {effect.kind} of the simulator: {list(places)}."
+        )
     if effect.variable is None:
         return
-    signals = plant.outputs if effect.kind == "output" else plant.inputs if effect.kind == "input" else plant.states + plant.inputs
+    signals = named[effect.kind] if effect.kind in ("input", "output") else plant.states + plant.inputs
     for name in effect.variable.split("*"):
         if name not in signals:
-            raise ValueError(f"{effect!r}: variable={effect.variable!r} needs signals of the simulator, which has {list(signals)}.")
+            raise ValueError(
+                f"{effect!r}: variable={effect.variable!r} is made of signals of the simulator: {list(signals)}."
+            )
 
 
 def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> tuple[str, ...]:

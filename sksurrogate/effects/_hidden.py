@@ -15,10 +15,13 @@ __all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
 
 
 class Hysteresis(HiddenEffect):
-    """Bouc-Wen hysteresis: ``- c z, dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2)``, ``z(0) = 0``, ``v' = dv/dt``."""
+    """Bouc-Wen hysteresis: ``- c z``, ``dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2)``, ``z(0) = 0``."""
 
     name = "hysteresis"
-    parameters = (Parameter("stiffness", low=0.0, unit="dx/dt over v"), Parameter("limit", null=1.0, low=TINY, unit="v"))
+    parameters = (
+        Parameter("stiffness", low=0.0, unit="dx/dt over v"),
+        Parameter("limit", null=1.0, low=TINY, unit="v"),
+    )
     equation = "- c z, dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2), z(0) = 0"
     signature = "a loop that is the same at any speed; a restoring force that yields"
     twins = ("coulomb_friction", "lugre_friction", "linear_loss", "input_backlash")
@@ -36,7 +39,7 @@ class Hysteresis(HiddenEffect):
         return -theta[0] * z[0]
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Limits between a small part of the movement of v and more than all of it; the force a tenth of the balance."""
+        """Limits between a small part of the movement of v and more than all of it."""
         assert probe.v is not None
         size = float(np.std(probe.v))
         found = []
@@ -81,9 +84,8 @@ class LugreFriction(HiddenEffect):
         assert probe.v is not None
         speed, fastest = float(np.sqrt(np.mean(probe.v**2))), float(np.max(np.abs(probe.v)))
         level = probe.unit(np.sign(probe.v))
-        bounds = np.r_[probe.starts, len(probe.v)]
-        paths = [np.cumsum(probe.v[a:b]) * probe.dt for a, b in zip(bounds[:-1], bounds[1:])]
-        travel = float(np.sqrt(np.mean([np.var(path) for path in paths])))
+        runs = np.split(probe.v, probe.starts[1:])
+        travel = float(np.sqrt(np.mean([np.var(np.cumsum(run) * probe.dt) for run in runs])))
         if speed == 0 or travel == 0:
             return []
         found = []

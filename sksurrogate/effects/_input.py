@@ -190,7 +190,7 @@ class InputDeadZone(InputEffect):
 
 
 class InputBacklash(InputEffect):
-    """Play in a gear: the output stays until the input has crossed twice the half width; it starts at the first value."""
+    """Play in a gear: the output stays until the input has crossed twice the half width."""
 
     name = "input_backlash"
     order = 5

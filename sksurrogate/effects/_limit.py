@@ -1,0 +1,62 @@
+"""Effects on a state that cannot pass a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import LimitEffect, Parameter, Probe
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["Overflow", "StateSaturation"]
+
+#: Quantiles of the reached range at which limits are tried: not the maximum, for a run may begin above a limit.
+LEVELS = (0.998, 0.97, 0.9, 0.75, 0.5)
+
+
+class StateSaturation(LimitEffect):
+    """A hard limit: ``x <= c``."""
+
+    name = "state_saturation"
+    parameters = (Parameter("limit", null=np.inf, unit="x"),)
+    equation = "x <= c"
+    signature = "flat tops of the state at one level"
+    twins = ("overflow", "end_stop", "sensor_saturation", "input_saturation")
+
+    def clip(
+        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """``min(x, c)``."""
+        return np.minimum(x, theta[0]), None
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Limits at quantiles of the reached range."""
+        return [(limit,) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
+
+
+class Overflow(LimitEffect):
+    """A vessel that spills: ``x <= c``; a share of what is cut off is added to dv/dt."""
+
+    name = "overflow"
+    parameters = (Parameter("limit", null=np.inf, unit="x"), Parameter("share", low=0.0, unit="v over x"))
+    equation = "x <= c; a share of what is cut off is added to dv/dt"
+    signature = "flat tops of one state while another rises faster"
+    twins = ("state_saturation", "end_stop", "exchange")
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """The other states."""
+        return tuple(name for name in plant.states if name != location)
+
+    def clip(
+        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """``min(x, c)``; at the end of a substep ``v + share (x - min(x, c))``."""
+        limited = np.minimum(x, theta[0])
+        return limited, v + theta[1] * (x - limited) if final and v is not None else None
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Limits at quantiles of the reached range; half of it spills over."""
+        return [(limit, 0.5) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
