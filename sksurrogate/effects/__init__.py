@@ -13,9 +13,11 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
+from sksurrogate.effects._simulator import AugmentedSimulator
 
 __all__ = [
     "CATALOGUE",
+    "AugmentedSimulator",
     "BalanceEffect",
     "BaseEffect",
     "HiddenEffect",

@@ -1,0 +1,157 @@
+"""Free runs of an augmented model: substeps chosen by their error, Newton over time, scipy where it is stiff."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from sksurrogate.effects._effect import BalanceEffect
+from sksurrogate.effects._model import BoundModel
+from sksurrogate.kernels.integrate import close
+from sksurrogate.physics._free_run import TOLERANCE
+
+__all__ = ["augmented_states"]
+
+#: Sharp kinks want many substeps; all samples take them at once, so that this is bearable.
+MOST_SUBSTEPS = 192
+#: Substeps of the inputs where scipy integrates between them.
+STIFF_SUBSTEPS = 4
+
+Build = Callable[..., BoundModel]
+
+
+def augmented_states(
+    build: Build, X0: np.ndarray, scale: np.ndarray | None, method: str
+) -> tuple[np.ndarray, BoundModel]:
+    """States of all runs.
+
+    Parameters
+    ----------
+    build : callable ``build(n_sub, scale, bare=False) -> BoundModel``
+        ``bare`` leaves the effects out.
+    X0 : ndarray (n_nominal_states, n_runs)
+    scale : ndarray (n_nominal_states,) or None
+        Sizes of the states; None: those of the free run without effects.
+    method : str
+        "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
+
+    Returns
+    -------
+    X : ndarray (n_states, n_samples)
+        Not finite from where a run diverges.
+    bound : BoundModel
+        The model that made them.
+    """
+    unit = np.ones(len(X0))
+    if scale is None:
+        bare = build(2, unit, bare=True)
+        scale = _sizes(_march(bare, X0)) if _smooths(build(1, unit)) else unit
+    if build(1, scale).a.plant.access == "step":
+        bound = build(STIFF_SUBSTEPS, scale)
+        return _march(bound, X0), bound
+    if method not in ("auto", "RK4"):
+        bound = build(STIFF_SUBSTEPS, scale)
+        return _adaptive(bound, X0, method), bound
+    X, bound = _explicit(build, X0, scale)
+    if method == "auto" and (bound.a.n_sub > MOST_SUBSTEPS or not np.all(np.isfinite(X))):
+        stiff = build(STIFF_SUBSTEPS, scale)
+        return _adaptive(stiff, X0, "LSODA"), stiff
+    return X, bound
+
+
+def _smooths(bound: BoundModel) -> bool:
+    """Whether an effect smooths a kink over the size of a signal."""
+    return any(isinstance(effect, BalanceEffect) and effect.variable for effect in bound.a.effects)
+
+
+def _sizes(X: np.ndarray) -> np.ndarray:
+    """Deviation of every state; its largest value where it does not move, 1 where it is nil or diverges."""
+    spread, largest = np.std(X, axis=1), np.max(np.abs(X), axis=1)
+    size = np.where(spread > 1e-9 * largest, spread, largest)
+    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
+
+
+def _march(bound: BoundModel, X0: np.ndarray) -> np.ndarray:
+    """Free runs by a loop over time, all runs of equal length abreast."""
+    starts, n_samples = bound.record.starts, bound.record.n_samples
+    length = n_samples // len(starts)
+    x = bound.start(X0[:, None])
+    out = np.empty((len(x), n_samples))
+    out[:, starts] = x[:, 0]
+    for k in range(length - 1):
+        x = bound(x, starts + k)
+        out[:, starts + k + 1] = x[:, 0]
+    return out
+
+
+def _explicit(build: Build, X0: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, BoundModel]:
+    """Runge-Kutta with as many substeps as the local error asks for: a loop over time once, then Newton from there."""
+    n_sub = 2
+    bound = build(n_sub, scale)
+    X = _march(bound, X0)
+    while True:
+        wanted = _substeps_needed(build, bound, X, scale)
+        if wanted <= n_sub or n_sub > MOST_SUBSTEPS:
+            return X, bound
+        n_sub = wanted
+        bound = build(n_sub, scale)
+        closed = False
+        if np.all(np.isfinite(X)):
+            sizes = _sizes(X)
+            near, closed, _ = close(bound, X, bound.record.starts, sizes, 1e-11)
+        X = near if closed else _march(bound, X0)
+
+
+def _substeps_needed(build: Build, bound: BoundModel, X: np.ndarray, scale: np.ndarray) -> int:
+    """Compare one sample in ``n_sub`` and in ``2 n_sub`` substeps, for all samples at once."""
+    n_sub = bound.a.n_sub
+    if not np.all(np.isfinite(X)):
+        return 2 * n_sub
+    once, twice = bound(X[:, None])[:, 0], build(2 * n_sub, scale)(X[:, None])[:, 0]
+    error = np.max(np.abs(once - twice) / np.maximum(np.max(np.abs(X), axis=1), 1e-12)[:, None], axis=0)
+    if not np.all(np.isfinite(error)):
+        return 2 * n_sub
+    # A kink is crossed now and then: it asks for fewer substeps than its own error would.
+    worst = max(float(np.quantile(error, 0.98)), float(np.max(error)) * 1e-3)
+    return n_sub if worst <= TOLERANCE else int(np.ceil(n_sub * min((worst / TOLERANCE) ** 0.25 * 1.1, 8.0)))
+
+
+def _adaptive(bound: BoundModel, X0: np.ndarray, method: str) -> np.ndarray:
+    """scipy's integrator from substep to substep of the inputs, limits at the end of each."""
+    starts, t = bound.record.starts, bound.record.t
+    length = bound.record.n_samples // len(starts)
+    first = bound.start(X0[:, None])
+    out = np.full((len(first), bound.record.n_samples), np.nan)
+    out[:, starts] = first[:, 0]
+    for start in starts:
+        for row in range(start, start + length - 1):
+            out[:, row + 1] = _one_sample(bound, out[:, row], float(t[row]), row, method)
+            if not np.all(np.isfinite(out[:, row + 1])):
+                break
+    return out
+
+
+def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: str) -> np.ndarray:
+    """One sample by scipy's integrator; nan where it gives up."""
+    mean, half, h = bound._mean[..., row], bound._half, bound.h
+    column: Any = (slice(None), slice(0, 1), None)
+    steady = half is None and bool(np.all(mean == mean[:1]))
+    for s in range(1 if steady else len(mean)):
+        width = bound.record.dt if steady else h
+        u, rise = mean[s][column], None if half is None else half[..., row][s][column]
+
+        def rhs(now: float, z: np.ndarray, u=u, rise=rise, begin=t, width=width) -> np.ndarray:
+            acting = u if rise is None else u + (2 * (now - begin) / width - 1) * rise
+            return bound.derivative(np.array([now]), bound.clip(z[:, None, None]), acting)[:, 0, 0]
+
+        try:
+            solution = solve_ivp(rhs, (t, t + width), x, method=method, rtol=1e-8, atol=1e-10)
+        except ValueError:
+            return np.full(len(x), np.nan)  # scipy refuses non-finite states: the caller reports the divergence
+        if not solution.success:
+            return np.full(len(x), np.nan)
+        x, t = bound.clip(solution.y[:, -1][:, None, None], True)[:, 0, 0], t + width
+    return x

@@ -1,0 +1,257 @@
+"""A simulator with effects in it: a simulator again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._catalogue import check_place
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._free_run import augmented_states
+from sksurrogate.effects._model import AugmentedModel, BoundModel
+from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._free_run import raise_if_diverged
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import BaseSimulator, Plant, describe
+
+__all__ = ["AugmentedSimulator"]
+
+
+class AugmentedSimulator(BaseSimulator):
+    """A simulator with effects added and parameters re-tuned.
+
+    Parameters
+    ----------
+    simulator : object with ``simulate``
+    effects : sequence of BaseEffect
+        Instances with their places.
+    values : sequence of dict or tuple
+        For each effect its parameters: ``{"level": 0.3}``, or in the order of ``effect.parameters``.
+    retuned : dict of float, optional
+        Parameters of the simulator that differ from its own.
+    scale : array-like (n_states,), optional
+        Size of every state. Kinks such as sign(v) are smoothed over the size of v divided by ``sharpness``; by default
+        the sizes are those of the free run without effects.
+    sharpness : float, default=500
+        The larger, the sharper the kinks, the smaller the substeps.
+
+    Attributes
+    ----------
+    states, inputs, outputs, params, dt, hold, x0
+        Those of the simulator; ``params`` with the re-tuned values.
+
+    Notes
+    -----
+    ``x0`` holds the states of the simulator; the effects' own states start at rest, filters at their first input.
+    Simulators that only give trajectories take effects on inputs (as means over a sample), sensors and parameters.
+    Effects at their null value leave the simulator as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+    >>> from sksurrogate.physics import ODESimulator
+    >>> def rhs(t, x, u, p):
+    ...     return (u[0] - p["k"] * x[0],)
+    >>> plant = ODESimulator(rhs, states=["x"], inputs=["u"], outputs=["x"], params={"k": 1.0}, dt=0.1)
+    >>> leak = CATALOGUE["linear_loss"]("x", "x")
+    >>> wet = AugmentedSimulator(plant, [leak], [{"coefficient": 1.0}])
+    >>> wet.simulate(np.ones((3, 1))).ravel().round(4)  # (1 - exp(-2 t)) / 2
+    array([0.    , 0.0906, 0.1648])
+    """
+
+    def __init__(
+        self,
+        simulator: Any,
+        effects: Sequence[BaseEffect] = (),
+        values: Sequence[Any] = (),
+        retuned: Mapping[str, float] | None = None,
+        *,
+        scale: Any = None,
+        sharpness: float = 500.0,
+    ):
+        self.simulator = simulator
+        self.effects = effects
+        self.values = values
+        self.retuned = retuned
+        self.scale = scale
+        self.sharpness = sharpness
+
+    # ---- what a simulator shows -------------------------------------------------------------------------------------
+    @property
+    def states(self) -> Any:
+        """Names of the states of the simulator; None where it has none."""
+        return getattr(self.simulator, "states", None)
+
+    @property
+    def inputs(self) -> Any:
+        """Names of the inputs."""
+        return getattr(self.simulator, "inputs", None)
+
+    @property
+    def outputs(self) -> Any:
+        """Names of the outputs."""
+        return getattr(self.simulator, "outputs", None)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Parameters by name, re-tuned."""
+        return {**dict(getattr(self.simulator, "params", None) or {}), **dict(self.retuned or {})}
+
+    @property
+    def dt(self) -> Any:
+        """Sample time."""
+        return getattr(self.simulator, "dt", None)
+
+    @property
+    def hold(self) -> str:
+        """How inputs act between samples."""
+        return str(getattr(self.simulator, "hold", "zoh"))
+
+    @property
+    def x0(self) -> Any:
+        """Initial states by default."""
+        return getattr(self.simulator, "x0", None)
+
+    def set_params(self, **params: Any) -> AugmentedSimulator:
+        """Set constructor arguments, or single parameters of the simulator as ``params__k=2.0``."""
+        single = {key.removeprefix("params__"): params.pop(key) for key in list(params) if key.startswith("params__")}
+        if params:
+            super().set_params(**params)
+        if single:
+            unknown = sorted(set(single) - set(self.params))
+            if unknown:
+                raise ValueError(
+                    f"params__{unknown[0]}: the simulator has no such parameter, only {sorted(self.params)}."
+                )
+            self.retuned = {**dict(self.retuned or {}), **single}
+        return self
+
+    # ---- simulation -------------------------------------------------------------------------------------------------
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run: U (n_samples, n_inputs) -> Y (n_samples, n_outputs).
+
+        Parameters
+        ----------
+        U : array-like (n_samples, n_inputs)
+        x0 : array-like (n_states,), optional
+            States of the simulator at the first row.
+        t : array-like (n_samples,), optional
+            Evenly spaced times.
+
+        Raises
+        ------
+        SimulationDiverged
+            A state left the finite numbers.
+        SimulatorError
+            U, x0, t, values or places do not fit.
+        """
+        inputs = np.asarray(U, dtype=float)
+        if inputs.ndim == 1:
+            inputs = inputs[:, None]
+        start = None if x0 is None else np.asarray(x0, dtype=float).reshape(1, -1)
+        return self.simulate_batch(inputs[None], start, t)[0]
+
+    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
+        """Free runs abreast: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
+        inputs, plant, effects, theta = self._read(U)
+        if not effects:
+            return plain_runs(plant.simulator, inputs, X0, t)
+        if plant.access == "trajectory":
+            return trajectory_runs(plant, effects, theta, inputs, X0, t)
+        X, bound = self._states(plant, effects, theta, inputs, X0, t)
+        Y = bound.outputs(X[:, None])[:, 0]
+        return Y.reshape(len(Y), len(inputs), -1).transpose(1, 2, 0)
+
+    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """States of the simulator and their derivatives of one run, both (n_samples, n_states)."""
+        inputs, plant, effects, theta = self._read(np.asarray(U, dtype=float)[None])
+        if plant.access == "trajectory":
+            raise SimulatorError(f"{type(self.simulator).__name__} gives no states: it has neither rhs nor step.")
+        X, bound = self._states(plant, effects, theta, inputs, None if x0 is None else np.reshape(x0, (1, -1)), t)
+        n = len(plant.states)
+        if plant.access == "step":
+            return X[:n].T, np.gradient(X[:n], bound.record.dt, axis=1).T
+        u = bound._mean[0] if bound._half is None else bound._mean[0] - bound._half[0]
+        return X[:n].T, bound.derivative(bound.record.t, X[:, None], u)[:n, 0].T
+
+    # ---- helpers ----------------------------------------------------------------------------------------------------
+    def _read(self, U: Any) -> tuple[np.ndarray, Plant, list[BaseEffect], np.ndarray]:
+        """Inputs (n_runs, n_samples, n_inputs), the re-tuned plant, the effects at work, their parameters in a row."""
+        inputs = np.asarray(U, dtype=float)
+        plant = describe(retuned_simulator(self.simulator, self.retuned))
+        if inputs.ndim != 3 or (plant.inputs and inputs.shape[2] != len(plant.inputs)):
+            expected = f"(n_samples, {len(plant.inputs)}): one column for each of inputs={list(plant.inputs)}"
+            raise SimulatorError(
+                f"U has shape {inputs.shape[1:] if len(inputs) == 1 else inputs.shape}, expected {expected}."
+            )
+        if not plant.inputs:
+            plant = replace(plant, inputs=tuple(f"u{k}" for k in range(inputs.shape[2])))
+        if len(self.effects) != len(self.values):
+            raise SimulatorError(
+                f"effects has {len(self.effects)} entries, values {len(self.values)}: give one dict for each effect."
+            )
+        kept: list[BaseEffect] = []
+        numbers: list[float] = []
+        for effect, given in zip(self.effects, self.values):
+            theta = _values(effect, given)
+            if not (plant.access == "trajectory" and not plant.outputs):
+                check_place(effect, plant)
+            if not _is_null(effect, theta):
+                kept.append(effect)
+                numbers.extend(theta)
+        return inputs, plant, kept, np.array(numbers)
+
+    def _states(
+        self, plant: Plant, effects: list[BaseEffect], theta: np.ndarray, inputs: np.ndarray, X0: Any, t: Any
+    ) -> tuple[np.ndarray, BoundModel]:
+        """States (n_states with hidden ones, n_runs * n_samples), and the model that made them."""
+        start = np.broadcast_to(
+            plant.x0 if X0 is None else np.asarray(X0, dtype=float), (len(inputs), len(plant.states))
+        )
+        times, dt = even_times(t, inputs.shape[1], plant.dt)
+        empty = np.zeros((len(times), len(plant.outputs)))
+        record = Record.from_runs(list(inputs), [empty] * len(inputs), [times] * len(inputs), dt)
+        model = PlantModel(plant)
+        model.probe(inputs[0, 0])
+
+        def augmented(n_sub: int, scale: np.ndarray, bare: bool = False) -> BoundModel:
+            chosen, numbers = ((), np.zeros((0, 1))) if bare else (effects, theta[:, None])
+            whole = AugmentedModel(model, chosen, (), record, n_sub=n_sub, scale=scale, sharpness=self.sharpness)
+            return whole.bind(numbers)
+
+        scale = (
+            None if self.scale is None else np.broadcast_to(np.asarray(self.scale, dtype=float), (len(plant.states),))
+        )
+        method = str(getattr(plant.simulator, "method", "auto"))
+        with np.errstate(all="ignore"):
+            X, bound = augmented_states(augmented, start.T, scale, method)
+        own = tuple(f"{e.name} ({k})" for e in effects for k in range(getattr(e, "n_hidden", 0)))
+        raise_if_diverged(X.reshape(len(X), len(inputs), -1).transpose(1, 2, 0), times, plant.states + own)
+        return X, bound
+
+
+def _values(effect: BaseEffect, given: Any) -> tuple[float, ...]:
+    """Parameters of an effect in their order, from a dict or a sequence."""
+    names = [parameter.name for parameter in effect.parameters]
+    if isinstance(given, Mapping):
+        if set(given) != set(names):
+            raise SimulatorError(f"values of {effect!r}: got {sorted(given)}, expected {names}.")
+        return tuple(float(given[name]) for name in names)
+    numbers = tuple(float(value) for value in np.ravel(given))
+    if len(numbers) != len(names):
+        raise SimulatorError(f"values of {effect!r}: got {len(numbers)} numbers, expected {names}.")
+    return numbers
+
+
+def _is_null(effect: BaseEffect, theta: tuple[float, ...]) -> bool:
+    """Whether the effect is absent at these values: its magnitude is null and all it does is in proportion to it."""
+    if not effect.parameters:
+        return False
+    nulls = tuple(parameter.null for parameter in effect.parameters)
+    return theta == nulls or (effect.linear and theta[0] == nulls[0])

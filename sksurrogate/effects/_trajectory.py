@@ -1,0 +1,132 @@
+"""Effects around a simulator that only gives trajectories: before it, behind it, in its parameters."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from sksurrogate.effects._effect import BaseEffect, InputEffect, ParameterEffect, SensorEffect, SensorPath
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.kernels.signals import hold
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["even_times", "plain_runs", "retuned_simulator", "trajectory_runs"]
+
+#: Substeps in which inputs are computed.
+SUBSTEPS = 16
+
+
+def retuned_simulator(simulator: Any, retuned: Mapping[str, float] | None) -> Any:
+    """The simulator, or one like it with other parameters."""
+    if not retuned:
+        return simulator
+    known = sorted(getattr(simulator, "params", None) or {})
+    unknown = sorted(set(retuned) - set(known))
+    if unknown:
+        raise SimulatorError(f"retuned: the simulator has no parameter {unknown[0]!r}; it has {known}.")
+    try:
+        return clone(simulator).set_params(**{f"params__{name}": value for name, value in retuned.items()})
+    except (AttributeError, TypeError, ValueError):  # no estimator: one like it with another dict
+        other = copy.copy(simulator)
+        other.params = {**simulator.params, **retuned}
+        return other
+
+
+def even_times(t: Any, n_samples: int, dt: float) -> tuple[np.ndarray, float]:
+    """Times and their even step."""
+    if t is None:
+        return dt * np.arange(n_samples), dt
+    times = np.asarray(t, dtype=float)
+    if times.shape != (n_samples,):
+        raise SimulatorError(f"t has shape {times.shape}, expected ({n_samples},): one time for each row of U.")
+    steps = np.diff(times)
+    if len(steps) and not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
+        row = int(np.argmax(np.abs(steps - steps[0]))) + 1
+        raise SimulatorError(
+            f"t is not evenly spaced (row {row}): effects with a memory need an even step; resample the run."
+        )
+    return times, float(steps[0]) if len(steps) else dt
+
+
+def plain_runs(simulator: Any, U: np.ndarray, X0: Any, t: Any) -> np.ndarray:
+    """Runs of a simulator as it is."""
+    if callable(getattr(simulator, "simulate_batch", None)):
+        return np.asarray(simulator.simulate_batch(U, X0, t))
+    starts = [None] * len(U) if X0 is None else np.broadcast_to(X0, (len(U), np.shape(X0)[-1]))
+    return np.stack([_two_columns(simulator.simulate(u, x0, t)) for u, x0 in zip(U, starts)])
+
+
+def _two_columns(Y: Any) -> np.ndarray:
+    """(n_samples, n_outputs)."""
+    values = np.asarray(Y, dtype=float)
+    return values[:, None] if values.ndim == 1 else values
+
+
+def trajectory_runs(
+    plant: Plant, effects: list[BaseEffect], theta: np.ndarray, U: np.ndarray, X0: Any, t: Any
+) -> np.ndarray:
+    """Effects around a simulator that only gives trajectories: before it, behind it, in its parameters."""
+    parts = np.split(theta, np.cumsum([len(effect.parameters) for effect in effects])[:-1])
+    changed: dict[str, float] = {}
+    for effect, values in zip(effects, parts):
+        if effect.access != "trajectory":
+            raise SimulatorError(
+                f"{effect!r} needs rhs or step; {type(plant.simulator).__name__} only gives trajectories."
+            )
+        if isinstance(effect, ParameterEffect):
+            name = str(effect.location)
+            changed[name] = float(effect.value(changed.get(name, plant.params[name]), 0.0, values, 0.0))
+    times, dt = even_times(t, U.shape[1], plant.dt)
+    acting = U if plant.inputs == () else _acting_inputs(plant, effects, parts, U, dt)
+    Y = plain_runs(retuned_simulator(plant.simulator, changed), acting, X0, t)
+    outputs = plant.outputs or tuple(f"y{k}" for k in range(Y.shape[2]))
+    return np.stack([_readings(outputs, effects, parts, y, times, dt) for y in Y])
+
+
+def _acting_inputs(
+    plant: Plant, effects: list[BaseEffect], parts: list[np.ndarray], U: np.ndarray, dt: float
+) -> np.ndarray:
+    """Inputs behind the actuators: means over a sample where inputs are held, values at the samples otherwise."""
+    acting = sorted(
+        ((e, p) for e, p in zip(effects, parts) if isinstance(e, InputEffect)), key=lambda item: item[0].order
+    )
+    held = plant.hold == "zoh"
+    out = U.copy()
+    one = np.array([0])
+    for r in range(len(U)):
+        given = [hold(column, SUBSTEPS, 0 if held else 1, one) for column in U[r].T]
+        signals = list(given)
+        for effect, values in acting:
+            i = plant.inputs.index(str(effect.location))
+            other = given[plant.inputs.index(effect.variable)] if effect.variable else None
+            columns = [np.array([[value]]) for value in values]
+            signals[i] = effect.transform(signals[i], other, columns, dt / SUBSTEPS, one)
+        for i, signal in enumerate(signals):
+            out[r, :, i] = np.mean(signal.mean, axis=0)[0] if held else signal.start()[0, 0]
+    return out
+
+
+def _readings(
+    outputs: Sequence[str], effects: list[BaseEffect], parts: list[np.ndarray], Y: np.ndarray, t: np.ndarray, dt: float
+) -> np.ndarray:
+    """Readings of the sensors (n_samples, n_outputs); between the samples the output runs along cubics."""
+    raw, y = Y.T, Y.T.copy()
+    one, paths = np.array([0]), {}
+    acting = sorted(
+        ((e, p) for e, p in zip(effects, parts) if isinstance(e, SensorEffect)), key=lambda item: item[0].order
+    )
+    for effect, values in acting:
+        i = outputs.index(str(effect.location))
+        if effect.memory:
+            if i not in paths:
+                slope = np.gradient(y[i], dt)[None] if len(t) > 1 else np.zeros((1, 1))
+                paths[i] = SensorPath(y[i][None], slope, slope)
+            paths[i] = effect.follow(paths[i], [np.array([[value]]) for value in values], dt, one)
+            y[i] = paths[i].y[0]
+        else:
+            y[i] = effect.read(y[i], raw[outputs.index(effect.variable)] if effect.variable else None, t, values)
+    return y.T
