@@ -207,17 +207,21 @@ class BoundModel:
     def _whole_step(self, t: np.ndarray, x: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """A simulator's own step between two half steps of the effects' terms (Strang)."""
         dt, n = self.record.dt, self.a.n_nominal
-        x = self._kick(t, x, mean[0], dt / 2)
         varied = self._constant_params if self._constant_params is not None else self._varied(t)
+        u = np.mean(mean, axis=0)
+        drift = np.zeros_like(x)
+        if self.a.n_states > n:  # hidden states that follow dv/dt need the simulator's share of it
+            drift[:n] = (self.a.model.step(t, x[:n], u, dt, varied) - x[:n]) / dt
+        x = self._kick(t, x, mean[0], dt / 2, drift)
         after = x.copy()
-        after[:n] = self.a.model.step(t, x[:n], np.mean(mean, axis=0), dt, varied)
-        after = self._kick(t + dt, after, mean[-1], dt / 2)
+        after[:n] = self.a.model.step(t, x[:n], u, dt, varied)
+        after = self._kick(t + dt, after, mean[-1], dt / 2, drift)
         return self.clip(after, True) if self._has_limits else after
 
-    def _kick(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float) -> np.ndarray:
-        """Effects' terms alone over a time h (midpoint rule)."""
-        rate = self._effect_rates(t, x, u, np.zeros_like(x))
-        return x + h * self._effect_rates(t, x + (h / 2) * rate, u, np.zeros_like(x))
+    def _kick(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, drift: np.ndarray) -> np.ndarray:
+        """Effects' terms alone over a time h (midpoint rule); ``drift`` is what the simulator itself adds to dx/dt."""
+        rate = self._effect_rates(t, x, u, drift.copy()) - drift
+        return x + h * (self._effect_rates(t, x + (h / 2) * rate, u, drift.copy()) - drift)
 
     def derivative(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the effects."""
