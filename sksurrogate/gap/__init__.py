@@ -1,1 +1,6 @@
-"""gap."""
+"""The diagnosis of the sim-to-real gap."""
+
+from sksurrogate.gap._diagnose import GapDiagnoser
+from sksurrogate.gap._report import EffectEstimate, GapReport
+
+__all__ = ["EffectEstimate", "GapDiagnoser", "GapReport"]

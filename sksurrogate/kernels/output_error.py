@@ -256,6 +256,7 @@ class _OutputError:
     def __init__(self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool):
         self.model, self.record, self.sd, self.unit = model, model.record, sd[:, None], unit
         self.low, self.high = bounds
+        self.fixed = self.low == self.high
         self.precision = np.zeros(model.n_theta) if prior is None else 1.0 / prior**2
         self.free = model.free_states if fit_start else np.zeros(model.n_states, bool)
         self.weight = model.closing_weight(sd)
@@ -266,6 +267,8 @@ class _OutputError:
 
     def arrow(self, lin: Linearised, theta: np.ndarray) -> Arrow:
         Jt, Jx = lin.J_theta / self.sd[:, None], lin.J_x[:, self.free] / self.sd[:, None]
+        if self.fixed.any():
+            Jt = np.where(self.fixed[:, None], 0.0, Jt)
         return Arrow.build(Jt, Jx, (self.record.y - lin.y) / self.sd, self.record.starts, self.precision, -self.precision * theta)
 
     def moved(self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -73,6 +73,7 @@ def smooth(
     x: np.ndarray,
     scale: np.ndarray,
     *,
+    rigid: np.ndarray | None = None,
     max_iterations: int = 12,
     floor: float = 1e-4,
 ) -> Smoothed:
@@ -88,6 +89,8 @@ def smooth(
     x : ndarray (n_states, n_samples)
         Start: measured states as measured, others a guess.
     scale : ndarray (n_states,)
+    rigid : ndarray of bool (n_states,), optional
+        Rows that are known to hold (dq/dt = v): their allowance stays at the floor.
     floor : float
         Smallest allowance, in units of ``scale``.
 
@@ -99,7 +102,8 @@ def smooth(
     ends = np.r_[starts[1:], n_samples] - 1
     inner, later = np.ones(n_samples, bool), np.ones(n_samples, bool)
     inner[ends], later[starts] = False, False
-    q = 0.1 * scale
+    stiff = np.zeros(n, bool) if rigid is None else rigid
+    q = np.where(stiff, floor, 0.1) * scale
     anchor = x.copy()
     last = np.inf
     best: Smoothed | None = None
@@ -129,8 +133,8 @@ def smooth(
         x = x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])
         size = float(np.max(np.abs(step) / scale[:, None]))
         new_q = np.maximum(best.allowance, floor * scale)
-        steady = np.all(np.abs(np.log(new_q / q)) < 0.3)
-        q = np.clip(new_q, q / 10, q * 3)
+        steady = np.all(stiff | (np.abs(np.log(new_q / q)) < 0.3))
+        q = np.where(stiff, q, np.clip(new_q, q / 10, q * 3))
         if size < 1e-3 and steady:
             break
         if not np.isfinite(size) or (size > 1e3 * last):

@@ -1,0 +1,479 @@
+"""GapDiagnoser: the order of the questions."""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.utils import check_random_state
+
+from sksurrogate.effects._catalogue import build_effects, kinematic_states
+from sksurrogate.effects._simulator import AugmentedSimulator
+from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.gap import _where
+from sksurrogate.gap._answer import sentence_of
+from sksurrogate.gap._problem import Problem, Rival, build_problem
+from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, Shrink, Table, Trace, Where
+from sksurrogate.gap._select import Search
+from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
+from sksurrogate.gap._shrink import HeldOut, generic_correction, held_out, measure, shares
+from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, missing_term, places
+from sksurrogate.gap._verdict import decide, facts_of, intervals, probabilities, ranking, retuned_table
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+from sksurrogate.runs import Runs, resolve_runs
+
+__all__ = ["GapDiagnoser"]
+
+
+class GapDiagnoser(BaseEstimator):
+    """Diagnose the gap between a simulator and measured runs of the real plant.
+
+    Parameters
+    ----------
+    simulator : object with ``simulate``
+        Nominal model; one with a right-hand side or a step function allows all effects, one with ``simulate`` alone
+        input, sensor and parameter effects.
+    effects : sequence of str, effect classes or effect instances, optional
+        Rivals; None for the whole catalogue at every place of the plant.
+    free_params : sequence of str or "all", default=()
+        Parameters of the simulator that are re-tuned jointly with the null and with every rival, so that a badly tuned
+        simulator is not mistaken for a missing effect.
+    correction : estimator, optional
+        Generic learner of the waterfall; default ``HybridRegressor(simulator)``.
+    n_jobs : int, optional
+        Workers for the fits of the rivals, through joblib.
+    verbose : int, default=0
+        1 prints what is being done.
+    random_state : int, RandomState or None, default=None
+        Seed of the bootstrap and the forests.
+
+    Attributes
+    ----------
+    report_ : GapReport
+    augmented_ : AugmentedSimulator
+        The simulator with the effects added and free parameters at their re-tuned values.
+
+    Notes
+    -----
+    A rival's evidence is the likelihood of its own output-error fit, initial states unknown in every run, under its own
+    noise: white sensor noise, coloured forces in the balances, coloured sensor noise. ``T = 2 (L - L_null)`` must exceed
+    ``k ln N + 2 ln M`` for k parameters, N measured values and M rivals.
+
+    References
+    ----------
+    Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), section 4.4; Kristensen, Madsen, Jorgensen,
+    *Parameter estimation in stochastic grey-box models*, Automatica 40 (2004).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.gap import GapDiagnoser
+    >>> from sksurrogate.physics import ODESimulator
+    >>> def rhs(t, x, u, p):
+    ...     return [u[0] - p["k"] * x[0] - p["c"] * x[0] ** 3]
+    >>> plant = ODESimulator(rhs, states=["level"], inputs=["flow"], outputs=["level"], params={"k": 1.0, "c": 0.5}, dt=0.1)
+    >>> rng = np.random.default_rng(0)
+    >>> U = np.repeat(rng.uniform(0, 3, 60), 5)[:, None]
+    >>> Y = plant.simulate(U) + 0.005 * rng.normal(size=(300, 1))
+    >>> simulator = plant.set_params(params__c=0.0)
+    >>> diagnoser = GapDiagnoser(simulator, effects=["constant_bias", "linear_loss", "cubic_stiffness"], random_state=0)
+    >>> report = diagnoser.fit(U, Y).report_
+    >>> report.verdict, report.effects[0].name
+    ('explained', 'cubic_stiffness')
+    """
+
+    __metadata_request__fit = {"groups": True}
+
+    def __init__(
+        self,
+        simulator: Any,
+        *,
+        effects: Any = None,
+        free_params: Sequence[str] | str = (),
+        correction: Any = None,
+        n_jobs: int | None = None,
+        verbose: int = 0,
+        random_state: Any = None,
+    ):
+        self.simulator = simulator
+        self.effects = effects
+        self.free_params = free_params
+        self.correction = correction
+        self.n_jobs = n_jobs
+        self.verbose = verbose
+        self.random_state = random_state
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> GapDiagnoser:
+        """Diagnose.
+
+        Parameters
+        ----------
+        X : array-like or frame (n_samples, n_inputs)
+            Measured inputs, columns in the order (or with the names) of the simulator's inputs.
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+            Measured outputs, likewise.
+        groups : array-like (n_samples,), optional
+            Run of every row; one run by default.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        DataError, RunError
+            The data do not keep the convention.
+        SimulatorError
+            The simulator does not, or does not fit the data.
+        """
+        begun = time.perf_counter()
+        seed = int(check_random_state(self.random_state).randint(2**31 - 1))
+        X, y = _by_name(X, getattr(self.simulator, "inputs", None)), _by_name(y, getattr(self.simulator, "outputs", None))
+        runs = resolve_runs(X, y, groups=groups, dt=getattr(self.simulator, "dt", None), min_rows=8)
+        if runs[0].y is None:
+            raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
+        plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
+        free = _free(self.free_params, plant.params)
+        if plant.access == "trajectory":
+            from sksurrogate.gap._trajectory import diagnose_trajectory
+
+            self.report_, self.augmented_ = diagnose_trajectory(self, plant, runs, free, seed, begun)
+            return self
+        record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
+        model = PlantModel(plant)
+        model.probe(record.u[:, 0])
+        kinematic = kinematic_states(model)
+        balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
+        candidates = list(build_effects(plant, balances, self.effects))
+        problem, smoothed = build_problem(plant, model, record, free, balances)
+        self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
+        search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
+        questions = _Questions(self, problem, search, runs, seed)
+        try:
+            search.fit_null()
+            search.run()
+            questions.ask()
+        except KeyboardInterrupt:
+            warnings.warn("interrupted: the report holds what was known by then (report_.complete is False)", UserWarning, stacklevel=2)
+            questions.complete = False
+        self.report_ = questions.answer(time.perf_counter() - begun)
+        self.augmented_ = questions.augmented()
+        return self
+
+    def _say(self, message: str) -> None:
+        """Progress."""
+        if self.verbose:
+            print(f"[gap] {message}", file=sys.stderr, flush=True)
+
+
+def _by_name(data: Any, names: Sequence[str] | str | None) -> Any:
+    """Columns of a frame in the simulator's order; a column that is not there is an error with the list of those that are."""
+    if names is None or not hasattr(data, "columns"):
+        return data
+    wanted = [names] if isinstance(names, str) else [str(name) for name in names]
+    there = [str(c) for c in data.columns]
+    missing = [name for name in wanted if name not in there]
+    if missing and len(there) == len(wanted) and not set(there) & set(wanted):
+        return data
+    if missing:
+        raise DataError(f"column {missing[0]!r} of the simulator is not in the data; columns are {there}. Rename it, or name the signals of the simulator so.")
+    return data[wanted]
+
+
+def _free(free_params: Sequence[str] | str, params: Any) -> tuple[str, ...]:
+    """Names of the free parameters."""
+    if isinstance(free_params, str):
+        if free_params == "all":
+            return tuple(params)
+        free_params = (free_params,)
+    unknown = [name for name in free_params if name not in params]
+    if unknown:
+        raise SimulatorError(f"free_params: the simulator has no parameter {unknown[0]!r}; it has {sorted(params)}.")
+    return tuple(free_params)
+
+
+@dataclass
+class _Found:
+    """Answers as they come in."""
+
+    slots: list[Slot]
+    latent: LatentForce | None = None
+    law: np.ndarray | None = None
+    places: list[Place] | None = None
+    shrink: Shrink | None = None
+    held: HeldOut | None = None
+    experiment: NextExperiment | None = None
+    bounds: tuple[np.ndarray, np.ndarray] | None = None
+    shares: list[float] | None = None
+    retuned: bool = False
+
+
+class _Questions:
+    """Asks the questions in order; an interrupt leaves what is known."""
+
+    def __init__(self, diagnoser: GapDiagnoser, problem: Problem, search: Search, runs: Runs, seed: int):
+        self.diagnoser, self.problem, self.search, self.runs, self.seed = diagnoser, problem, search, runs, seed
+        self.found = _Found([])
+        self.complete = True
+
+    @property
+    def final(self) -> Rival:
+        """The rival that stands."""
+        rival = self.search.final or self.search.null
+        if rival is None:
+            raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
+        return rival
+
+    def ask(self) -> None:
+        say, problem, search = self.diagnoser._say, self.problem, self.search
+        final, null = self.final, search.null
+        assert null is not None
+        at = search.at(final)
+        found = self.found
+        found.retuned = self._retuning_counts()
+        say("what these data cannot tell apart")
+        found.slots = equivalents(search, final)
+        say("what is left")
+        found.latent = latent_force(at, final)
+        found.law = law_of(at, found.latent, self.seed)
+        found.places = places(problem, null)
+        say("how far the gap shrinks on runs left out")
+        correction = generic_correction(self.diagnoser.simulator, self.diagnoser.correction, problem.plant.outputs)
+        found.held = held_out(problem, final, null, correction)
+        found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
+        if final.effects:
+            found.shares = shares(problem, final, found.shrink.fraction_power)
+        if final.effects or problem.free:
+            found.bounds = intervals(at, final)
+        found.experiment = next_experiment(problem, final, found.slots)
+
+    def floor(self) -> np.ndarray:
+        """Sensor noise: that of the final fit, or of the latent force where a fit is wrong."""
+        final, latent = self.final, self.found.latent
+        sigma = final.noise.sigma if final.noise is not None else self.problem.sd
+        return np.minimum(sigma, latent.noise.sigma) if latent is not None else sigma
+
+    def _retuning_counts(self) -> bool:
+        """Whether the free parameters at other values than the nominal ones are worth their number."""
+        problem, null = self.problem, self.search.null
+        assert null is not None and null.noise is not None
+        if not problem.free:
+            return False
+        from dataclasses import replace
+
+        from sksurrogate.gap._evidence import estimate_noise
+        from sksurrogate.gap._select import left
+
+        nominal = replace(problem, free=()).fit((), np.zeros(0), null.fit.x)
+        if nominal is None:
+            return True
+        estimate_noise(replace(problem, free=()), nominal, null.noise)
+        self.search.nominal_left = left(nominal)
+        return 2.0 * (null.log_likelihood - nominal.log_likelihood) > self.search.bar(len(problem.free))
+
+    # ---- the report -------------------------------------------------------------------------------------------------
+    def verdict(self) -> str:
+        found, final, null = self.found, self.final, self.search.null
+        if found.shrink is None or found.latent is None or found.law is None or null is None:
+            return "explained" if final.effects else "unknown"
+        return decide(facts_of(final, null, found.shrink, found.latent, found.law, found.retuned))
+
+    def effects(self, verdict: str) -> list[EffectEstimate]:
+        final, found = self.final, self.found
+        low, high = found.bounds if found.bounds is not None else (final.fit.theta * np.nan, final.fit.theta * np.nan)
+        chances = probabilities(self.search, final, found.slots, verdict == "unknown") if found.slots else [float("nan")] * len(final.effects)
+        out = []
+        for i, effect in enumerate(final.effects):
+            rows = range(*final.model.slice_of(i).indices(len(final.fit.theta)))
+            names = [p.name for p in effect.parameters]
+            slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
+            out.append(
+                EffectEstimate(
+                    effect.name,
+                    str(effect.location),
+                    effect.variable,
+                    float(found.shares[i]) if found.shares else float("nan"),
+                    {n: float(final.fit.theta[r]) for n, r in zip(names, rows)},
+                    {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
+                    chances[i],
+                    [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys(t.effects[-1].key for t in slot.twins)],
+                    why(final, slot, found.experiment),
+                )
+            )
+        if not out and verdict == "explained":
+            out = self.parameter_errors()
+        return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
+
+    def parameter_errors(self) -> list[EffectEstimate]:
+        """Re-tuning alone closes the gap: one parameter_error for each parameter that moved."""
+        rows = [row for row in self.retuned() if row["moved"]]
+        total = self.found.shrink.fraction_power if self.found.shrink else float("nan")
+        out = []
+        for row in rows:
+            p0 = row["nominal"]
+            values = [(row[k] / p0 - 1.0) if p0 != 0 else row[k] for k in ("value", "low", "high")]
+            out.append(
+                EffectEstimate(
+                    "parameter_error",
+                    row["parameter"],
+                    None,
+                    total / len(rows),
+                    {"relative_error": values[0]},
+                    {"relative_error": (min(values[1:]), max(values[1:]))},
+                    1.0,
+                    [],
+                    "Re-tuning alone closes the gap.",
+                )
+            )
+        return out
+
+    def retuned(self) -> Table:
+        final = self.final
+        bounds = self.found.bounds or (final.fit.theta, final.fit.theta)
+        return retuned_table(self.problem, final, bounds)
+
+    def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
+        found = self.found
+        location, kind = None, None
+        if verdict == "explained" and effects:
+            kinds = {e.key: e.kind for e in self.final.effects}
+            location = effects[0].location
+            kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
+        elif verdict == "unknown" and found.places:
+            location, kind = accused(found.places)
+        if found.shrink is None or found.latent is None or found.held is None:
+            return Where(location, kind)
+        return Where(
+            location,
+            kind,
+            _where.by_output(found.shrink),
+            _where.by_location(found.places or []),
+            _where.by_region(self.problem, self.null_force()),
+            _where.by_time(self.problem, self.null_force()),
+            _where.by_frequency(found.held.record, found.held.before, self.floor()),
+        )
+
+    def null_force(self) -> LatentForce:
+        """Latent force that the null leaves: the gap itself, in the balances."""
+        null = self.search.null
+        assert null is not None
+        if "force" not in null.cache:
+            null.cache["force"] = self.found.latent if null is self.final else latent_force(self.problem, null)
+        return null.cache["force"]
+
+    def answer(self, seconds: float) -> GapReport:
+        """The report of what is known."""
+        found, final, problem = self.found, self.final, self.problem
+        verdict = self.verdict()
+        effects = self.effects(verdict) if verdict != "none" else []
+        place = self.where(verdict, effects)
+        shrink = found.shrink or Shrink(*[float("nan")] * 4, (float("nan"), float("nan")))
+        term = None
+        if verdict == "unknown" and found.latent is not None and place.location is not None:
+            term = missing_term(self.search.at(final), final, found.latent, place.location, str(place.kind))
+        notes = self.notes(verdict)
+        sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term)
+        return GapReport(
+            verdict,
+            sentence,
+            effects,
+            ranking(self.search, final) if self.search.null is not None else Table(),
+            self.retuned(),
+            place,
+            shrink,
+            term,
+            found.experiment,
+            self.complete,
+            tuple(notes),
+            (),
+            problem.plant.outputs,
+            problem.plant.states,
+            problem.plant.inputs,
+            self.traces(),
+            seconds,
+        )
+
+    def notes(self, verdict: str) -> list[str]:
+        """What a careful reader should know."""
+        notes = []
+        if not self.complete:
+            notes.append("The diagnosis was interrupted: questions after that point are not answered.")
+        found = self.found
+        if verdict == "none" and found.shrink is not None and found.shrink.measurable:
+            notes.append(
+                "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
+                "repeat a run with the same inputs to tell a disturbance from an effect."
+            )
+        loop = closed_loop(self.problem, self.final)
+        if loop is not None:
+            notes.append(
+                f"Input {loop!r} follows past errors of the outputs: the data look closed-loop. Effects that the controller "
+                "hides are underestimated and noise reaches the inputs; add a reference signal or open the loop for a run."
+            )
+        for i, name in enumerate(self.problem.plant.inputs):
+            if np.ptp(self.problem.record.u[i]) == 0:
+                notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
+        return notes
+
+    def traces(self) -> tuple[Trace, ...]:
+        """Held-out runs for the eye."""
+        held = self.found.held
+        if held is None:
+            return ()
+        record = held.record
+        bounds = np.r_[record.starts, record.n_samples]
+        labels = [run.label for run in self.runs] if len(bounds) - 1 == len(self.runs) else list(range(len(bounds) - 1))
+        return tuple(
+            Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T)
+            for label, a, b in zip(labels[:4], bounds[:-1], bounds[1:])
+        )
+
+    def augmented(self) -> AugmentedSimulator:
+        """The simulator with what was found."""
+        final, plant = self.final, self.problem.plant
+        values = [
+            {p.name: float(v) for p, v in zip(effect.parameters, final.theta_of(i))} for i, effect in enumerate(final.effects)
+        ]
+        from sksurrogate.gap._verdict import _of
+
+        tuned = {name: _of(plant.params[name], final.fit.theta[final.n_parameters + i]) for i, name in enumerate(self.problem.free)}
+        return AugmentedSimulator(plant.simulator, list(final.effects), values, params=tuned or None)
+
+
+def accused(found: list[Place]) -> tuple[str, str]:
+    """The place with most evidence; a state where a balance explains as much as an input or sensor."""
+    best = found[0]
+    for place in found:
+        if place.kind == "state" and place.log_likelihood > best.log_likelihood - 3.0:
+            return place.location, place.kind
+    return best.location, best.kind
+
+
+def closed_loop(problem: Problem, rival: Rival) -> str | None:
+    """The input that follows past residuals, if any: cross-correlation at positive lags against its spread."""
+    record = problem.record
+    if rival.noise is None:
+        return None
+    r = (record.y - rival.fit.y) / problem.sd[:, None]
+    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
+    for i, name in enumerate(problem.plant.inputs):
+        du = np.diff(record.u[i], prepend=record.u[i, 0])
+        du[age == 0] = 0.0
+        if np.std(du) == 0:
+            continue
+        for e in r:
+            noise = np.diff(e, prepend=e[0])
+            inside = age > 2
+            rho = np.corrcoef(du[inside], noise[np.flatnonzero(inside) - 1])[0, 1]
+            same = np.corrcoef(du[inside], e[np.flatnonzero(inside) - 1])[0, 1]
+            if max(abs(rho), abs(same)) > 5.0 / np.sqrt(inside.sum()) and abs(rho) > 0.15:
+                return name
+    return None

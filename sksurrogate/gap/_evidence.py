@@ -1,0 +1,126 @@
+"""Evidence: the likelihood of a rival's own output-error fit under its own noise, and the bar it has to pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.kernels.disturbance import Noise, fit_noise
+
+__all__ = ["bar", "estimate_noise", "quick_likelihood", "refine"]
+
+
+def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
+    """What 2 (L_rival - L_null) must exceed: ``k ln N + 2 ln M``."""
+    return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_rivals, 1))
+
+
+def _columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Residual, sensitivities, and the prior on the parameters."""
+    lin = problem.linearised(rival)
+    r = problem.record.y - rival.fit.y
+    prior = problem.prior(rival.effects, rival.fit.theta)
+    precision = 1.0 / prior**2
+    return r, lin.J_theta, precision, -precision * rival.fit.theta
+
+
+def _profile(G: np.ndarray, logdet: float, precision: np.ndarray, pull: np.ndarray, theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Log likelihood at the best parameters to first order, that step, and the normal matrix."""
+    base = -0.5 * (G[0, 0] + logdet) - 0.5 * float(np.sum(precision * theta**2))
+    if len(G) == 1:
+        return base, np.zeros(0), np.zeros((0, 0))
+    H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    step = np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0] / scale
+    return base + 0.5 * float(g @ step), step, H
+
+
+def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> float:
+    """Largest log likelihood of a rival under given noise parameters."""
+    best = -np.inf
+    r, J, precision, pull = _columns(problem, rival)
+    if not np.all(np.isfinite(J)):
+        return best
+    D = problem.disturbance(rival)
+    for noise in noises:
+        try:
+            G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), noise)
+        except np.linalg.LinAlgError:
+            continue
+        value = _profile(G, logdet, precision, pull, rival.fit.theta)[0]
+        best = max(best, value)
+    return best
+
+
+def estimate_noise(
+    problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Rival:
+    """Fill in a rival's own noise and its likelihood under it."""
+    r, J, precision, pull = _columns(problem, rival)
+    noise, _, inverse = fit_noise(
+        problem.disturbance(rival),
+        r,
+        start,
+        problem.force_unit(),
+        J,
+        precision,
+        pull,
+        curvature=curvature,
+        max_iterations=max_iterations,
+    )
+    rival.noise, rival.curvature = noise, inverse
+    rival.log_likelihood = quick_likelihood(problem, rival, [noise])
+    return rival
+
+
+def refine(problem: Problem, rival: Rival, steps: int = 3) -> Rival:
+    """Whitened Gauss-Newton steps: parameters that are best under the rival's own noise, not under white noise."""
+    assert rival.noise is not None
+    for _ in range(steps):
+        r, J, precision, pull = _columns(problem, rival)
+        D = problem.disturbance(rival)
+        G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), rival.noise)
+        _, step, H = _profile(G, logdet, precision, pull, rival.fit.theta)
+        if not len(step):
+            return rival
+        size = np.sqrt(float(step @ H @ step))
+        if not np.isfinite(size) or size < 0.02:
+            return rival
+        moved = moved_to(problem, rival, rival.fit.theta + step)
+        if moved is None or moved.log_likelihood < rival.log_likelihood - 0.5:
+            return rival
+        rival = moved
+    return rival
+
+
+def moved_to(problem: Problem, rival: Rival, theta: np.ndarray) -> Rival | None:
+    """The rival at other parameters: initial states fitted to them, the noise kept."""
+    from dataclasses import replace
+
+    low, high = problem.bounds(rival.effects)
+    theta = np.clip(theta, low, high)
+    fit = frozen_fit(problem, rival, theta)
+    if fit is None:
+        return None
+    moved = Rival(rival.effects, rival.model, replace(fit, theta=theta), rival.noise, curvature=rival.curvature)
+    assert rival.noise is not None
+    moved.log_likelihood = quick_likelihood(problem, moved, [rival.noise])
+    return moved
+
+
+def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray):
+    """Free run at fixed parameters with the initial states fitted."""
+    from sksurrogate.kernels.output_error import output_error
+
+    return output_error(
+        rival.model,
+        theta,
+        rival.fit.x,
+        problem.sd,
+        unit=problem.units(rival.effects, theta),
+        bounds=(theta, theta),
+        open_steps=1,
+        max_steps=6,
+    )

@@ -1,0 +1,300 @@
+"""The problem of a diagnosis: plant, record and noise, and how any set of effects is fitted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.output_error import Fit, Linearised, free_run, linearise, output_error, settle_hidden
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_jacobian, smooth
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["PRIOR", "Problem", "Rival", "build_problem"]
+
+#: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
+PRIOR = 0.10
+#: A parameter further than this factor (log) from nominal is out of the question.
+FARTHEST = 4.0
+
+
+@dataclass(eq=False)
+class Rival:
+    """A set of effects fitted through the free run.
+
+    Attributes
+    ----------
+    effects : tuple of BaseEffect
+    model : AugmentedModel
+    fit : Fit
+    noise : Noise or None
+    log_likelihood : float
+        Under its own noise.
+    """
+
+    effects: tuple[BaseEffect, ...]
+    model: AugmentedModel
+    fit: Fit
+    noise: Noise | None = None
+    log_likelihood: float = -np.inf
+    curvature: np.ndarray | None = None
+    cache: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def keys(self) -> tuple[tuple[str, str | None, str | None], ...]:
+        """Keys of the effects."""
+        return tuple(effect.key for effect in self.effects)
+
+    @property
+    def n_parameters(self) -> int:
+        """Parameters of the effects, without re-tuned ones."""
+        return sum(len(effect.parameters) for effect in self.effects)
+
+    def theta_of(self, i: int) -> np.ndarray:
+        """Parameters of effect i."""
+        return self.fit.theta[self.model.slice_of(i)]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Everything that the questions of a diagnosis share.
+
+    Attributes
+    ----------
+    plant : Plant
+    model : PlantModel
+    record : Record
+    sd : ndarray (n_outputs,)
+        Sensor noise, first estimate.
+    scale : ndarray (n_states,)
+        Size of the states.
+    rate : ndarray (n_states,)
+        RMS of their derivatives.
+    free : tuple of str
+        Parameters that are re-tuned with every rival.
+    balances : tuple of str
+        States whose balance may be wrong.
+    n_sub : int
+        Substeps.
+    sharpness : float
+    """
+
+    plant: Plant
+    model: PlantModel
+    record: Record
+    sd: np.ndarray
+    scale: np.ndarray
+    rate: np.ndarray
+    free: tuple[str, ...]
+    balances: tuple[str, ...]
+    n_sub: int
+    sharpness: float = 50.0
+
+    def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
+        """The plant with effects over the record."""
+        return AugmentedModel(self.model, effects, self.free, self.record, n_sub=self.n_sub, scale=self.scale, sharpness=self.sharpness)
+
+    def on(self, runs: Sequence[int]) -> Problem:
+        """The same problem on some of the runs."""
+        return replace(self, record=self.record.select(runs))
+
+    @property
+    def rigid(self) -> np.ndarray:
+        """Kinematic rows, in which no balance can be wrong."""
+        return np.array([name not in self.balances for name in self.plant.states])
+
+    def smooth(self, model: AugmentedModel, theta: np.ndarray, x: np.ndarray) -> Smoothed:
+        """Smoothed trajectory of a model, from a guess of all its states."""
+        rigid = np.r_[self.rigid, np.ones(model.n_states - model.n_nominal, bool)]
+        with np.errstate(all="ignore"):
+            return smooth(model.bind(theta[:, None]), self.record.y, self.record.starts, self.sd, x, model.scale, rigid=rigid)
+
+    def fit(
+        self,
+        effects: Sequence[BaseEffect],
+        theta: np.ndarray,
+        x: np.ndarray,
+        *,
+        best: float = np.inf,
+        open_steps: int = 3,
+        max_steps: int = 25,
+        settled: bool = False,
+    ) -> Rival | None:
+        """Fit effects and free parameters (theta in that order) through the free run, from a trajectory x."""
+        model = self.augmented(effects)
+        with np.errstate(all="ignore"):
+            start = x if settled and len(x) == model.n_states else settle_hidden(model, theta, x)
+            unit = self.units(effects, theta)
+            low, high = self.bounds(effects)
+            prior = None
+            for _ in range(3 if self.free else 1):
+                fit = output_error(
+                    model,
+                    theta,
+                    start,
+                    self.sd,
+                    unit=unit,
+                    bounds=(low, high),
+                    prior=self.prior(effects, theta if prior is None else fit.theta),
+                    open_steps=open_steps if prior is None else 0,
+                    max_steps=max_steps,
+                    best=best,
+                )
+                if fit is None:
+                    return None
+                before, prior = prior, self.prior(effects, fit.theta)
+                if not self.free or (before is not None and np.allclose(before, prior, rtol=0.3)):
+                    break
+                theta, start = fit.theta, fit.x
+        return Rival(tuple(effects), model, fit)
+
+    def units(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
+        """Sizes of the parameters for differences near 0."""
+        unit = np.where(np.abs(theta) > 0, np.abs(theta), 1e-3)
+        position = 0
+        for effect in effects:
+            for parameter in effect.parameters:
+                if parameter.name in ("phase", "share", "relative_error", "exponent"):
+                    unit[position] = max(unit[position], 0.1)
+                position += 1
+        unit[position:] = [1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[position:])]
+        return unit
+
+    def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of theta."""
+        low = [p.low for effect in effects for p in effect.parameters]
+        high = [p.high for effect in effects for p in effect.parameters]
+        for name in self.free:
+            nonzero = self.plant.params[name] != 0
+            low.append(-FARTHEST if nonzero else -np.inf)
+            high.append(FARTHEST if nonzero else np.inf)
+        return np.array(low, dtype=float), np.array(high, dtype=float)
+
+    def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
+        """Standard deviations of the prior on theta: none on effects; Student's t on free parameters, by reweighting."""
+        n = sum(len(effect.parameters) for effect in effects)
+        out = np.full(len(theta), np.inf)
+        retuned = {effect.location for effect in effects if effect.name == "parameter_error"}
+        for i, name in enumerate(self.free):
+            if self.plant.params[name] != 0 and name not in retuned:
+                out[n + i] = np.sqrt(PRIOR**2 + theta[n + i] ** 2 / 2)
+            elif name in retuned:
+                out[n + i] = 1e-3  # the rival is the same number: the free one stands still
+        return out
+
+    # ---- likelihood -------------------------------------------------------------------------------------------------
+    def linearised(self, rival: Rival) -> Linearised:
+        """Sensitivities at the solution."""
+        if "linearised" not in rival.cache:
+            lin = rival.fit.linearised
+            if lin is None:
+                with np.errstate(all="ignore"):
+                    lin = linearise(rival.model, rival.fit.theta, rival.fit.x, self.units(rival.effects, rival.fit.theta))
+            rival.cache["linearised"] = lin
+        return rival.cache["linearised"]
+
+    def disturbance(self, rival: Rival) -> Disturbance:
+        """Noise model along the free run of a rival."""
+        if "disturbance" not in rival.cache:
+            lin = self.linearised(rival)
+            rival.cache["disturbance"] = self.disturbance_along(rival.model, rival.fit.theta, rival.fit.x, lin.A, self.balances)
+        return rival.cache["disturbance"]
+
+    def disturbance_along(
+        self, model: AugmentedModel, theta: np.ndarray, x: np.ndarray, A: np.ndarray, balances: Sequence[str]
+    ) -> Disturbance:
+        """Noise model with forces in the given balances, along any trajectory."""
+        n = model.n_states
+        places = [self.plant.states.index(name) for name in balances]
+        # A force that acts over one sample is carried along for half of it on average.
+        B = 0.5 * self.record.dt * (A + np.eye(n)[:, :, None])[:, places]
+        with np.errstate(all="ignore"):
+            _, C = output_jacobian(model.bind(theta[:, None]), x, model.scale)
+        start_sd = np.where(model.free_states, 3.0 * model.scale, 1e-3 * model.scale)
+        return Disturbance(A, B, C, self.record.starts, start_sd, 1e-3 * model.closing_weight(self.sd))
+
+    def first_noise(self) -> Noise:
+        """Where the noise parameters start."""
+        places = [self.plant.states.index(name) for name in self.balances]
+        return Noise(self.sd.copy(), 0.01 * self.rate[places] + 1e-300, 10.0, 0.1 * self.sd, 10.0)
+
+    def force_unit(self) -> np.ndarray:
+        """RMS of dx/dt of every balance."""
+        return self.rate[[self.plant.states.index(name) for name in self.balances]]
+
+
+def measured_guess(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
+    """States (n_states, n_samples): measured ones as measured, others from the nominal free run or the initial state."""
+    n = len(plant.states)
+    guess = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
+    places = plant.output_states
+    start = np.repeat(plant.x0[:, None], len(record.starts), axis=1)
+    if places is not None:
+        for j, i in enumerate(places):
+            start[i] = record.y[j, record.starts]
+    nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=np.ones(n))
+    with np.errstate(all="ignore"):
+        run = free_run(nominal, np.zeros(0), start)
+    finite = np.isfinite(run).all(axis=0)
+    if finite.all():
+        guess = run
+    else:
+        guess[:, finite] = run[:, finite]
+    if places is not None:
+        for j, i in enumerate(places):
+            guess[i] = record.y[j]
+    return guess
+
+
+def sizes(guess: np.ndarray, plant: Plant, record: Record) -> np.ndarray:
+    """Size of every state along a guess: its deviation, or a share of its level where it hardly moves."""
+    spread = np.std(guess, axis=1)
+    level = np.sqrt(np.mean(guess**2, axis=1))
+    scale = np.maximum(spread, 0.02 * level)
+    return np.where(scale > 0, scale, 1.0)
+
+
+def substeps(model: AugmentedModel, x: np.ndarray, weight: np.ndarray, make: Any) -> int:
+    """Fewest substeps whose error in one sample stays a hundredth of the noise (98 % of the samples)."""
+    for n_sub in (1, 2, 4, 8, 16):
+        coarse, fine = make(n_sub).bind(np.zeros((0, 1))), make(2 * n_sub).bind(np.zeros((0, 1)))
+        error = np.abs(coarse(x[:, None])[:, 0] - fine(x[:, None])[:, 0]) / weight[:, None]
+        finite = np.isfinite(error).all(axis=0)
+        if finite.mean() > 0.98 and np.quantile(np.max(error[:, finite], axis=0), 0.98) < 0.01:
+            return n_sub
+    return 16
+
+
+def build_problem(
+    plant: Plant, model: PlantModel, record: Record, free: Sequence[str], balances: Sequence[str]
+) -> tuple[Problem, Smoothed]:
+    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant.
+
+    Returns
+    -------
+    problem : Problem
+    smoothed : Smoothed
+    """
+    sd = noise_of_differences(record.y, record.starts)
+    with np.errstate(all="ignore"):
+        guess = measured_guess(plant, model, record)
+        scale = sizes(guess, plant, record)
+        problem = Problem(plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), 2)
+        nominal = replace(problem, free=()).augmented(())
+        smoothed = problem.smooth(nominal, np.zeros(0), guess)
+        scale = np.maximum(sizes(smoothed.x, plant, record), 0.02 * scale)
+        rate = np.sqrt(np.mean(((smoothed.x[:, 1:] - smoothed.x[:, :-1]) / record.dt) ** 2, axis=1))
+        n_sub = substeps(
+            nominal,
+            smoothed.x,
+            nominal.closing_weight(sd),
+            lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
+        )
+    return replace(problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), n_sub=n_sub), smoothed

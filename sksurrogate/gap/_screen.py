@@ -1,0 +1,220 @@
+"""The screen: orders the rivals by one linearisation about the smoothed trajectory; it never decides.
+
+Every effect at every starting value gives one column: the change of the outputs that it causes along the smoothed
+trajectory. Initial states and the parameters already in the model are projected out of the columns and of the residual;
+what a column then explains is its score, once for white noise and once for the noise with forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect, InputEffect, ParameterEffect, Probe, SensorEffect
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.output_error import linearise, settle_hidden
+from sksurrogate.kernels.banded import solve_recursion
+from sksurrogate.kernels.smoother import output_jacobian
+
+__all__ = ["Start", "screen"]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the fit of a rival starts.
+
+    Attributes
+    ----------
+    effect : BaseEffect
+    theta : ndarray
+        Parameters of the effect.
+    white, forced : float
+        Drop of -2 log likelihood that the screen expects, for white noise and for noise with forces.
+    x : ndarray (n_states, n_samples)
+        Smoothed trajectory, hidden states included.
+    """
+
+    effect: BaseEffect
+    theta: np.ndarray
+    white: float
+    forced: float
+    x: np.ndarray
+
+
+def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray) -> Probe:
+    """What an effect sees of the smoothed trajectory."""
+    plant, record = problem.plant, problem.record
+
+    def signal(name: str) -> np.ndarray:
+        if name in plant.states and effect.kind == "state":
+            return x[plant.states.index(name)]
+        if name in plant.inputs:
+            return record.u[plant.inputs.index(name)]
+        return record.y[plant.outputs.index(name)]
+
+    v = None
+    if effect.variable:
+        v = np.prod([signal(name) for name in effect.variable.split("*")], axis=0)
+    where, rate = np.zeros(record.n_samples), 0.0
+    if effect.kind == "state":
+        place = plant.states.index(str(effect.location))
+        where, rate = x[place], float(rates[place])
+    elif effect.kind in ("input", "output"):
+        where = signal(str(effect.location))
+        v = where if v is None else v
+    duration = record.dt * int(record.lengths.max())
+    return Probe(v, where, rate, record.dt, duration, record.starts)
+
+
+class _Screener:
+    """One linearisation, all candidates."""
+
+    def __init__(self, problem: Problem, base: Rival, x: np.ndarray):
+        self.problem, self.base = problem, base
+        theta = base.fit.theta
+        with np.errstate(all="ignore"):
+            self.smoothed = problem.smooth(base.model, theta, x)
+            x = self.smoothed.x
+            self.lin = linearise(base.model, theta, x, problem.units(base.effects, theta))
+            bound = base.model.bind(theta[:, None])
+            self.after = bound(x[:, None])
+            _, self.C = output_jacobian(bound, x, base.model.scale)
+            self.y = bound.outputs(self.lin.x[:, None])
+        self.n_effect = sum(len(e.parameters) for e in base.effects)
+
+    def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Change of the outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
+        problem, base = self.problem, self.base
+        n, x = base.model.n_states, self.smoothed.x
+        model = problem.augmented((*base.effects, effect))
+        fitted = np.repeat(base.fit.theta[:, None], starts.shape[1], axis=1)
+        theta = np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
+        hidden = isinstance(effect, HiddenEffect)
+        paths = [settle_hidden(model, theta[:, s], x, 5) for s in range(starts.shape[1])] if hidden else [x] * starts.shape[1]
+        bound = model.bind(theta)
+        out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
+        if not isinstance(effect, SensorEffect):
+            after = bound(np.stack(paths, axis=1) if hidden else np.repeat(x[:, None], starts.shape[1], axis=1))[:n]
+            b = np.zeros_like(after)
+            b[:, :, 1:] = (after - self.after)[:, :, :-1]
+            b[:, :, problem.record.starts] = 0.0
+            Z = solve_recursion(self.lin.band, b)
+            out += np.einsum("oit,ist->ost", self.C, Z)
+        direct = isinstance(effect, SensorEffect) or (problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect)))
+        if direct:
+            out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
+        return out, paths
+
+
+def _project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Take the initial states of every run out of columns (n_columns, n_outputs, n_samples)."""
+    out = columns.copy()
+    bounds = np.r_[starts, columns.shape[-1]]
+    for a, b in zip(bounds[:-1], bounds[1:]):
+        basis = J_x[:, :, a:b].transpose(1, 0, 2).reshape(J_x.shape[1], -1)
+        size = np.linalg.norm(basis, axis=1)
+        basis = basis[size > 1e-9 * max(size.max(), 1e-300)]
+        if not len(basis):
+            continue
+        q, r = np.linalg.qr((basis / np.linalg.norm(basis, axis=1)[:, None]).T)
+        q = q[:, np.abs(np.diag(r)) > 1e-8]
+        part = out[:, :, a:b].reshape(len(out), -1)
+        out[:, :, a:b] = (part - (part @ q) @ q.T).reshape(len(out), out.shape[1], b - a)
+    return out
+
+
+def _eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """Gram of [r, nuisance, candidates] -> Gram of [r, candidates] with the nuisance fitted under its prior."""
+    if n_nuisance == 0:
+        return G
+    k = slice(1, 1 + n_nuisance)
+    keep = np.r_[0, np.arange(1 + n_nuisance, len(G))]
+    H = G[k, k] + np.diag(precision)
+    cross = G[k][:, keep].copy()
+    cross[:, 0] += pull
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+    return G[np.ix_(keep, keep)] - cross.T @ inverse @ cross
+
+
+def _scores(G: np.ndarray, linear: np.ndarray, one_signed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop and amplitude of every column: free where the effect is linear, within 0.5..2 of the start where not."""
+    g, h = G[0, 1:], np.maximum(np.diag(G)[1:], 1e-300)
+    amplitude = g / h
+    clipped = np.where(linear, amplitude, np.clip(amplitude, 0.5, 2.0))
+    clipped = np.where(linear & one_signed, np.maximum(clipped, 0.0), clipped)
+    return 2 * clipped * g - clipped**2 * h, clipped
+
+
+def screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None) -> list[Start]:
+    """Score every candidate, added to a base, at all its starting values.
+
+    Parameters
+    ----------
+    problem : Problem
+    candidates : sequence of BaseEffect
+    base : Rival
+        The model that they are added to.
+    x : ndarray (n_states, n_samples)
+        Trajectory near the measured one, to start the smoother.
+    noise : Noise, optional
+        Noise with forces for the second score.
+
+    Returns
+    -------
+    list of Start
+        One for each candidate and starting value.
+    """
+    with np.errstate(all="ignore"):
+        return _screen(problem, candidates, base, x, noise)
+
+
+def _screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None) -> list[Start]:
+    s = _Screener(problem, base, x)
+    taken, values, columns, paths = [], [], [], []
+    for effect in candidates:
+        starts = effect.starts(probe_of(problem, effect, s.smoothed.x, problem.rate))
+        if not starts:
+            continue
+        theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
+        out, trajectories = s.columns(effect, theta)
+        for k in range(theta.shape[1]):
+            if np.all(np.isfinite(out[:, k])) and np.any(out[:, k]):
+                taken.append(effect)
+                values.append(theta[:, k])
+                columns.append(out[:, k])
+                paths.append(trajectories[k])
+    if not columns:
+        return []
+    V = np.stack(columns)
+    r = (problem.record.y - s.lin.y)[None]
+    P = s.lin.J_theta.transpose(1, 0, 2)
+    prior = problem.prior(base.effects, base.fit.theta)
+    precision = 1.0 / prior**2
+    pull = -precision * base.fit.theta
+    stack = np.concatenate([r, P, V])
+    linear = np.array([e.linear for e in taken])
+    one_signed = np.array([bool(e.parameters) and e.parameters[0].low >= 0 for e in taken])
+    white = stack / problem.sd[None, :, None]
+    free = base.model.free_states
+    white = _project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
+    flat = white.reshape(len(white), -1)
+    drop, amplitude = _scores(_eliminate(flat @ flat.T, len(P), precision, pull), linear, one_signed)
+    forced = np.zeros_like(drop)
+    if noise is not None:
+        D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
+        G, _ = D.gram(stack.transpose(1, 0, 2), noise)
+        forced, _ = _scores(_eliminate(G, len(P), precision, pull), linear, one_signed)
+    out = []
+    for k, effect in enumerate(taken):
+        theta = values[k].copy()
+        if effect.linear and len(theta):
+            theta[0] *= amplitude[k] if amplitude[k] != 0 else 1e-3
+            theta[0] = np.clip(theta[0], effect.parameters[0].low, effect.parameters[0].high)
+            if effect.name == "parameter_error":
+                theta[0] = np.clip(theta[0], -0.8, 2.0)
+        out.append(Start(effect, theta, float(drop[k]), float(forced[k]), paths[k]))
+    return out

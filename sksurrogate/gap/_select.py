@@ -1,0 +1,326 @@
+"""Which effects: joint refits ordered by the screen, evidence under each rival's own noise, forward and backward."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood, refine
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._screen import Start, screen
+
+__all__ = ["Search"]
+
+#: A further effect must beat the bar by this much more: a mismatch of numerics can pass the bar alone.
+EXTRA = 10.0
+#: Free runs that stay within this many times the noise need no further effect where none passed.
+FAR = 5.0
+#: Most effects named at once.
+MOST_EFFECTS = 5
+
+
+@dataclass
+class Search:
+    """Forward and backward search over sets of effects.
+
+    Attributes
+    ----------
+    problem : Problem
+    candidates : list of BaseEffect
+    x : ndarray (n_states, n_samples)
+        Smoothed nominal trajectory.
+    n_jobs : int or None
+    report : callable (message) -> None
+        Progress.
+    null, final : Rival or None
+        Filled as the search goes on, so that an interrupt leaves what is known.
+    fitted : dict
+        Every rival fitted so far, by its keys.
+    """
+
+    problem: Problem
+    candidates: list[BaseEffect]
+    x: np.ndarray
+    n_jobs: int | None = None
+    report: Callable[[str], None] = lambda message: None
+    null: Rival | None = None
+    final: Rival | None = None
+    fitted: dict = field(default_factory=dict)
+    first_round: list[Rival] = field(default_factory=list)
+    first_screen: list[Start] = field(default_factory=list)
+
+    @property
+    def n_values(self) -> int:
+        return self.problem.record.y.size
+
+    def bar(self, k: int) -> float:
+        return bar(k, len(self.candidates), self.n_values)
+
+    def gain(self, rival: Rival) -> float:
+        """2 (L_rival - L_null)."""
+        assert self.null is not None
+        return 2.0 * (rival.log_likelihood - self.null.log_likelihood)
+
+    def score(self, rival: Rival) -> float:
+        """Log likelihood less ``k/2 ln N``: a form with more parameters must earn them."""
+        return rival.log_likelihood - 0.5 * rival.n_parameters * np.log(self.n_values)
+
+    # ---- the search -------------------------------------------------------------------------------------------------
+    def fit_null(self) -> Rival:
+        """No effect: initial states and free parameters only."""
+        problem, theta = self.problem, np.zeros(len(self.problem.free))
+        tries = [problem.fit((), theta, self.x)]
+        if tries[0] is None:
+            # Strong noise in the first sample alone can send a plant into divergence.
+            for n_mean in (4, 9):
+                tries.append(problem.fit((), theta, _mean_start(self.x, problem.record.starts, n_mean)))
+        found = [rival for rival in tries if rival is not None]
+        if not found:
+            found = [_open_null(problem, theta, self.x)]
+        self.null = min(found, key=lambda rival: rival.fit.cost)
+        estimate_noise(problem, self.null, problem.first_noise())
+        self.final = self.null
+        return self.null
+
+    def run(self) -> Rival:
+        """The whole search; returns the final rival (the null where nothing passes)."""
+        null = self.null or self.fit_null()
+        self.first_round = self.ranked(self.expand(null, 16, 6), null)
+        if not self.first_round:
+            return null
+        best = self.polish(self.first_round[0])
+        passed = self.gain(best) > self.bar(best.n_parameters)
+        if passed:
+            self.final = best
+        elif left(null) < FAR:
+            return null
+        while len(best.effects) < MOST_EFFECTS:
+            better = self.one_more(best, passed)
+            if better is None:
+                break
+            best, passed = better, True
+            self.final = best
+        return self.final or null
+
+    def one_more(self, best: Rival, passed: bool) -> Rival | None:
+        """The best rival with one effect more, None where it does not pass."""
+        self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
+        trial = self.ranked(self.expand(best, 8, 4), best)
+        if trial and not self.passes(trial[0], best, passed):
+            if passed and left(best) < 1.5:
+                return None
+        beam = self.beam(best) if len(best.effects) == 1 else []
+        for base in beam:
+            trial.extend(self.ranked(self.expand(base, 6, 3), base))
+        if not trial:
+            return None
+        top = self.polish(max(trial, key=self.score))
+        if not self.passes(top, best, passed):
+            return None
+        top = self.swap(top)
+        return top if self.passes(top, best, passed) else None
+
+    def passes(self, rival: Rival, best: Rival, passed: bool) -> bool:
+        """Whether an effect more is worth it: over the best smaller set, or over nothing where none passed alone."""
+        if not passed:
+            return self.gain(rival) > self.bar(rival.n_parameters) + 2.0 * np.log(len(self.candidates))
+        extra = 2.0 * (rival.log_likelihood - best.log_likelihood)
+        return extra > self.bar(max(rival.n_parameters - best.n_parameters, 1)) + EXTRA
+
+    def beam(self, best: Rival) -> list[Rival]:
+        """Other singles worth a second effect: the next by likelihood and the next by cost."""
+        others = [rival for rival in self.first_round if rival.keys != best.keys]
+        by_cost = sorted(others, key=lambda rival: rival.fit.cost)
+        chosen: list[Rival] = []
+        for rival in [*others[:2], *by_cost[:2]]:
+            if all(rival is not known for known in chosen):
+                chosen.append(rival)
+        return chosen
+
+    def swap(self, rival: Rival) -> Rival:
+        """Leave each effect out in turn and choose it again with the others kept; twice at most."""
+        for _ in range(2):
+            start = rival
+            for i in range(len(start.effects)):
+                if i >= len(rival.effects):
+                    break
+                base = self.without(rival, i)
+                if base is None:
+                    continue
+                trial = self.ranked(self.expand(base, 6, 3), base)
+                if trial and self.score(trial[0]) > self.score(rival) + 1.0:
+                    rival = self.polish(trial[0])
+            if rival is start:
+                break
+        return rival
+
+    def without(self, rival: Rival, i: int) -> Rival | None:
+        """The rival refitted without effect i."""
+        effects = tuple(e for j, e in enumerate(rival.effects) if j != i)
+        keep = np.ones(len(rival.fit.theta), bool)
+        keep[rival.model.slice_of(i)] = False
+        problem = self.at(rival)
+        n = self.problem.model.plant.states
+        base = problem.fit(effects, rival.fit.theta[keep], rival.fit.x[: len(n)])
+        if base is None and self.null is not None and not effects:
+            base = self.null
+        if base is not None and base.noise is None:
+            base.noise = rival.noise
+            base.log_likelihood = quick_likelihood(problem, base, [rival.noise]) if rival.noise else -np.inf
+        return base
+
+    # ---- steps ------------------------------------------------------------------------------------------------------
+    def at(self, rival: Rival) -> Problem:
+        """The problem with the numerics of a rival."""
+        return replace(self.problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+
+    def expand(self, base: Rival, n_white: int, n_forced: int) -> list[Rival]:
+        """Fit the candidates that the screen puts first, added to a base."""
+        problem = self.at(base)
+        taken = set(base.keys)
+        candidates = [e for e in self.candidates if e.key not in taken]
+        n = len(self.problem.plant.states)
+        x = self.x if not base.effects else base.fit.x[:n]
+        guess = np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
+        starts = screen(problem, candidates, base, guess, base.noise)
+        if not base.effects:
+            self.first_screen = starts
+        chosen = _best_starts(starts, n_white, n_forced)
+        self.report(f"fitting {len(chosen)} rivals")
+        rivals = self.fit_all(problem, base, chosen)
+        for rival in rivals:
+            known = self.fitted.get(frozenset(rival.keys))
+            if known is None or rival.fit.cost < known.fit.cost:
+                self.fitted[frozenset(rival.keys)] = rival
+        return rivals
+
+    def fit_all(self, problem: Problem, base: Rival, chosen: Sequence[list[Start]]) -> list[Rival]:
+        """Fit rivals, best first; in worker processes where asked."""
+        if self.n_jobs is None or self.n_jobs == 1:
+            out, best = [], base.fit.cost
+            for starts in chosen:
+                rival = fit_added(problem, base, starts, best)
+                if rival is not None:
+                    out.append(rival)
+                    best = min(best, rival.fit.cost)
+            return out
+        n = max(1, len(chosen) // 8)
+        chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
+        parts = Parallel(n_jobs=self.n_jobs)(delayed(_fit_chunk)(problem, base, chunk) for chunk in chunks)
+        return [rival for part in parts for rival in part if rival is not None]
+
+    def ranked(self, rivals: Iterable[Rival], base: Rival) -> list[Rival]:
+        """Rivals by penalised likelihood, the best under their own noise, the others by a quick look."""
+        rivals = list(rivals)
+        if not rivals:
+            return []
+        assert base.noise is not None
+        cheapest = min(rivals, key=lambda rival: rival.fit.cost)
+        problem = self.at(base)
+        estimate_noise(problem, cheapest, base.noise, base.curvature)
+        assert cheapest.noise is not None
+        for rival in rivals:
+            if rival is not cheapest:
+                rival.log_likelihood = quick_likelihood(problem, rival, [base.noise, cheapest.noise])
+        rivals.sort(key=self.score, reverse=True)
+        for rival in rivals[:6]:
+            if self.score(rival) > self.score(rivals[0]) - 30.0 and rival.noise is None:
+                estimate_noise(problem, rival, cheapest.noise, cheapest.curvature, max_iterations=8)
+        rivals.sort(key=self.score, reverse=True)
+        return rivals
+
+    def polish(self, rival: Rival) -> Rival:
+        """Whitened refit, with kinks sharper and steps shorter where that matters."""
+        problem = self.at(rival)
+        best = rival
+        for n_sub, sharpness in ((4, 150.0), (8, 500.0)):
+            finer = replace(problem, n_sub=max(n_sub, 2 * best.model.n_sub), sharpness=sharpness)
+            if not _numerics_matter(finer, best):
+                break
+            fitted = finer.fit(best.effects, best.fit.theta, best.fit.x, open_steps=0, settled=True)
+            if fitted is None or fitted.fit.cost > best.fit.cost + 2.0:
+                break
+            best = fitted
+        if best.noise is None:
+            assert rival.noise is not None
+            estimate_noise(self.at(best), best, rival.noise, rival.curvature)
+        return refine(self.at(best), best)
+
+
+def left(rival: Rival) -> float:
+    """RMS of the free-run residual in units of the sensor noise of the fit (the worst output)."""
+    assert rival.noise is not None
+    r = rival.model.record.y - rival.fit.y
+    return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / rival.noise.sigma))
+
+
+def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
+    """Fit a base with one effect more, from the best of several starts."""
+    found: Rival | None = None
+    split = base.n_parameters
+    for start in starts:
+        theta = np.concatenate([base.fit.theta[:split], start.theta, base.fit.theta[split:]])
+        rival = problem.fit((*base.effects, start.effect), theta, start.x, best=best)
+        if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
+            found = rival
+    return found
+
+
+def _fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:
+    """One worker's share."""
+    return [fit_added(problem, base, starts, base.fit.cost) for starts in chunk]
+
+
+def _best_starts(starts: Sequence[Start], n_white: int, n_forced: int) -> list[list[Start]]:
+    """The best rivals by either score; for each its best starts (two where the effect is not linear)."""
+    by_key: dict = {}
+    for start in starts:
+        by_key.setdefault(start.effect.key, []).append(start)
+    for group in by_key.values():
+        group.sort(key=lambda s: -s.white)
+    order_white = sorted(by_key, key=lambda key: -by_key[key][0].white)
+    order_forced = sorted(by_key, key=lambda key: -max(s.forced for s in by_key[key]))
+    chosen = list(dict.fromkeys([*order_white[:n_white], *order_forced[:n_forced]]))
+    out = []
+    for key in chosen:
+        group = by_key[key]
+        n = 1 if group[0].effect.linear else 2
+        picked = group[:n]
+        first = max(group, key=lambda s: s.forced)
+        if not group[0].effect.linear and all(first is not p for p in picked):
+            picked.append(first)
+        out.append(picked)
+    return out
+
+
+def _numerics_matter(finer: Problem, rival: Rival) -> bool:
+    """Whether shorter steps and sharper kinks move the free run by more than a twentieth of the noise."""
+    from sksurrogate.gap._evidence import frozen_fit
+
+    shifted = frozen_fit(finer, Rival(rival.effects, finer.augmented(rival.effects), rival.fit), rival.fit.theta)
+    if shifted is None:
+        return False
+    change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))
+    return bool(change > 0.03)
+
+
+def _mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
+    """Trajectory whose first rows are the mean of the first n."""
+    out = x.copy()
+    for a in starts:
+        out[:, a] = x[:, a : a + n].mean(axis=1)
+    return out
+
+
+def _open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Rival:
+    """A null that has no finite free run: the output stays at its mean, so that anything finite is better."""
+    from sksurrogate.kernels.output_error import Fit
+
+    model = problem.augmented(())
+    y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
+    cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
+    return Rival((), model, Fit(theta, x, y, cost, 0, False, None))

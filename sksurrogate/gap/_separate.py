@@ -1,0 +1,209 @@
+"""What these data can and cannot tell apart, and the experiment that would."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sksurrogate.gap._evidence import quick_likelihood
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._report import NextExperiment, Table
+from sksurrogate.gap._select import Search
+from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.record import Record
+
+__all__ = ["EQUAL", "Slot", "equivalents", "next_experiment"]
+
+#: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
+EQUAL = 6.0
+#: Outputs closer than this share of the noise are the same prediction.
+SAME = 0.02
+
+
+@dataclass(eq=False)
+class Slot:
+    """One named effect and the rivals that could stand in its place.
+
+    Attributes
+    ----------
+    index : int
+    twins : list of Rival
+        Rivals with another effect in this slot that these data cannot reject.
+    identical : list of bool
+        Whether the prediction of each twin is the same within a fraction of the noise.
+    """
+
+    index: int
+    twins: list[Rival]
+    identical: list[bool]
+
+
+def equivalents(search: Search, final: Rival) -> list[Slot]:
+    """Refit every other rival in each slot under the final noise model; those within :data:`EQUAL` are its class."""
+    slots = []
+    for i in range(len(final.effects)):
+        base = search.null if len(final.effects) == 1 else search.without(final, i)
+        if base is None:
+            slots.append(Slot(i, [], []))
+            continue
+        slots.append(_slot(search, final, base, i))
+    return slots
+
+
+def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
+    assert final.noise is not None
+    problem = search.at(final)
+    if base.model.n_sub != final.model.n_sub or base.model.sharpness != final.model.sharpness:
+        base = Rival(base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature)
+    own = final.effects[i].key
+    level = quick_likelihood(problem, final, [final.noise])
+    found = []
+    for rival in search.expand(base, 24, 10):
+        if rival.effects[-1].key == own:
+            continue
+        if rival.fit.cost > final.fit.cost + 0.5 * final.fit.cost + 50.0 * EQUAL:
+            continue
+        value = quick_likelihood(problem, rival, [final.noise])
+        if rival.noise is not None:
+            value = max(value, rival.log_likelihood)
+        if 2.0 * (level - value) <= EQUAL:
+            found.append((value, rival))
+    found.sort(key=lambda item: -item[0])
+    sd = final.noise.sigma[:, None]
+    twins, identical = [], []
+    size = len(final.effects[i].parameters)
+    for value, rival in found:
+        same = bool(np.sqrt(np.mean(((rival.fit.y - final.fit.y) / sd) ** 2)) < SAME)
+        # A form with more parameters that predicts the same is the simpler one with a limit never reached.
+        nested = len(rival.effects[-1].parameters) > size and (same or value - level < 2.0)
+        if not nested:
+            twins.append(rival)
+            identical.append(same)
+    return Slot(i, twins, identical)
+
+
+@dataclass(frozen=True, eq=False)
+class _Experiment:
+    """A feasible variation of the record's first run."""
+
+    name: str
+    u: np.ndarray
+    x0: np.ndarray
+
+
+def _experiments(problem: Problem, rival: Rival) -> list[_Experiment]:
+    """Inputs a user could apply: larger, smaller, shifted, faster, slower; other initial states."""
+    record = problem.record
+    a = int(record.starts[0])
+    n = int(min(record.lengths[0], 400))
+    u = record.u[:, a : a + n]
+    x0 = rival.fit.x[: rival.model.n_nominal, a]
+    mean = u.mean(axis=1, keepdims=True)
+    spread = np.max(np.abs(u - mean), axis=1, keepdims=True)
+    index = np.arange(n)
+    experiments = [
+        _Experiment("the same run again", u, x0),
+        _Experiment("inputs with twice the amplitude", mean + 2 * (u - mean), x0),
+        _Experiment("inputs with half the amplitude", mean + 0.5 * (u - mean), x0),
+        _Experiment("inputs shifted up by their amplitude", u + spread, x0),
+        _Experiment("inputs twice as fast", u[:, (2 * index) % n], x0),
+        _Experiment("inputs half as fast", u[:, index // 2], x0),
+        _Experiment("no input, from a large initial state", np.broadcast_to(mean, u.shape), x0 + 2 * problem.scale),
+        _Experiment("a step in every input", np.where(index < n // 4, mean - 0.5 * spread, mean + spread), x0),
+    ]
+    for i, name in enumerate(problem.plant.inputs if len(problem.plant.inputs) > 1 else ()):
+        only = np.repeat(mean, n, axis=1)
+        only[i] = u[i]
+        experiments.append(_Experiment(f"only {name} moves", only, x0))
+    return experiments
+
+
+def _responses(problem: Problem, rival: Rival, experiments: Sequence[_Experiment]) -> np.ndarray:
+    """States of a rival in every experiment, (n_states, n_experiments, n_samples); nan where it diverges."""
+    n = experiments[0].u.shape[1]
+    count = len(experiments)
+    record = Record(
+        np.concatenate([e.u for e in experiments], axis=1),
+        np.zeros((len(problem.record.y), n * count)),
+        np.tile(problem.record.dt * np.arange(n), count),
+        n * np.arange(count),
+        problem.record.dt,
+    )
+    at = replace(problem, record=record, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+    model = at.augmented(rival.effects)
+    theta = rival.fit.theta
+    with np.errstate(all="ignore"):
+        bound = model.bind(theta[:, None])
+        x0 = bound.start(np.stack([e.x0 for e in experiments], axis=1)[:, None])[:, 0]
+        x = free_run(model, theta, x0)
+        y = bound.outputs(x[:, None])[:, 0]
+    hidden = [i for i, name in enumerate(problem.plant.states) if name not in problem.plant.outputs]
+    return np.concatenate([y, x[hidden]]).reshape(-1, count, n)
+
+
+def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> NextExperiment | None:
+    """Which feasible experiment separates the tied rivals best, in expected nats of log likelihood."""
+    slot = max(slots, key=lambda s: len(s.twins), default=None)
+    if slot is None or not slot.twins:
+        return None
+    assert final.noise is not None
+    rivals = [final, *slot.twins[:5]]
+    names = [_name(final.effects[slot.index]), *(_name(r.effects[-1]) for r in slot.twins[:5])]
+    experiments = _experiments(problem, final)
+    try:
+        responses = [_responses(problem, rival, experiments) for rival in rivals]
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return None
+    m = len(problem.record.y)
+    sd = np.concatenate([final.noise.sigma, 0.01 * problem.scale[[i for i, s in enumerate(problem.plant.states) if s not in problem.plant.outputs]]])
+    rows = []
+    for e, experiment in enumerate(experiments):
+        rows.append(_gain(experiment.name, [r[:m, e] for r in responses], sd[:m], names))
+    extra = [s for s in problem.plant.states if s not in problem.plant.outputs]
+    for h, state in enumerate(extra):
+        rows.append(_gain(f"a sensor for {state}, inputs as they were", [r[m + h : m + h + 1, 0] for r in responses], sd[m + h : m + h + 1], names))
+    rows = [row for row in rows if np.isfinite(row["gain"])]
+    rows.sort(key=lambda row: -row["gain"])
+    if not rows:
+        return None
+    best = rows[0]
+    if best["gain"] < 3.0:
+        sentence = (
+            f"No variation of the inputs tried here separates {', '.join(names)}: they predict the same. "
+            "Only another sensor or knowledge of the plant can decide."
+        )
+    else:
+        sentence = f"To tell {best['between']} apart, record a run with {best['experiment']}: expected separation {best['gain']:.0f} nats (3 are enough)."
+    return NextExperiment(sentence, Table(tuple(rows)))
+
+
+def _gain(name: str, responses: list[np.ndarray], sd: np.ndarray, names: list[str]) -> dict:
+    """Smallest separation of the final effect from a tied rival."""
+    best: tuple[float, str] = (np.inf, "")
+    for other, label in zip(responses[1:], names[1:]):
+        d = (responses[0] - other) / sd[:, None]
+        value = 0.5 * float(np.sum(d**2)) if np.all(np.isfinite(d)) else np.nan
+        if value < best[0]:
+            best = (value, f"{names[0]} and {label}")
+    return {"experiment": name, "gain": min(best[0], 1e6) if np.isfinite(best[0]) else np.nan, "between": best[1]}
+
+
+def _name(effect) -> str:
+    """Readable name of an effect."""
+    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "")
+
+
+def why(final: Rival, slot: Slot, experiment: NextExperiment | None) -> str:
+    """The sentence that says when tied effects part."""
+    if not slot.twins:
+        return "No other effect of the catalogue explains these data as well."
+    others = ", ".join(_name(r.effects[-1]) for r in slot.twins[:4]) + (" and more" if len(slot.twins) > 4 else "")
+    how = "predict the same" if all(slot.identical) else "explain these data equally well"
+    part = "they part in none of the experiments tried here"
+    if experiment is not None:
+        good = [row for row in experiment.options if row["gain"] >= 3.0]
+        if good:
+            part = f"they part with {good[0]['experiment']}"
+    return f"{_name(final.effects[slot.index])} and {others} {how} on the range that was reached; {part}."

@@ -1,0 +1,215 @@
+"""How far the gap shrinks: refit on some runs, free run on the others; beside it what re-tuning and a generic correction close."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import SurrogateError
+from sksurrogate.gap._evidence import frozen_fit
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._report import Shrink, Table
+from sksurrogate.kernels.record import Record
+
+__all__ = ["HeldOut", "blocked", "held_out", "measure", "shares"]
+
+#: Runs are put into at most this many folds.
+MOST_FOLDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Free runs on runs that took no part in the fit.
+
+    Attributes
+    ----------
+    record : Record
+        Runs, or the blocks of the one run.
+    before, after, retuned, corrected : ndarray (n_outputs, n_samples)
+        Free runs of the simulator, with the effects, with parameters re-tuned only, with the generic correction.
+    """
+
+    record: Record
+    before: np.ndarray
+    after: np.ndarray
+    retuned: np.ndarray
+    corrected: np.ndarray
+
+
+def blocked(record: Record, least: int = 3) -> Record:
+    """The record with its runs cut into blocks where there are fewer than ``least``."""
+    if len(record.starts) >= least:
+        return record
+    pieces = int(np.ceil(4 / len(record.starts)))
+    starts = []
+    for a, n in zip(record.starts, record.lengths):
+        count = max(1, min(pieces, n // 30))
+        starts.extend(a + np.round(np.linspace(0, n, count + 1)[:-1]).astype(int))
+    return replace(record, starts=np.array(starts, dtype=int))
+
+
+def held_out(problem: Problem, final: Rival, null: Rival, correction: Callable[[Record, np.ndarray], np.ndarray] | None) -> HeldOut:
+    """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn."""
+    record = blocked(problem.record)
+    whole = replace(problem, record=record)
+    n_runs = len(record.starts)
+    fold = np.arange(n_runs) % min(MOST_FOLDS, n_runs)
+    row_of = record.run_of_row
+    shape = record.y.shape
+    parts = {name: np.full(shape, np.nan) for name in ("before", "after", "retuned")}
+    nominal = replace(whole, free=())
+    all_free = replace(whole, free=tuple(problem.plant.params))
+    nominal_null = Rival((), null.model, replace(null.fit, theta=np.zeros(0)))
+    tuned = all_free.fit((), _all_theta(problem, null), null.fit.x) if problem.plant.params else None
+    for k in np.unique(fold):
+        test, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
+        rows = np.isin(row_of, test)
+        for name, base, rival in (("before", nominal, nominal_null), ("after", whole, final), ("retuned", all_free, tuned)):
+            if rival is None:
+                continue
+            predicted = _left_out(base, rival, train, test, row_of)
+            if predicted is not None:
+                parts[name][:, rows] = predicted
+    for name in ("after", "retuned"):
+        lost = ~np.isfinite(parts[name]).all(axis=0)
+        parts[name][:, lost] = parts["before"][:, lost]
+    lost = ~np.isfinite(parts["before"])
+    parts["before"][lost] = np.repeat(record.y.mean(axis=1, keepdims=True), shape[1], axis=1)[lost]
+    corrected = np.full(shape, np.nan)
+    if correction is not None:
+        corrected = correction(record, fold)
+    return HeldOut(record, parts["before"], parts["after"], parts["retuned"], corrected)
+
+
+def _all_theta(problem: Problem, null: Rival) -> np.ndarray:
+    """Every parameter at the value that the null found for it."""
+    known = dict(zip(problem.free, null.fit.theta))
+    return np.array([known.get(name, 0.0) for name in problem.plant.params])
+
+
+def _left_out(problem: Problem, rival: Rival, train: np.ndarray, test: np.ndarray, row_of: np.ndarray) -> np.ndarray | None:
+    """Outputs on the test runs of a rival refitted on the training runs."""
+    rows_train, rows_test = np.isin(row_of, train), np.isin(row_of, test)
+    theta = rival.fit.theta
+    with np.errstate(all="ignore"):
+        if len(theta) and len(train):
+            learning = replace(problem.on(train), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+            refit = learning.fit(rival.effects, theta, rival.fit.x[:, rows_train], open_steps=0, max_steps=8, settled=True)
+            theta = refit.fit.theta if refit is not None else theta
+        judging = replace(problem.on(test), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+        start = Rival(rival.effects, judging.augmented(rival.effects), replace(rival.fit, x=rival.fit.x[:, rows_test], theta=theta))
+        fit = frozen_fit(judging, start, theta)
+    return None if fit is None else fit.y
+
+
+def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_state: int) -> Shrink:
+    """Errors before and after, above the floor, with a bootstrap over runs.
+
+    Parameters
+    ----------
+    floor : ndarray (n_outputs,)
+        Sensor noise.
+    """
+    record = held.record
+    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
+    normal = (floor / spread) ** 2
+
+    def power(predicted: np.ndarray) -> np.ndarray:
+        """Mean square error of every run and output, in units of the output's variance: (n_runs, n_outputs)."""
+        square = ((record.y - predicted) / spread[:, None]) ** 2
+        return np.add.reduceat(square, record.starts, axis=1).T / record.lengths[:, None]
+
+    powers = {name: power(getattr(held, name)) for name in ("before", "after", "retuned", "corrected")}
+    weight = record.lengths / record.lengths.sum()
+
+    def gap(name: str, w: np.ndarray) -> float:
+        mean = float(np.mean(w @ powers[name]))
+        return np.sqrt(max(mean - float(np.mean(normal)), 0.0)) if np.isfinite(mean) else np.nan
+
+    def fraction(name: str, w: np.ndarray) -> float:
+        before = gap("before", w)
+        return 1.0 - gap(name, w) / before if before > 0 else np.nan
+
+    rng = np.random.default_rng(random_state)
+    draws = rng.integers(0, len(weight), size=(400, len(weight)))
+    samples = []
+    for draw in draws:
+        w = np.bincount(draw, record.lengths[draw], len(weight))
+        samples.append(fraction("after", w / w.sum()))
+    finite = np.array([value for value in samples if np.isfinite(value)])
+    interval = (float(np.quantile(finite, 0.05)), float(np.quantile(finite, 0.95))) if len(finite) > 20 else (np.nan, np.nan)
+    rmse = {name: float(np.sqrt(np.mean(weight @ values))) for name, values in powers.items()}
+    excess = (powers["before"] - normal).mean(axis=1)
+    t = excess.mean() / max(excess.std(ddof=1) / np.sqrt(len(excess)), 1e-300) if len(excess) > 1 else np.inf
+    before, after = gap("before", weight), gap("after", weight)
+    rows = []
+    for j, name in enumerate(outputs):
+        b, a = (float(np.sqrt(weight @ powers[which][:, j])) * spread[j] for which in ("before", "after"))
+        gap_b, gap_a = np.sqrt(max(b**2 - floor[j] ** 2, 0.0)), np.sqrt(max(a**2 - floor[j] ** 2, 0.0))
+        rows.append({"output": name, "before": b, "after": a, "floor": float(floor[j]), "fraction": 1 - gap_a / gap_b if gap_b > 0 else np.nan})
+    return Shrink(
+        before=rmse["before"],
+        after=rmse["after"],
+        floor=float(np.sqrt(np.mean(normal))),
+        fraction=fraction("after", weight),
+        interval=interval,
+        by_output=Table(tuple(rows)),
+        after_retuning=rmse["retuned"],
+        fraction_retuning=fraction("retuned", weight),
+        after_correction=rmse["corrected"],
+        fraction_correction=fraction("corrected", weight),
+        fraction_power=1.0 - (after / before) ** 2 if before > 0 else np.nan,
+        measurable=bool(t > 2.0 and before > 0),
+    )
+
+
+def shares(problem: Problem, final: Rival, total: float) -> list[float]:
+    """Share of the gap's power of every effect: what comes back when it alone is taken out, scaled to the total."""
+    if len(final.effects) == 1:
+        return [total]
+    returned = []
+    for i in range(len(final.effects)):
+        keep = np.ones(len(final.fit.theta), bool)
+        keep[final.model.slice_of(i)] = False
+        rest = tuple(e for j, e in enumerate(final.effects) if j != i)
+        at = replace(problem, n_sub=final.model.n_sub, sharpness=final.model.sharpness)
+        x = final.fit.x[: final.model.n_nominal]
+        theta = final.fit.theta[keep]
+        start = Rival(rest, at.augmented(rest), replace(final.fit, theta=theta, x=x))
+        if start.model.n_states > start.model.n_nominal:
+            from sksurrogate.kernels.output_error import settle_hidden
+
+            start.fit = replace(start.fit, x=settle_hidden(start.model, theta, x))
+        fit = frozen_fit(at, start, theta)
+        returned.append(max(fit.cost - final.fit.cost, 0.0) if fit is not None else final.fit.cost)
+    sum_ = sum(returned)
+    return [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
+
+
+def generic_correction(simulator: Any, correction: Any, labels: tuple[str, ...]) -> Callable[[Record, np.ndarray], np.ndarray]:
+    """The waterfall's learned correction: fitted on the training runs, free run on the others."""
+
+    def run(record: Record, fold: np.ndarray) -> np.ndarray:
+        from sklearn.base import clone
+
+        from sksurrogate.compose import HybridRegressor
+
+        model = HybridRegressor(simulator) if correction is None else correction
+        row_of = record.run_of_row
+        out = np.full(record.y.shape, np.nan)
+        for k in np.unique(fold):
+            test = np.isin(row_of, np.flatnonzero(fold == k))
+            try:
+                fitted = clone(model).fit(record.u[:, ~test].T, record.y[:, ~test].T, groups=row_of[~test])
+                n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
+                labels_test = row_of[test]
+                firsts = np.stack([record.y[:, record.starts[r] : record.starts[r] + n_lags].T for r in np.unique(labels_test)])
+                out[:, test] = np.asarray(fitted.predict(record.u[:, test].T, y0=firsts, groups=labels_test)).reshape(test.sum(), -1).T
+            except (SurrogateError, FloatingPointError, np.linalg.LinAlgError):
+                continue
+        return out
+
+    return run

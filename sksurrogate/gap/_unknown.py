@@ -1,0 +1,224 @@
+"""What no named effect explains: the latent force that is left, whether it is a law, its place and its shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sklearn.ensemble import ExtraTreesRegressor
+
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._report import Curve, MissingTerm
+from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
+from sksurrogate.kernels.output_error import linearise
+
+__all__ = ["LatentForce", "latent_force", "law_of", "missing_term", "places"]
+
+
+@dataclass(frozen=True, eq=False)
+class LatentForce:
+    """The force that a model leaves, along the smoothed path.
+
+    Attributes
+    ----------
+    x : ndarray (n_states, n_samples)
+        Smoothed states.
+    force : ndarray (n_balances, n_samples)
+    noise : Noise
+    size : ndarray (n_balances,)
+        Standard deviation of each force over the RMS of its dx/dt.
+    A, r : ndarray
+        Jacobians and residual about the smoothed path.
+    """
+
+    x: np.ndarray
+    force: np.ndarray
+    noise: Noise
+    size: np.ndarray
+    A: np.ndarray
+    r: np.ndarray
+
+
+def latent_force(problem: Problem, rival: Rival) -> LatentForce:
+    """Smooth the force in every balance on top of a model, linearised about the smoothed path (not the free run)."""
+    theta = rival.fit.theta
+    with np.errstate(all="ignore"):
+        smoothed = problem.smooth(rival.model, theta, rival.fit.x)
+        lin = linearise(rival.model, theta, smoothed.x, problem.units(rival.effects, theta))
+        D = problem.disturbance_along(rival.model, theta, smoothed.x, lin.A, problem.balances)
+        r = problem.record.y - lin.y
+        start = rival.noise or problem.first_noise()
+        noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, max_iterations=10)
+        _, force, _ = D.states(r, noise)
+    return LatentForce(smoothed.x, force, noise, noise.force / problem.force_unit(), lin.A, r)
+
+
+def features(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """States and inputs as columns, with their names."""
+    n = len(problem.plant.states)
+    return np.concatenate([x[:n], problem.record.u]).T, [*problem.plant.states, *problem.plant.inputs]
+
+
+def folds(record, n_folds: int = 3) -> np.ndarray:
+    """Fold of every sample: whole runs, or blocks where there are few runs."""
+    n_runs = len(record.starts)
+    if n_runs >= n_folds:
+        return record.run_of_row % n_folds
+    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
+    length = record.lengths[record.run_of_row]
+    return np.minimum(age * 2 * n_folds // length, 2 * n_folds - 1) % n_folds
+
+
+def law_of(problem: Problem, latent: LatentForce, random_state: int) -> np.ndarray:
+    """R2 on runs left out of a forest from states and inputs to the force, (n_balances,): a law is repeatable, noise is not."""
+    Z, _ = features(problem, latent.x)
+    fold = folds(problem.record)
+    stride = max(1, len(Z) // 4000)
+    out = np.zeros(len(latent.force))
+    for b, w in enumerate(latent.force):
+        if latent.size[b] < 1e-3:
+            continue
+        error = total = 0.0
+        for k in range(int(fold.max()) + 1):
+            train, test = np.flatnonzero(fold != k)[::stride], fold == k
+            if not (test.any() and len(train)):
+                continue
+            forest = ExtraTreesRegressor(24, min_samples_leaf=10, random_state=random_state).fit(Z[train], w[train])
+            error += float(np.sum((w[test] - forest.predict(Z[test])) ** 2))
+            total += float(np.sum((w[test] - w[train].mean()) ** 2))
+        out[b] = 1.0 - error / total if total > 0 else 0.0
+    return out
+
+
+@dataclass(frozen=True)
+class Place:
+    """One accused place."""
+
+    location: str
+    kind: str
+    log_likelihood: float
+
+
+def places(problem: Problem, null: Rival) -> list[Place]:
+    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor."""
+    theta, model, record = null.fit.theta, null.model, problem.record
+    with np.errstate(all="ignore"):
+        smoothed = problem.smooth(model, theta, null.fit.x)
+        lin = linearise(model, theta, smoothed.x, problem.units((), theta))
+        whole = problem.disturbance_along(model, theta, smoothed.x, lin.A, problem.balances)
+        r = record.y - lin.y
+        m = len(record.y)
+        C = whole.C.transpose(1, 2, 0)
+        tiny = 1e-2 * problem.sd
+        found = []
+
+        def evidence(B: np.ndarray, unit: float, sensor: int | None) -> float:
+            D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack)
+            coloured = np.maximum(tiny, 1e-12)
+            held = np.zeros(2 * m + 3, bool)
+            held[m + 2 : 2 * m + 2] = True
+            force, best = 0.1 * unit, -np.inf
+            if sensor is not None:
+                held[m + 2 + sensor] = False
+                held[m] = True
+                force = 1e-4 * unit
+                coloured = coloured.copy()
+                coloured[sensor] = np.std(record.y[sensor]) * 0.1
+            for tau in (5.0, 25.0):
+                start = Noise(problem.sd.copy(), np.array([force]), tau, coloured, tau)
+                try:
+                    best = max(best, fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=10)[1])
+                except np.linalg.LinAlgError:
+                    continue
+            return best
+
+        for b, name in enumerate(problem.balances):
+            found.append(Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None)))
+        for i, name in enumerate(problem.plant.inputs):
+            B = _input_push(problem, null, smoothed.x, i)
+            if np.any(B):
+                found.append(Place(name, "input", evidence(B, max(float(np.std(record.u[i])), 1e-12), None)))
+        for j, name in enumerate(problem.plant.outputs):
+            found.append(Place(name, "output", evidence(whole.B.transpose(1, 2, 0)[:, :1], problem.force_unit()[0], j)))
+    return sorted(found, key=lambda place: -place.log_likelihood)
+
+
+def _input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndarray:
+    """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
+    record = problem.record
+    size = max(float(np.std(record.u[i])), 1e-9)
+    u = record.u.copy()
+    u[i] += 1e-4 * size
+    shifted = replace(problem, record=replace(record, u=u)).augmented(())
+    theta = null.fit.theta[:, None]
+    return (shifted.bind(theta)(x[:, None]) - null.model.bind(theta)(x[:, None])) / (1e-4 * size)
+
+
+def missing_term(problem: Problem, rival: Rival, latent: LatentForce, location: str, kind: str) -> MissingTerm:
+    """The force at a place against each variable, with 90 % bands, and symbolic candidates."""
+    balance = problem.balances.index(location) if location in problem.balances else int(np.argmax(latent.size))
+    w = latent.force[balance]
+    Z, names = features(problem, latent.x)
+    fold = folds(problem.record)
+    effective = max(len(w) / max(2.0 * latent.noise.tau, 1.0), 8.0) / len(w)
+    curves = [_curve(name, z, w, fold, effective) for name, z in zip(names, Z.T) if np.std(z) > 0]
+    curves.sort(key=lambda curve: -curve.explained)
+    return MissingTerm(location, kind, tuple(curves), tuple(_symbolic(Z, names, w, fold)))
+
+
+def _curve(name: str, z: np.ndarray, w: np.ndarray, fold: np.ndarray, effective: float, n_bins: int = 14) -> Curve:
+    """Means in quantile bins of one variable."""
+    edges = np.unique(np.quantile(z, np.linspace(0, 1, n_bins + 1)))
+    place = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, max(len(edges) - 2, 0))
+    n = np.bincount(place, minlength=len(edges) - 1).astype(float)
+    keep = n > 0
+    mean = np.bincount(place, w, len(edges) - 1)[keep] / n[keep]
+    square = np.bincount(place, w**2, len(edges) - 1)[keep] / n[keep]
+    at = np.bincount(place, z, len(edges) - 1)[keep] / n[keep]
+    half = 1.645 * np.sqrt(np.maximum(square - mean**2, 0.0) / np.maximum(n[keep] * effective, 1.0))
+    predicted = np.empty_like(w)
+    for k in np.unique(fold):
+        train = fold != k
+        count = np.bincount(place[train], minlength=len(n))
+        part = np.bincount(place[train], w[train], len(n)) / np.maximum(count, 1)
+        part[count == 0] = w[train].mean() if train.any() else 0.0
+        predicted[fold == k] = part[place[fold == k]]
+    total = float(np.sum((w - w.mean()) ** 2))
+    explained = 1.0 - float(np.sum((w - predicted) ** 2)) / total if total > 0 else 0.0
+    return Curve(name, at, mean, mean - half, mean + half, float(explained))
+
+
+def _symbolic(Z: np.ndarray, names: Sequence[str], w: np.ndarray, fold: np.ndarray, most: int = 4) -> list[str]:
+    """One-term laws c * form, by the share of the force they explain on runs left out."""
+    forms: list[tuple[str, np.ndarray]] = [("1", np.ones(len(w)))]
+    for name, z in zip(names, Z.T):
+        forms += [
+            (name, z),
+            (f"{name}^2", z**2),
+            (f"{name}*abs({name})", z * np.abs(z)),
+            (f"{name}^3", z**3),
+            (f"sign({name})", np.sign(z)),
+            (f"sin({name})", np.sin(z)),
+        ]
+        if z.min() >= 0:
+            forms.append((f"sqrt({name})", np.sqrt(z)))
+    for i in range(len(names)):
+        for j in range(i + 1, len(names)):
+            forms.append((f"{names[i]}*{names[j]}", Z[:, i] * Z[:, j]))
+            forms.append((f"{names[i]}^2*{names[j]}", Z[:, i] ** 2 * Z[:, j]))
+            forms.append((f"{names[i]}*{names[j]}^2", Z[:, i] * Z[:, j] ** 2))
+    total = float(np.sum(w**2))
+    scored = []
+    for text, form in forms:
+        error = 0.0
+        for k in np.unique(fold):
+            train = fold != k
+            size = float(form[train] @ form[train])
+            c = float(form[train] @ w[train]) / size if size > 0 else 0.0
+            error += float(np.sum((w[fold == k] - c * form[fold == k]) ** 2))
+        size = float(form @ form)
+        c = float(form @ w) / size if size > 0 else 0.0
+        scored.append((1.0 - error / total if total > 0 else 0.0, f"{c:+.3g} * {text}" if text != "1" else f"{c:+.3g}"))
+    scored.sort(key=lambda item: -item[0])
+    return [f"{text}  (explains {100 * share:.0f} %)" for share, text in scored[:most] if share > 0.05]

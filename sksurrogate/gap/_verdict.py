@@ -1,0 +1,162 @@
+"""The verdict: none, explained or unknown, by size and evidence; intervals and probabilities of what is named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sksurrogate.gap._evidence import _columns, _profile
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._report import Shrink, Table
+from sksurrogate.gap._select import Search, left
+from sksurrogate.gap._unknown import LatentForce
+
+__all__ = ["Facts", "decide", "intervals", "probabilities", "ranking", "retuned_table"]
+
+#: `explained` when the named effects leave less than this share of the gap (amplitude).
+SHARE = 0.20
+#: Free runs further than this many times the noise are never waved through as a disturbance.
+FAR = 5.0
+#: Share of the latent force that states and inputs explain on runs left out, above which it is a law.
+LAW = 0.10
+#: A gap whose free-run error is below this share of the output's deviation is below the practical bar.
+PRACTICAL = 0.002
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the verdict is decided on.
+
+    Attributes
+    ----------
+    accepted : bool
+        Whether effects passed.
+    share_left : float
+        Share of the gap that is left, in amplitude, held out.
+    left : float
+        Free-run error that is left, in units of the noise.
+    law : float
+        R2 of the latent force on runs left out, the largest of all balances.
+    force : float
+        Largest latent force over the RMS of its dx/dt.
+    retuned : bool
+        Whether re-tuning alone passed its bar.
+    """
+
+    accepted: bool
+    share_left: float
+    left: float
+    law: float
+    force: float
+    retuned: bool
+
+
+def decide(facts: Facts) -> str:
+    """None, explained or unknown."""
+    lawful = facts.law > LAW or facts.force > 0.25
+    if facts.accepted or facts.retuned:
+        far = (facts.share_left > SHARE and facts.left > 1.15) or facts.left > FAR
+        return "unknown" if far and lawful else "explained"
+    if (facts.law > LAW and facts.left > 1.15) or facts.left > FAR:
+        return "unknown"
+    return "none"
+
+
+def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law: np.ndarray, retuned: bool) -> Facts:
+    """Collect them."""
+    left_over = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
+    return Facts(bool(final.effects), float(left_over), left(final), float(np.max(law, initial=0.0)), float(np.max(latent.size, initial=0.0)), retuned)
+
+
+def covariance(problem: Problem, rival: Rival) -> np.ndarray:
+    """Covariance of all parameters under the rival's own noise."""
+    assert rival.noise is not None
+    r, J, precision, pull = _columns(problem, rival)
+    G, logdet = problem.disturbance(rival).gram(np.concatenate([r[:, None], J], axis=1), rival.noise)
+    H = _profile(G, logdet, precision, pull, rival.fit.theta)[2]
+    if not len(H):
+        return H
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
+    seen = values > 1e-10 * values[-1]
+    out = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    blind = np.sum(vectors[:, ~seen] ** 2, axis=1) > 1e-6
+    out[blind, blind] = np.inf
+    return out / np.outer(scale, scale)
+
+
+def numerical_change(problem: Problem, rival: Rival) -> np.ndarray:
+    """How far the parameters move when the steps are halved and kinks made sharper."""
+    finer = replace(problem, n_sub=2 * rival.model.n_sub, sharpness=2 * rival.model.sharpness)
+    fit = finer.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, settled=True, max_steps=6)
+    coarse = problem.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, settled=True, max_steps=6)
+    if fit is None or coarse is None:
+        return np.zeros(len(rival.fit.theta))
+    return np.abs(fit.fit.theta - coarse.fit.theta)
+
+
+def intervals(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray]:
+    """90 % intervals of all parameters: noise and disturbance, and what steps and kinks may have moved."""
+    theta = rival.fit.theta
+    spread = np.sqrt(np.maximum(np.diag(covariance(problem, rival)), 0.0))
+    numerical = numerical_change(problem, rival)
+    half = np.sqrt((1.645 * spread) ** 2 + numerical**2) + 1e-3 * np.abs(theta)
+    low, high = problem.bounds(rival.effects)
+    return np.maximum(theta - half, low), np.minimum(theta + half, high)
+
+
+def probabilities(search: Search, final: Rival, slots: Sequence, unknown: bool) -> list[float]:
+    """Probability of each named effect among the rivals of its slot, none and unknown."""
+    out = []
+    for slot in slots:
+        own = search.score(final)
+        rivals = [search.score(r) if r.noise is not None else own - 0.5 * (r.n_parameters - final.n_parameters) * np.log(search.n_values) for r in slot.twins]
+        none = search.score(search.null) if search.null is not None else -np.inf
+        values = np.array([own, *rivals, none - np.log(max(len(search.candidates), 1)) * 0.0])
+        weight = np.exp(values - values.max())
+        out.append(float(weight[0] / weight.sum()) * (0.5 if unknown else 1.0))
+    return out
+
+
+def ranking(search: Search, final: Rival) -> Table:
+    """All rivals of the first round, with what the screen expected, the fit's cost and the evidence over the null."""
+    fitted = {rival.keys[0]: rival for rival in search.first_round}
+    expected: dict = {}
+    for start in search.first_screen:
+        expected[start.effect.key] = max(expected.get(start.effect.key, -np.inf), start.white)
+    rows = []
+    for effect in search.candidates:
+        rival = fitted.get(effect.key)
+        rows.append(
+            {
+                "name": effect.name,
+                "location": effect.location,
+                "variable": effect.variable,
+                "evidence": search.gain(rival) if rival is not None else float("nan"),
+                "bar": search.bar(len(effect.parameters)),
+                "cost": rival.fit.cost if rival is not None else float("nan"),
+                "screen": expected.get(effect.key, 0.0),
+                "named": effect.key in final.keys,
+            }
+        )
+    rows.sort(key=lambda row: (-np.nan_to_num(row["evidence"], nan=-np.inf), -row["screen"]))
+    return Table(tuple(rows))
+
+
+def retuned_table(problem: Problem, rival: Rival, bounds: tuple[np.ndarray, np.ndarray]) -> Table:
+    """One row a free parameter: nominal, value, interval, moved or not."""
+    rows = []
+    n = rival.n_parameters
+    for i, name in enumerate(problem.free):
+        nominal = float(problem.plant.params[name])
+        value, low, high = (_of(nominal, phi) for phi in (rival.fit.theta[n + i], bounds[0][n + i], bounds[1][n + i]))
+        low, high = min(low, high), max(low, high)
+        rows.append({"parameter": name, "nominal": nominal, "value": value, "low": low, "high": high, "moved": not low <= nominal <= high})
+    return Table(tuple(rows))
+
+
+def _of(nominal: float, phi: float) -> float:
+    """Value of a free parameter."""
+    return float(phi if nominal == 0 else nominal * np.exp(phi))

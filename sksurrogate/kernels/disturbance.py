@@ -1,0 +1,293 @@
+"""Likelihood of a free-run residual under white sensor noise, coloured forces in the balances and coloured sensor noise.
+
+``r = C dx + v + e``, ``dx' = A_k dx + B_k w``: w one Ornstein-Uhlenbeck force for every balance, v one for every sensor,
+e white; the initial dx is diffuse, so that fitted initial states cost nothing. The states of all runs are one Gaussian
+Markov chain; its posterior precision is block tridiagonal and one banded Cholesky factor gives the marginal likelihood.
+
+References
+----------
+Kristensen, Madsen, Jorgensen, *Parameter estimation in stochastic grey-box models*, Automatica 40 (2004).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dpbtrf, dpbtrs
+
+__all__ = ["Disturbance", "Noise", "fit_noise"]
+
+#: Correlation times of forces and of coloured sensor noise stay within these numbers of samples.
+TAU_RANGE = (2.0, 60.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Parameters of the noise.
+
+    Attributes
+    ----------
+    sigma : ndarray (n_outputs,)
+        White sensor noise.
+    force : ndarray (n_balances,)
+        Standard deviation of the force in every balance, units of dx/dt.
+    tau : float
+        Its correlation time in samples.
+    coloured : ndarray (n_outputs,)
+        Standard deviation of the coloured sensor noise.
+    tau_sensor : float
+        Its correlation time in samples.
+    """
+
+    sigma: np.ndarray
+    force: np.ndarray
+    tau: float
+    coloured: np.ndarray
+    tau_sensor: float
+
+    def pack(self) -> np.ndarray:
+        """As one vector of logarithms."""
+        return np.log(np.concatenate([self.sigma, self.force, [self.tau], self.coloured, [self.tau_sensor]]))
+
+    def unpack(self, eta: np.ndarray) -> Noise:
+        """The inverse of :meth:`pack`."""
+        v = np.exp(eta)
+        m, b = len(self.sigma), len(self.force)
+        return Noise(v[:m], v[m : m + b], float(v[m + b]), v[m + b + 1 : 2 * m + b + 1], float(v[-1]))
+
+
+class Disturbance:
+    """The noise model along one free run.
+
+    Parameters
+    ----------
+    A : ndarray (n_states, n_states, n_samples)
+        State Jacobians of the step map.
+    B : ndarray (n_states, n_balances, n_samples)
+        Effect of a unit force over one sample.
+    C : ndarray (n_outputs, n_states, n_samples)
+        Output Jacobians.
+    starts : ndarray of int (n_runs,)
+    start_sd : ndarray (n_states,)
+        Standard deviation of the initial dx (wide).
+    slack : ndarray (n_states,)
+        Tiny process noise that keeps the precision finite; far below the sensor noise.
+    """
+
+    def __init__(self, A: np.ndarray, B: np.ndarray, C: np.ndarray, starts: np.ndarray, start_sd: np.ndarray, slack: np.ndarray):
+        self.n, self.n_samples = A.shape[0], A.shape[2]
+        self.m, self.b = C.shape[0], B.shape[1]
+        self.size = self.n + self.b + self.m
+        self.starts = starts
+        self.ends = np.r_[starts[1:], self.n_samples] - 1
+        self.inner = np.ones(self.n_samples)
+        self.inner[self.ends] = 0.0
+        self.later = np.ones(self.n_samples)
+        self.later[starts] = 0.0
+        self.start_sd, self.slack = start_sd, slack
+        self.A, self.B, self.C = A.transpose(2, 0, 1), B.transpose(2, 0, 1), C.transpose(2, 0, 1)
+        # The parts of F'F that do not depend on the noise parameters.
+        G = np.concatenate([self.A, self.B], axis=2) * self.inner[:, None, None]
+        self.G = G
+        self.GG = G.transpose(0, 2, 1) @ (G / slack[:, None] ** 2)
+        self.CC = [np.einsum("ki,kj->kij", self.C[:, j], self.C[:, j]) for j in range(self.m)]
+
+    def _factor(self, noise: Noise) -> tuple[np.ndarray, float]:
+        """Banded Cholesky factor of the posterior precision, and log determinant of the prior precision."""
+        n, b, m, size = self.n, self.b, self.m, self.size
+        a_w, a_v = np.exp(-1.0 / noise.tau), np.exp(-1.0 / noise.tau_sensor)
+        q_w = 1.0 / (noise.force**2 * (1 - a_w**2))
+        q_v = 1.0 / (noise.coloured**2 * (1 - a_v**2))
+        q_x = 1.0 / self.slack**2
+        band = np.zeros((self.n_samples, size, 2 * size))
+        inner, later = self.inner, self.later
+        first = 1.0 - later
+        top = n + b
+        D = np.zeros((self.n_samples, size, size))
+        D[:, :top, :top] = self.GG
+        for i in range(n):
+            D[:, i, i] += later * q_x[i] + first / self.start_sd[i] ** 2
+        for i in range(b):
+            D[:, n + i, n + i] += q_w[i] * (inner * a_w**2 + later) + first / noise.force[i] ** 2
+        for j in range(m):
+            w = 1.0 / noise.sigma[j] ** 2
+            D[:, :n, :n] += w * self.CC[j]
+            D[:, :n, top + j] += w * self.C[:, j]
+            D[:, top + j, :n] += w * self.C[:, j]
+            D[:, top + j, top + j] += w + q_v[j] * (inner * a_v**2 + later) + first / noise.coloured[j] ** 2
+        for i in range(size):
+            band[:, : size - i, i] = 0.0
+            for j in range(i + 1):
+                band[:, j, i - j] = D[:, i, j]
+        for i in range(n):
+            for j in range(top):
+                band[:, j, size + i - j] = -q_x[i] * self.G[:, i, j]
+        for i in range(b):
+            band[:, n + i, size] = -q_w[i] * a_w * inner
+        for j in range(m):
+            band[:, top + j, size] = -q_v[j] * a_v * inner
+        factor, info = dpbtrf(band.reshape(self.n_samples * size, 2 * size).T, lower=1, overwrite_ab=1)
+        if info != 0:
+            raise np.linalg.LinAlgError("the posterior precision is not positive definite")
+        steps, runs = float(self.later.sum()), len(self.starts)
+        prior = steps * (np.sum(np.log(q_x)) + np.sum(np.log(q_w)) + np.sum(np.log(q_v)))
+        prior -= 2 * runs * (np.sum(np.log(self.start_sd)) + np.sum(np.log(noise.force)) + np.sum(np.log(noise.coloured)))
+        return factor, float(prior)
+
+    def _load(self, r: np.ndarray, noise: Noise) -> np.ndarray:
+        """``H' R^-1 r`` for residuals (n_outputs, n_columns, n_samples) -> (n_samples * size, n_columns)."""
+        out = np.zeros((self.n_samples, self.size, r.shape[1]))
+        for j in range(self.m):
+            scaled = r[j].T / noise.sigma[j] ** 2
+            out[:, : self.n] += self.C[:, j, :, None] * scaled[:, None]
+            out[:, self.n + self.b + j] += scaled
+        return out.reshape(self.n_samples * self.size, r.shape[1])
+
+    def gram(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, float]:
+        """``r' S^-1 r`` of columns r (n_outputs, n_columns, n_samples) with S the covariance of the residual, and log det S."""
+        factor, prior = self._factor(noise)
+        load = np.asfortranarray(self._load(r, noise))
+        solved, _ = dpbtrs(factor, load, lower=1)
+        flat = (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1)
+        inner = flat @ flat.T - load.T @ solved
+        posterior = 2.0 * float(np.sum(np.log(factor[0])))
+        return inner, posterior - prior + 2.0 * self.n_samples * float(np.sum(np.log(noise.sigma)))
+
+    def log_likelihood(self, r: np.ndarray, noise: Noise) -> float:
+        """Of a residual (n_outputs, n_samples), without the constant."""
+        inner, logdet = self.gram(r[:, None, :], noise)
+        return -0.5 * (float(inner[0, 0]) + logdet)
+
+    def states(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Posterior mean of dx (n_states, n_samples), of the forces (n_balances, n_samples), of coloured sensor noise."""
+        factor, _ = self._factor(noise)
+        solved, _ = dpbtrs(factor, np.asfortranarray(self._load(r[:, None, :], noise)), lower=1)
+        s = solved[:, 0].reshape(self.n_samples, self.size).T
+        return s[: self.n], s[self.n : self.n + self.b], s[self.n + self.b :]
+
+
+def _log_prior(noise: Noise, sigma_unit: np.ndarray) -> float:
+    """Weak log-normal priors on the correlation times; they keep flat directions in place."""
+    prior = -0.5 * (np.log(noise.tau / 10.0)) ** 2 - 0.5 * (np.log(noise.tau_sensor / 10.0)) ** 2
+    return float(prior - 0.005 * np.sum(np.log(noise.coloured / sigma_unit) ** 2))
+
+
+def fit_noise(
+    model: Disturbance,
+    r: np.ndarray,
+    start: Noise,
+    force_unit: np.ndarray,
+    J: np.ndarray | None = None,
+    precision: np.ndarray | None = None,
+    pull: np.ndarray | None = None,
+    *,
+    max_iterations: int = 15,
+    curvature: np.ndarray | None = None,
+    held: np.ndarray | None = None,
+) -> tuple[Noise, float, np.ndarray]:
+    """Maximise the likelihood over the noise parameters, with parameters of the model moved along.
+
+    Parameters
+    ----------
+    model : Disturbance
+    r : ndarray (n_outputs, n_samples)
+    start : Noise
+    force_unit : ndarray (n_balances,)
+        RMS of dx/dt of every balance; forces stay within 1e-4 and 10 of it.
+    J : ndarray (n_outputs, n_theta, n_samples), optional
+        Sensitivities: the likelihood is taken at the best parameters to first order.
+    precision, pull : ndarray (n_theta,), optional
+        Gaussian prior on the parameters.
+    curvature : ndarray, optional
+        Inverse Hessian of an earlier fit, to start from.
+    held : ndarray of bool, optional
+        Entries of ``start.pack()`` that stay where they are.
+
+    Returns
+    -------
+    noise : Noise
+    log_likelihood : float
+    curvature : ndarray
+        Approximate inverse Hessian at the end.
+    """
+    columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
+    k = columns.shape[1] - 1
+    unit = start.sigma.copy()
+    low = np.concatenate([np.log(unit * 0.05), np.log(1e-4 * force_unit), [np.log(TAU_RANGE[0])], np.log(unit * 1e-2), [np.log(TAU_RANGE[0])]])
+    high = np.concatenate([np.log(unit * 20.0), np.log(10 * force_unit), [np.log(TAU_RANGE[1])], np.log(unit * 100.0), [np.log(TAU_RANGE[1])]])
+
+    if held is not None:
+        low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
+
+    def objective(eta: np.ndarray) -> float:
+        noise = start.unpack(eta)
+        try:
+            G, logdet = model.gram(columns, noise)
+        except np.linalg.LinAlgError:
+            return np.inf
+        value = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, unit)
+        if k:
+            H = G[1:, 1:] + (np.diag(precision) if precision is not None else 0.0)
+            g = G[1:, 0] + (pull if pull is not None else 0.0)
+            scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+            value -= 0.5 * float((g / scale) @ np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0])
+        return float(value) if np.isfinite(value) else np.inf
+
+    eta, value, inverse = _quasi_newton(objective, np.clip(start.pack(), low, high), low, high, max_iterations, curvature)
+    noise = start.unpack(eta)
+    return noise, -value - _log_prior(noise, unit), inverse
+
+
+def _quasi_newton(objective, eta, low, high, max_iterations, inverse):
+    """BFGS with forward differences within bounds, started from a given inverse Hessian; stops when little is to be gained."""
+    n = len(eta)
+    H = 0.02 * np.eye(n) if inverse is None else inverse.copy()
+    value = objective(eta)
+    step = 1e-3
+
+    def gradient(at: np.ndarray, base: float) -> np.ndarray:
+        out = np.empty(n)
+        for i in range(n):
+            if low[i] == high[i]:
+                out[i] = 0.0
+                continue
+            h = step if at[i] + step <= high[i] else -step
+            shifted = at.copy()
+            shifted[i] += h
+            out[i] = (objective(shifted) - base) / h
+        return out
+
+    g = gradient(eta, value)
+    for _ in range(max_iterations):
+        stuck = ((eta <= low + 1e-9) & (g > 0)) | ((eta >= high - 1e-9) & (g < 0))
+        free = ~stuck
+        if not free.any():
+            break
+        d = np.zeros(n)
+        d[free] = -H[np.ix_(free, free)] @ g[free]
+        if g @ d > 0:
+            d[free] = -g[free] / max(np.max(np.abs(g[free])), 1.0)
+        d *= min(1.0, 2.0 / max(np.max(np.abs(d)), 1e-300))
+        if -(g @ d) < 0.05:
+            break
+        t = 1.0
+        for _ in range(8):
+            new = np.clip(eta + t * d, low, high)
+            new_value = objective(new)
+            if new_value < value + 1e-4 * (g @ (new - eta)):
+                break
+            t *= 0.3
+        else:
+            break
+        gained = value - new_value
+        new_g = gradient(new, new_value)
+        s, yv = new - eta, new_g - g
+        if s @ yv > 1e-10:
+            rho = 1.0 / (s @ yv)
+            V = np.eye(n) - rho * np.outer(s, yv)
+            H = V @ H @ V.T + rho * np.outer(s, s)
+        eta, value, g = new, new_value, new_g
+        if gained < 0.02:
+            break
+    return eta, value, H
