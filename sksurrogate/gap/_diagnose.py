@@ -445,7 +445,7 @@ class _Questions:
         from sksurrogate.gap._verdict import _of
 
         tuned = {name: _of(plant.params[name], final.fit.theta[final.n_parameters + i]) for i, name in enumerate(self.problem.free)}
-        return AugmentedSimulator(plant.simulator, list(final.effects), values, params=tuned or None)
+        return AugmentedSimulator(plant.simulator, list(final.effects), values, tuned or None, scale=self.problem.scale)
 
 
 def accused(found: list[Place]) -> tuple[str, str]:

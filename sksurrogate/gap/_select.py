@@ -218,14 +218,15 @@ class Search:
         rivals = list(rivals)
         if not rivals:
             return []
-        assert base.noise is not None
+        assert self.null is not None and self.null.noise is not None
+        noise = base.noise or self.null.noise
         cheapest = min(rivals, key=lambda rival: rival.fit.cost)
         problem = self.at(base)
-        estimate_noise(problem, cheapest, base.noise, base.curvature)
+        estimate_noise(problem, cheapest, noise, base.curvature)
         assert cheapest.noise is not None
         for rival in rivals:
             if rival is not cheapest:
-                rival.log_likelihood = quick_likelihood(problem, rival, [base.noise, cheapest.noise])
+                rival.log_likelihood = quick_likelihood(problem, rival, [noise, cheapest.noise])
         rivals.sort(key=self.score, reverse=True)
         for rival in rivals[:6]:
             if self.score(rival) > self.score(rivals[0]) - 30.0 and rival.noise is None:

@@ -143,7 +143,8 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     interval = (float(np.quantile(finite, 0.05)), float(np.quantile(finite, 0.95))) if len(finite) > 20 else (np.nan, np.nan)
     rmse = {name: float(np.sqrt(np.mean(weight @ values))) for name, values in powers.items()}
     excess = (powers["before"] - normal).mean(axis=1)
-    t = excess.mean() / max(excess.std(ddof=1) / np.sqrt(len(excess)), 1e-300) if len(excess) > 1 else np.inf
+    # A mean square of n white values has the variance 2 sigma^4 / n.
+    spread_of_noise = float(np.mean(normal)) * np.sqrt(2.0 / record.y.size)
     before, after = gap("before", weight), gap("after", weight)
     rows = []
     for j, name in enumerate(outputs):
@@ -162,7 +163,7 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         after_correction=rmse["corrected"],
         fraction_correction=fraction("corrected", weight),
         fraction_power=1.0 - (after / before) ** 2 if before > 0 else np.nan,
-        measurable=bool(t > 2.0 and before > 0),
+        measurable=bool(excess @ weight > 3.0 * spread_of_noise),
     )
 
 
