@@ -190,7 +190,7 @@ class InputDeadZone(InputEffect):
 
 
 class InputBacklash(InputEffect):
-    """Play in a gear: the output stays until the input has crossed twice the half width."""
+    """Play in a gear, twice the half width wide: ``w = clip(w before, u - c, u + c)``, ``w(0) = u(0)``."""
 
     name = "input_backlash"
     order = 5
@@ -236,7 +236,7 @@ class InputSaturation(InputEffect):
 
 
 class RateLimit(InputEffect):
-    """The actuator follows at a limited speed: ``abs(du/dt) <= c``; it starts at the first value."""
+    """The actuator follows at a limited speed: ``abs(dw/dt) <= c`` towards u, ``w(0) = u(0)``."""
 
     name = "rate_limit"
     order = 7

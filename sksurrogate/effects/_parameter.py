@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import Parameter, ParameterEffect, Probe
 from sksurrogate.effects._smooth import after
+from sksurrogate.physics._simulator import Plant
 
 __all__ = ["ParameterDrift", "ParameterError", "ParameterStep"]
 
@@ -34,6 +35,11 @@ class ParameterError(ParameterEffect):
         return [(0.05,)]
 
 
+def _unless_nil(plant: Plant, location: str) -> Sequence[str | None]:
+    """A parameter whose nominal value is 0 stays 0 by any factor."""
+    return () if plant.params[location] == 0 else (None,)
+
+
 class ParameterDrift(ParameterEffect):
     """A parameter changes in proportion to time: ``p (1 + c t)``."""
 
@@ -43,6 +49,11 @@ class ParameterDrift(ParameterEffect):
     signature = "a residual that is nil at the start of a run and grows with time where the parameter acts"
     twins = ("drift", "sensor_drift", "parameter_error", "parameter_step")
     access = "step"
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """Not on parameters whose nominal value is 0."""
+        return _unless_nil(plant, location)
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
         """``p (1 + c t)``."""
@@ -62,6 +73,11 @@ class ParameterStep(ParameterEffect):
     signature = "no residual before the jump; afterwards that of a wrong parameter"
     twins = ("step_disturbance", "parameter_error", "parameter_drift")
     access = "step"
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """Not on parameters whose nominal value is 0."""
+        return _unless_nil(plant, location)
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
         """``p (1 + c)`` after ``t0``."""

@@ -139,7 +139,7 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray)
     firsts = starts * n_sub
 
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-        k = max(size / h, 1e-9)  # time constant in substeps
+        k = max(size / h, 1e-15)  # time constant in substeps
         p, q = mean - half, 2 * half
         decay = np.exp(-1.0 / k)
         rise = -np.expm1(-1.0 / k)  # 1 - decay
