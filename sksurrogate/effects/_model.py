@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,15 @@ class AugmentedModel:
         self.n_states = n
         self.nominal_scale = np.asarray(scale, dtype=float)
         self.input_scale = np.maximum(np.max(np.abs(record.u), axis=1), 1e-12) if len(record.u) else np.empty(0)
+        self.wires = [self._wire(effect) for effect in self.effects]
         self.scale = np.concatenate([self.nominal_scale, [self._size(self.effects[i]) for i, s in self._hidden.items() for _ in range(s.start, s.stop)]])
+
+    def _wire(self, effect: BaseEffect) -> _Wire:
+        """Where an effect enters and what drives it, looked up once."""
+        states, inputs = self.plant.states, self.plant.inputs
+        drivers = tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in _factors(effect)) if effect.kind == "state" else ()
+        place = states.index(str(effect.location)) if effect.kind == "state" else -1
+        return _Wire(place, drivers, self._size(effect) / self.sharpness if effect.kind == "state" and effect.variable else None)
 
     def _size(self, effect: BaseEffect) -> float:
         """Size of the variable of an effect."""
@@ -130,6 +139,15 @@ class AugmentedModel:
         return weight
 
 
+@dataclass(frozen=True)
+class _Wire:
+    """Place of an effect among the states, its drivers (is a state, position), the width of its kinks (None: of time)."""
+
+    place: int
+    drivers: tuple[tuple[bool, int], ...]
+    width: float | None
+
+
 def _factors(effect: BaseEffect) -> list[str]:
     """Names of the signals in a variable: "v" or "v*w"."""
     return effect.variable.split("*") if effect.variable else []
@@ -150,6 +168,7 @@ class BoundModel:
         self.record = augmented.record
         self.h = self.record.dt / augmented.n_sub
         self._parameters = [augmented.parameters_of(i, theta) for i in range(len(augmented.effects))]
+        self._balances = [(i, effect) for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)]
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in augmented.effects)
         self._drift = any(isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects)
         self._constant_params = None if self._drift else self._varied(0.0)
@@ -237,31 +256,30 @@ class BoundModel:
     def _effect_rates(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Add the terms of the balance effects to ``dx`` and fill in the rates of the hidden states."""
         a = self.a
-        for i, effect in enumerate(a.effects):
-            if isinstance(effect, BalanceEffect):
-                place = a.plant.states.index(str(effect.location))
-                v = self.variable(effect, x, u)
-                if isinstance(effect, HiddenEffect):
-                    dx[place] += effect.force(x[a.hidden_of(i)], v, self._parameters[i])
-                else:
-                    dx[place] += effect.term(t, x[place], v, self._parameters[i], self.width(effect))
-        for i, effect in enumerate(a.effects):
-            if isinstance(effect, HiddenEffect):
-                v = self.variable(effect, x, u)
-                is_state = effect.variable in a.plant.states
-                dv = dx[a.plant.states.index(str(effect.variable))] if is_state else np.zeros_like(v)
-                for row, rate in zip(range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rates(x[a.hidden_of(i)], t, v, dv, self._parameters[i], self.width(effect))):
-                    dx[row] = rate
+        for i, effect in self._balances:
+            wire = a.wires[i]
+            v = self.variable(i, x, u)
+            if i in a._hidden:
+                dx[wire.place] += effect.force(x[a._hidden[i]], v, self._parameters[i])  # type: ignore[attr-defined]
+            else:
+                dx[wire.place] += effect.term(t, x[wire.place], v, self._parameters[i], self.width(i))
+        for i, rows in a._hidden.items():
+            effect, v = a.effects[i], self.variable(i, x, u)
+            is_state, driver = a.wires[i].drivers[0]
+            dv = dx[driver] if is_state else np.zeros_like(v)
+            rates = effect.rates(x[rows], t, v, dv, self._parameters[i], self.width(i))  # type: ignore[attr-defined]
+            for row, rate in zip(range(rows.start, rows.stop), rates):
+                dx[row] = rate
         return dx
 
-    def width(self, effect: BaseEffect) -> float:
-        """Smoothing of the kinks of an effect: in units of its variable, of time where it has none."""
-        return self.a._size(effect) / self.a.sharpness if effect.variable else self.h
+    def width(self, i: int) -> float:
+        """Smoothing of the kinks of effect i: in units of its variable, of time where it has none."""
+        width = self.a.wires[i].width
+        return self.h if width is None else width
 
-    def variable(self, effect: BaseEffect, x: np.ndarray, u: np.ndarray) -> Any:
-        """Values of the variable: an array, a pair for "v*w", None where there is none."""
-        states, inputs = self.a.plant.states, self.a.plant.inputs
-        found = tuple(x[states.index(name)] if name in states else u[inputs.index(name)] for name in _factors(effect))
+    def variable(self, i: int, x: np.ndarray, u: np.ndarray) -> Any:
+        """Values of the variable of effect i: an array, a pair for "v*w", None where there is none."""
+        found = tuple(x[place] if is_state else u[place] for is_state, place in self.a.wires[i].drivers)
         if not found:
             return None
         return found[0] if len(found) == 1 else found
@@ -288,7 +306,7 @@ class BoundModel:
         u0 = (self._mean if self._half is None else self._mean - self._half)[0][..., self.record.starts]
         for i, effect in enumerate(a.effects):
             if isinstance(effect, HiddenEffect):
-                v = np.broadcast_to(self.variable(effect, x0, u0), x0.shape[1:])
+                v = np.broadcast_to(self.variable(i, x0, u0), x0.shape[1:])
                 for row, value in zip(range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rest(v, self._parameters[i])):
                     out[row] = value
         return self.clip(out) if self._has_limits else out

@@ -126,11 +126,14 @@ class Problem:
         open_steps: int = 3,
         max_steps: int = 25,
         settled: bool = False,
+        fallback: np.ndarray | None = None,
     ) -> Rival | None:
         """Fit effects and free parameters (theta in that order) through the free run, from a trajectory x."""
         model = self.augmented(effects)
         with np.errstate(all="ignore"):
             start = x if settled and len(x) == model.n_states else settle_hidden(model, theta, x)
+            if fallback is not None:
+                fallback = settle_hidden(model, theta, fallback)
             unit = self.units(effects, theta)
             low, high = self.bounds(effects)
             prior = None
@@ -146,6 +149,7 @@ class Problem:
                     open_steps=open_steps if prior is None else 0,
                     max_steps=max_steps,
                     best=best,
+                    fallback=fallback,
                 )
                 if fit is None:
                     return None

@@ -33,6 +33,8 @@ class Start:
         Parameters of the effect.
     white, forced : float
         Drop of -2 log likelihood that the screen expects, for white noise and for noise with forces.
+    left : float
+        Sum of squares, in units of the noise, that the screen expects to be left.
     x : ndarray (n_states, n_samples)
         Smoothed trajectory, hidden states included.
     """
@@ -41,6 +43,7 @@ class Start:
     theta: np.ndarray
     white: float
     forced: float
+    left: float
     x: np.ndarray
 
 
@@ -202,19 +205,46 @@ def _screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: 
     free = base.model.free_states
     white = _project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
     flat = white.reshape(len(white), -1)
-    drop, amplitude = _scores(_eliminate(flat @ flat.T, len(P), precision, pull), linear, one_signed)
+    reduced = _eliminate(flat @ flat.T, len(P), precision, pull)
+    drop, amplitude = _scores(reduced, linear, one_signed)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
         G, _ = D.gram(stack.transpose(1, 0, 2), noise)
         forced, _ = _scores(_eliminate(G, len(P), precision, pull), linear, one_signed)
+    pairs = _quadratures(taken, values, reduced)
     out = []
     for k, effect in enumerate(taken):
         theta = values[k].copy()
+        if k in pairs:
+            theta, gained = pairs[k]
+            out.append(Start(effect, theta, gained, max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0), float(reduced[0, 0] - gained), paths[k]))
+            continue
         if effect.linear and len(theta):
             theta[0] *= amplitude[k] if amplitude[k] != 0 else 1e-3
             theta[0] = np.clip(theta[0], effect.parameters[0].low, effect.parameters[0].high)
             if effect.name == "parameter_error":
                 theta[0] = np.clip(theta[0], -0.8, 2.0)
-        out.append(Start(effect, theta, float(drop[k]), float(forced[k]), paths[k]))
+        out.append(Start(effect, theta, float(drop[k]), float(forced[k]), float(reduced[0, 0] - drop[k]), paths[k]))
+    return out
+
+
+def _quadratures(taken: Sequence[BaseEffect], values: Sequence[np.ndarray], G: np.ndarray) -> dict[int, tuple[np.ndarray, float]]:
+    """Sine and cosine of one frequency fitted together: amplitude and phase of a periodic effect, and the drop."""
+    out: dict[int, tuple[np.ndarray, float]] = {}
+    for k in range(len(taken) - 1):
+        names = [p.name for p in taken[k].parameters]
+        if "phase" not in names or taken[k + 1] is not taken[k]:
+            continue
+        phase = names.index("phase")
+        a, b = values[k], values[k + 1]
+        if a[phase] != 0 or b[phase] == 0 or not np.array_equal(np.delete(a, phase), np.delete(b, phase)):
+            continue
+        two = [1 + k, 2 + k]
+        H, g = G[np.ix_(two, two)], G[0, two]
+        sine, cosine = np.linalg.lstsq(H, g, rcond=1e-10)[0]
+        theta = a.copy()
+        theta[0] *= np.hypot(sine, cosine)
+        theta[phase] = np.arctan2(cosine, sine)
+        out[k] = theta, float(np.array([sine, cosine]) @ g)
     return out

@@ -19,6 +19,10 @@ __all__ = ["Search"]
 EXTRA = 10.0
 #: Free runs that stay within this many times the noise need no further effect where none passed.
 FAR = 5.0
+#: Numerics of the search; what it finds is polished with finer ones.
+SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
+#: A rival whose screen leaves this many times more than the best's is not fitted.
+HOPELESS = 40.0
 #: Most effects named at once.
 MOST_EFFECTS = 5
 
@@ -178,18 +182,25 @@ class Search:
         """The problem with the numerics of a rival."""
         return replace(self.problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
 
+    def searching(self, base: Rival) -> Problem:
+        """The problem with the numerics of a base, but no finer than the search needs."""
+        n_sub = min(base.model.n_sub, max(SEARCH_SUBSTEPS, self.problem.n_sub))
+        return replace(self.problem, n_sub=n_sub, sharpness=min(base.model.sharpness, SEARCH_SHARPNESS))
+
     def expand(self, base: Rival, n_white: int, n_forced: int) -> list[Rival]:
         """Fit the candidates that the screen puts first, added to a base."""
-        problem = self.at(base)
+        problem = self.searching(base)
         taken = set(base.keys)
         candidates = [e for e in self.candidates if e.key not in taken]
         n = len(self.problem.plant.states)
         x = self.x if not base.effects else base.fit.x[:n]
         guess = np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
+        if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
+            base = Rival(base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature)
         starts = screen(problem, candidates, base, guess, base.noise)
         if not base.effects:
             self.first_screen = starts
-        chosen = _best_starts(starts, n_white, n_forced)
+        chosen = _best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
         rivals = self.fit_all(problem, base, chosen)
         for rival in rivals:
@@ -221,7 +232,7 @@ class Search:
         assert self.null is not None and self.null.noise is not None
         noise = base.noise or self.null.noise
         cheapest = min(rivals, key=lambda rival: rival.fit.cost)
-        problem = self.at(base)
+        problem = self.searching(base)
         estimate_noise(problem, cheapest, noise, base.curvature)
         assert cheapest.noise is not None
         for rival in rivals:
@@ -265,7 +276,8 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
     split = base.n_parameters
     for start in starts:
         theta = np.concatenate([base.fit.theta[:split], start.theta, base.fit.theta[split:]])
-        rival = problem.fit((*base.effects, start.effect), theta, start.x, best=best)
+        n = len(problem.plant.states)
+        rival = problem.fit((*base.effects, start.effect), theta, start.x, best=best, fallback=base.fit.x[:n])
         if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
             found = rival
     return found
@@ -276,16 +288,20 @@ def _fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> l
     return [fit_added(problem, base, starts, base.fit.cost) for starts in chunk]
 
 
-def _best_starts(starts: Sequence[Start], n_white: int, n_forced: int) -> list[list[Start]]:
-    """The best rivals by either score; for each its best starts (two where the effect is not linear)."""
+def _best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:
+    """The best rivals by either score, hopeless ones left out; for each its best starts (two where it is not linear)."""
     by_key: dict = {}
+    if not starts:
+        return []
     for start in starts:
         by_key.setdefault(start.effect.key, []).append(start)
     for group in by_key.values():
         group.sort(key=lambda s: -s.white)
     order_white = sorted(by_key, key=lambda key: -by_key[key][0].white)
     order_forced = sorted(by_key, key=lambda key: -max(s.forced for s in by_key[key]))
-    chosen = list(dict.fromkeys([*order_white[:n_white], *order_forced[:n_forced]]))
+    least = max(min(s.left for s in starts), 1.0 * n_values)
+    hopeful = [key for rank, key in enumerate(order_white[:n_white]) if rank < 6 or by_key[key][0].left < HOPELESS * least]
+    chosen = list(dict.fromkeys([*hopeful, *order_forced[:n_forced]]))
     out = []
     for key in chosen:
         group = by_key[key]

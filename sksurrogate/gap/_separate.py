@@ -53,21 +53,23 @@ def equivalents(search: Search, final: Rival) -> list[Slot]:
 
 
 def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
+    """The class of one slot: fitted with the numerics of the search, the near ones again with those of the final rival."""
     assert final.noise is not None
-    problem = search.at(final)
-    if base.model.n_sub != final.model.n_sub or base.model.sharpness != final.model.sharpness:
-        base = Rival(base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature)
+    coarse, fine = search.searching(base), search.at(final)
     own = final.effects[i].key
-    level = quick_likelihood(problem, final, [final.noise])
+    level = quick_likelihood(fine, final, [final.noise])
+    rivals = search.expand(base, 24, 10)
+    mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
+    same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
+    reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
     found = []
-    for rival in search.expand(base, 24, 10):
-        if rival.effects[-1].key == own:
+    for rival in rivals:
+        if rival.effects[-1].key == own or rival.fit.cost > 1.5 * reach + 50.0 * EQUAL:
             continue
-        if rival.fit.cost > final.fit.cost + 0.5 * final.fit.cost + 50.0 * EQUAL:
-            continue
-        value = quick_likelihood(problem, rival, [final.noise])
-        if rival.noise is not None:
-            value = max(value, rival.log_likelihood)
+        if not same_numerics:
+            again = fine.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, max_steps=8, settled=True)
+            rival = again or rival
+        value = quick_likelihood(fine, rival, [final.noise])
         if 2.0 * (level - value) <= EQUAL:
             found.append((value, rival))
     found.sort(key=lambda item: -item[0])

@@ -217,6 +217,7 @@ def output_error(
     max_steps: int = 25,
     best: float = np.inf,
     fit_start: bool = True,
+    fallback: np.ndarray | None = None,
 ) -> Fit | None:
     """Fit parameters and initial states through the free run.
 
@@ -240,6 +241,9 @@ def output_error(
         Cost of the best rival so far; one that cannot come near it is abandoned.
     fit_start : bool
         Whether initial states are fitted.
+    fallback : ndarray (n_states, n_samples), optional
+        A closed trajectory near the start, used where the open steps go astray; by default one is made by a loop over
+        time.
 
     Returns
     -------
@@ -247,7 +251,7 @@ def output_error(
         None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
-        return _OutputError(model, sd, unit, bounds, prior, fit_start).run(theta, x, open_steps, max_steps, best)
+        return _OutputError(model, sd, unit, bounds, prior, fit_start).run(theta, x, open_steps, max_steps, best, fallback)
 
 
 class _OutputError:
@@ -293,7 +297,9 @@ class _OutputError:
         y = bound.outputs(x[:, None])[:, 0]
         return x, y, self.cost(y, theta)
 
-    def run(self, theta: np.ndarray, x: np.ndarray, open_steps: int, max_steps: int, best: float) -> Fit | None:
+    def run(
+        self, theta: np.ndarray, x: np.ndarray, open_steps: int, max_steps: int, best: float, fallback: np.ndarray | None
+    ) -> Fit | None:
         theta = np.clip(theta, self.low, self.high)
         first = theta, x
         for _ in range(open_steps):
@@ -306,12 +312,15 @@ class _OutputError:
             theta, x = self.moved(lin, theta, dt, dx)
         x, y, cost = self.closed(theta, x, None)
         if not np.isfinite(cost):
-            # The open steps went astray: closed steps from the start, by a loop over time.
+            # The open steps went astray: closed steps from the start.
             theta = first[0]
-            x = free_run(self.model, theta, first[1][:, self.record.starts])
-            if np.all(np.isfinite(x)):
-                y = self.model.bind(theta[:, None]).outputs(x[:, None])[:, 0]
-                cost = self.cost(y, theta)
+            if fallback is not None:
+                x, y, cost = self.closed(theta, fallback, None)
+            else:
+                x = free_run(self.model, theta, first[1][:, self.record.starts])
+                if np.all(np.isfinite(x)):
+                    y = self.model.bind(theta[:, None]).outputs(x[:, None])[:, 0]
+                    cost = self.cost(y, theta)
         if not np.isfinite(cost):
             return None
         return self.descend(theta, x, y, cost, max_steps, best)
