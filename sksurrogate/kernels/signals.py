@@ -118,6 +118,7 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Sig
         before = (mean - half)[first]
         late, later = np.arange(n) - m, np.arange(n) - m - 1
         in2, in1 = late >= first, later >= first
+        late, later = np.maximum(late, first), np.maximum(later, first)
         a2, b2 = np.where(in2, mean[late], before), np.where(in2, half[late], 0.0)
         a1, b1 = np.where(in1, mean[later], before), np.where(in1, half[later], 0.0)
         cube = (2 * phi - 1) ** 3

@@ -1,0 +1,168 @@
+"""Effects on outputs: closed forms, exact solutions of lag and delay between the samples, orders of convergence."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from sksurrogate.effects import CATALOGUE, SensorPath
+from sksurrogate.effects._sensor import lag_moments
+
+ONE = np.array([0])
+
+
+def path_of(y, slope, n, dt):
+    """A smooth output (functions of time) at n samples."""
+    t = dt * np.arange(n)
+    return SensorPath(y(t)[None], slope(t)[None], slope(t)[None])
+
+
+def follow(name, path, value, dt, starts=ONE):
+    return CATALOGUE[name]("y").follow(path, [np.reshape(np.atleast_1d(value), (-1, 1))], dt, starts)
+
+
+@pytest.mark.parametrize(
+    ("name", "theta", "expected"),
+    [
+        ("sensor_coupling", (2.0,), [-1.0, 2.0, 7.0]),
+        ("sensor_nonlinearity", (0.5,), [-0.5, 0.0, 4.0]),
+        ("sensor_gain", (0.5,), [-1.5, 0.0, 3.0]),
+        ("sensor_bias", (0.5,), [-0.5, 0.5, 2.5]),
+        ("sensor_drift", (0.1,), [-1.0, 0.1, 2.2]),
+        ("sensor_rectification", (), [1.0, 0.0, 2.0]),
+        ("sensor_saturation", (1.5,), [-1.0, 0.0, 1.5]),
+        ("sensor_quantization", (0.6,), [-1.2, 0.0, 1.8]),
+    ],
+)
+def test_static_readings(name, theta, expected):
+    y, v, t = np.array([-1.0, 0.0, 2.0]), np.array([0.0, 1.0, 2.5]), np.array([0.0, 1.0, 2.0])
+    np.testing.assert_allclose(CATALOGUE[name]("y", "v").read(y, v, t, theta), expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-6, 0.02, 0.4, 0.5, 0.6, 3.0, 1e4])
+def test_moments_of_a_lag_are_the_integrals(ratio):
+    moments, decay, rate = lag_moments(np.array([[ratio]]))
+    if ratio <= 1e-6:
+        np.testing.assert_allclose(moments.ravel(), 1 - ratio * np.arange(4), atol=1e-11)
+        assert decay == 0 and rate == 0
+        return
+    for j in range(4):
+        value, _ = quad(
+            lambda s, j=j: np.exp(-(1 - s) / ratio) / ratio * s**j, 0, 1, points=[1 - ratio, 1 - 10 * ratio]
+        )
+        assert moments[j, 0, 0] == pytest.approx(value, rel=1e-9, abs=1e-12)
+
+
+def lagged_cubic(c, a, w0):
+    """Exact answer of ``c w' + w = a0 + a1 t + a2 t^2 + a3 t^3`` from ``w0``."""
+    b3 = a[3]
+    b2 = a[2] - 3 * c * b3
+    b1 = a[1] - 2 * c * b2
+    b0 = a[0] - c * b1
+    return lambda t: b0 + b1 * t + b2 * t**2 + b3 * t**3 + (w0 - b0) * np.exp(-t / c)
+
+
+@pytest.mark.parametrize("constant", [0.003, 0.05, 0.3, 2.0])
+def test_lag_of_a_cubic_is_exact(constant):
+    a, n, dt = (0.5, -1.0, 2.0, -0.7), 25, 0.1
+    y = lambda t: a[0] + a[1] * t + a[2] * t**2 + a[3] * t**3  # noqa: E731
+    slope = lambda t: a[1] + 2 * a[2] * t + 3 * a[3] * t**2  # noqa: E731
+    w = lagged_cubic(constant, a, y(0.0))
+    found = follow("sensor_lag", path_of(y, slope, n, dt), constant, dt)
+    t = dt * np.arange(n)
+    np.testing.assert_allclose(found.y[0], w(t), rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(found.left[0, 1:], (y(t) - w(t))[1:] / constant, rtol=1e-7, atol=1e-8)
+
+
+def sine_lagged(t, w, c):
+    """``c z' + z = sin(w t + 1)`` from z(0) = sin(1)."""
+    gain, phase = 1 / np.hypot(1, c * w), np.arctan(c * w)
+    steady = lambda now: gain * np.sin(w * now + 1 - phase)  # noqa: E731
+    return steady(t) + (np.sin(1) - steady(0.0)) * np.exp(-t / c)
+
+
+@pytest.mark.parametrize("name", ["sensor_lag", "sensor_delay"])
+def test_a_sine_is_followed_to_fourth_order(name):
+    w, c, errors = 2.0, 0.33, []
+    for n in (40, 80, 160):
+        dt = 4.0 / n
+        t = dt * np.arange(n)
+        found = follow(name, path_of(lambda s: np.sin(w * s + 1), lambda s: w * np.cos(w * s + 1), n, dt), c, dt).y[0]
+        exact = sine_lagged(t, w, c) if name == "sensor_lag" else np.sin(w * np.maximum(t - c, 0) + 1)
+        errors.append(np.max(np.abs(found - exact)))
+    assert np.log2(errors[0] / errors[2]) / 2 > 3.9 and errors[2] < 1e-7
+
+
+@pytest.mark.parametrize("name", ["sensor_lag", "sensor_delay"])
+def test_nothing_is_changed_at_zero_and_little_near_it(name):
+    random = np.random.default_rng(0)
+    path = SensorPath(random.normal(size=(1, 20)), random.normal(size=(1, 20)), random.normal(size=(1, 20)))
+    for starts in (ONE, np.array([0, 9])):
+        still = follow(name, path, 0.0, 0.1, starts)
+        np.testing.assert_allclose(still.y, path.y, rtol=1e-13, atol=1e-13)
+        inner = np.setdiff1d(np.arange(20), starts)
+        c = 1e-7
+        moved = follow(name, path, c, 0.1, starts).y
+        np.testing.assert_allclose(
+            ((moved - path.y) / c)[0, inner], -path.left[0, inner], atol=2e-5 * np.ptp(path.y) / 0.1
+        )
+        np.testing.assert_allclose(moved[:, starts], path.y[:, starts], atol=1e-13)
+
+
+def test_delay_by_whole_samples_shifts_rows_and_slopes():
+    random = np.random.default_rng(0)
+    path = SensorPath(*random.normal(size=(3, 1, 12)))
+    starts = np.array([0, 5])
+    found = follow("sensor_delay", path, 0.2, 0.1, starts)
+    rows = np.array([0, 0, 0, 1, 2, 5, 5, 5, 6, 7, 8, 9])
+    np.testing.assert_allclose(found.y[0], path.y[0, rows], atol=1e-12)
+    np.testing.assert_allclose(found.right[0, [2, 3, 8]], path.right[0, [0, 1, 6]], atol=1e-9)
+    np.testing.assert_allclose(found.left[0, [3, 4, 9]], path.left[0, [1, 2, 7]], atol=1e-9)
+
+
+def test_a_delay_longer_than_the_run_shows_the_first_value():
+    path = SensorPath(*np.random.default_rng(0).normal(size=(3, 1, 8)))
+    np.testing.assert_allclose(
+        follow("sensor_delay", path, 1e6, 0.1, np.array([0, 3])).y[0], path.y[0, [0, 0, 0, 3, 3, 3, 3, 3]]
+    )
+
+
+def test_lag_then_delay_of_a_sine():
+    """What a lag hands on must be a path again: values, slopes, means."""
+    w, c, late, errors = 2.0, 0.2, 0.13, []
+    for n in (40, 80, 160):
+        dt = 4.0 / n
+        path = path_of(lambda s: np.sin(w * s + 1), lambda s: w * np.cos(w * s + 1), n, dt)
+        found = follow("sensor_delay", follow("sensor_lag", path, c, dt), late, dt).y[0]
+        t = dt * np.arange(n)
+        exact = sine_lagged(np.maximum(t - late, 0), w, c)
+        errors.append(np.max(np.abs(found - exact)))
+    assert errors[0] / errors[2] > 60 and errors[2] < 5e-6  # the start, where the lag's slope jumps, costs an order
+
+
+def test_columns_abreast_and_one_path_for_many_columns():
+    path = SensorPath(*np.random.default_rng(0).normal(size=(3, 1, 15)))
+    for name in ("sensor_lag", "sensor_delay"):
+        sizes = np.array([0.0, 0.01, 0.1, 0.25])
+        together = follow(name, path, sizes, 0.1)
+        for k, size in enumerate(sizes):
+            alone = follow(name, path, size, 0.1)
+            for part in ("y", "right", "left"):
+                np.testing.assert_allclose(getattr(together, part)[k], getattr(alone, part)[0], rtol=1e-12, atol=1e-12)
+
+
+def test_sensors_act_in_the_order_of_the_table_and_coupling_reads_the_plain_output(make_tanks):
+    from sksurrogate.effects import AugmentedSimulator
+
+    plant, U = make_tanks(), np.abs(np.random.default_rng(0).normal(size=(40, 2)))
+    names = ("sensor_quantization", "sensor_saturation", "sensor_bias", "sensor_gain", "sensor_nonlinearity")
+    effects = [CATALOGUE[name]("level") for name in names] + [CATALOGUE["sensor_coupling"]("level", "scale")]
+    effects += [CATALOGUE["sensor_gain"]("scale")]
+    values = [(0.1,), (2.0,), (0.2,), (0.3,), (0.05,), (0.1,), (9.0,)]
+    y, s = plant.simulate(U).T
+    expected = y + 0.1 * s
+    expected = expected + 0.05 * expected**2
+    expected = np.minimum(1.3 * expected + 0.2, 2.0)
+    found = AugmentedSimulator(plant, effects, values).simulate(U)
+    np.testing.assert_allclose(found[:, 1], 10 * s, atol=1e-7)
+    rounded = 0.1 * np.round(expected / 0.1)
+    assert np.mean(np.abs(found[:, 0] - rounded) < 1e-7) > 0.95  # a value on the edge of a step may round either way
