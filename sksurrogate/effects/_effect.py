@@ -242,6 +242,12 @@ class LimitEffect(BaseEffect):
             True at the end of a substep, where what was cut off goes elsewhere; False at the stages within.
         """
 
+    def flow(
+        self, x: np.ndarray, dx: np.ndarray, dv: np.ndarray, theta: Sequence[Any]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The rates dx/dt and dv/dt at the limit; :meth:`clip` alone passes on what is cut off a substep too late."""
+        return dx, dv
+
 
 class HiddenEffect(BalanceEffect):
     """The balance depends on a state that the simulator does not have."""

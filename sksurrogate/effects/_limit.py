@@ -57,6 +57,13 @@ class Overflow(LimitEffect):
         limited = np.minimum(x, theta[0])
         return limited, v + theta[1] * (x - limited) if final and v is not None else None
 
+    def flow(
+        self, x: np.ndarray, dx: np.ndarray, dv: np.ndarray, theta: Sequence[Any]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What would fill the full vessel further goes over."""
+        cut = np.where(x >= theta[0], np.maximum(dx, 0.0), 0.0)
+        return dx - cut, dv + theta[1] * cut
+
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Limits at quantiles of the reached range; half of it spills over."""
         return [(limit, 0.5) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]

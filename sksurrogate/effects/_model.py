@@ -251,7 +251,13 @@ class BoundModel:
             return nominal
         dx = np.empty((self.a.n_states, *nominal.shape[1:]))
         dx[:n] = nominal
-        return self._effect_rates(t, x, u, dx)
+        dx = self._effect_rates(t, x, u, dx)
+        states = self.a.plant.states
+        for i, effect in enumerate(self.a.effects):
+            if isinstance(effect, LimitEffect) and effect.variable:
+                place, other = states.index(str(effect.location)), states.index(effect.variable)
+                dx[place], dx[other] = effect.flow(x[place], dx[place], dx[other], self._parameters[i])
+        return dx
 
     def _effect_rates(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Add the terms of the balance effects to ``dx`` and fill in the rates of the hidden states."""

@@ -44,7 +44,7 @@ def _tanks(hold="zoh"):
     )
 
 
-def _reference(rhs, z0, inputs, n=N, dt=DT, edges=()):
+def _reference(rhs, z0, inputs, n=N, dt=DT, edges=(), steps=4):
     """States at the samples of ``rhs(t, z, u)``; ``inputs`` (n,) held, or a function of t that jumps at ``edges``."""
     t = dt * np.arange(n)
     stops = np.unique(np.r_[t, [edge for edge in edges if 0 < edge < t[-1]]])
@@ -56,7 +56,7 @@ def _reference(rhs, z0, inputs, n=N, dt=DT, edges=()):
         def f(now, z, held=held, a=a, b=b, inside=inside):
             return rhs(now, z, inputs(min(max(now, a + inside), b - inside)) if held is None else held)
 
-        z = solve_ivp(f, (a, b), z, rtol=1e-9, atol=1e-12, max_step=dt / 4).y[:, -1]
+        z = solve_ivp(f, (a, b), z, rtol=1e-9, atol=1e-12, max_step=dt / steps).y[:, -1]
         states[b] = z
     return np.array([states[now] for now in t])
 
