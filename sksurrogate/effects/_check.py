@@ -170,7 +170,9 @@ def _check_on(effect: BaseEffect, plant: Plant, model: PlantModel, record: Recor
         assert fits, f"{who}starts() gives {theta}, which is not finite or not within the bounds"
     if not starts or not effect.parameters:
         return
-    columns = np.array(starts[:6]).T
+    stretched = [(effect.parameters[0].null + 0.7 * (c - effect.parameters[0].null), *rest) for c, *rest in starts[:1]]
+    finite = [theta for theta in stretched if np.all(np.isfinite(theta))]
+    columns = np.array([*starts[:6], *finite]).T
     given = x.repeat(columns.shape[1], axis=1)
     kept = given.copy()
     together = _results(whole.bind(columns), given, len(X))

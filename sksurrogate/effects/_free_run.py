@@ -79,11 +79,13 @@ def _march(bound: BoundModel, X0: np.ndarray) -> np.ndarray:
     starts, n_samples = bound.record.starts, bound.record.n_samples
     length = n_samples // len(starts)
     x = bound.start(X0[:, None])
-    out = np.empty((len(x), n_samples))
+    out = np.full((len(x), n_samples), np.nan)
     out[:, starts] = x[:, 0]
     for k in range(length - 1):
         x = bound(x, starts + k)
         out[:, starts + k + 1] = x[:, 0]
+        if not np.any(np.isfinite(x)):
+            break
     return out
 
 
@@ -109,7 +111,7 @@ def _substeps_needed(build: Build, bound: BoundModel, X: np.ndarray, scale: np.n
     """Compare one sample in ``n_sub`` and in ``2 n_sub`` substeps, for all samples at once."""
     n_sub = bound.a.n_sub
     if not np.all(np.isfinite(X)):
-        return 2 * n_sub
+        return 4 * n_sub
     once, twice = bound(X[:, None])[:, 0], build(2 * n_sub, scale)(X[:, None])[:, 0]
     error = np.max(np.abs(once - twice) / np.maximum(np.max(np.abs(X), axis=1), 1e-12)[:, None], axis=0)
     if not np.all(np.isfinite(error)):
