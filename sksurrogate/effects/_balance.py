@@ -250,7 +250,7 @@ class Exchange(BalanceEffect):
         return _others(plant.states, location) + plant.inputs
 
 
-class Radiation(Exchange):
+class Radiation(BalanceEffect):
     """Heat radiated by a neighbour: ``+ c (v^4 - x^4)``."""
 
     name = "radiation"
@@ -263,6 +263,11 @@ class Radiation(Exchange):
         """``c (v^4 - x^4)``."""
         v2, x2 = v * v, x * x
         return theta[0] * (v2 * v2 - x2 * x2)
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """The other states, and the inputs."""
+        return _others(plant.states, location) + plant.inputs
 
 
 class Bilinear(BalanceEffect):

@@ -42,7 +42,7 @@ class Hysteresis(HiddenEffect):
         """Limits between a small part of the movement of v and more than all of it."""
         assert probe.v is not None
         size = float(np.std(probe.v))
-        found = []
+        found: list[tuple[float, ...]] = []
         for share in (0.05, 0.15, 0.4, 1.0, 2.5):
             path = np.clip(probe.v - np.mean(probe.v), -share * size, share * size)
             found.append((probe.unit(path), share * size))
@@ -88,7 +88,7 @@ class LugreFriction(HiddenEffect):
         travel = float(np.sqrt(np.mean([np.var(np.cumsum(run) * probe.dt) for run in runs])))
         if speed == 0 or travel == 0:
             return []
-        found = []
+        found: list[tuple[float, ...]] = []
         for size in (0.7, 2.0):
             for share in (0.03, 0.2, 1.0):
                 stiffness = min(size * level / (share * travel), 1.5 * size * level / (fastest * probe.dt))

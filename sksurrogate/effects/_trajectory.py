@@ -79,7 +79,7 @@ def trajectory_runs(
             )
         if isinstance(effect, ParameterEffect):
             name = str(effect.location)
-            changed[name] = float(effect.value(changed.get(name, plant.params[name]), 0.0, values, 0.0))
+            changed[name] = float(effect.value(changed.get(name, plant.params[name]), 0.0, list(values), 0.0))
     times, dt = even_times(t, U.shape[1], plant.dt)
     acting = U if plant.inputs == () else _acting_inputs(plant, effects, parts, U, dt)
     Y = plain_runs(retuned_simulator(plant.simulator, changed), acting, X0, t)
@@ -128,5 +128,5 @@ def _readings(
             paths[i] = effect.follow(paths[i], [np.array([[value]]) for value in values], dt, one)
             y[i] = paths[i].y[0]
         else:
-            y[i] = effect.read(y[i], raw[outputs.index(effect.variable)] if effect.variable else None, t, values)
+            y[i] = effect.read(y[i], raw[outputs.index(effect.variable)] if effect.variable else None, t, list(values))
     return y.T
