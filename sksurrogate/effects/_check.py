@@ -71,15 +71,18 @@ def check_effect(effect: BaseEffect | type[BaseEffect], simulator: Any = None) -
     >>> from sksurrogate.testing import check_effect
     >>> check_effect(CATALOGUE["coulomb_friction"])
     """
-    cls = type(effect) if isinstance(effect, BaseEffect) else effect
-    assert isinstance(cls, type) and issubclass(cls, BaseEffect), f"{cls!r} is no subclass of BaseEffect"
+    if isinstance(effect, type):
+        given, cls = None, effect
+    else:
+        given, cls = effect, type(effect)
+    assert issubclass(cls, BaseEffect), f"{cls.__name__} is no subclass of BaseEffect"
     _check_declaration(cls)
     plant = describe(_default_plant() if simulator is None else simulator)
     assert plant.access == "rhs", f"check_effect needs a simulator with rhs and states, got {plant.simulator!r}"
     model = PlantModel(plant)
-    if isinstance(effect, BaseEffect) and effect.location is not None:
-        check_place(effect, plant)
-        instances: list[BaseEffect] = [effect]
+    if given is not None and given.location is not None:
+        check_place(given, plant)
+        instances = [given]
     else:
         balances = [name for name in plant.states if name not in kinematic_states(model)]
         instances = list(cls.instances(plant, balances))
