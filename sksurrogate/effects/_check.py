@@ -71,10 +71,8 @@ def check_effect(effect: BaseEffect | type[BaseEffect], simulator: Any = None) -
     >>> from sksurrogate.testing import check_effect
     >>> check_effect(CATALOGUE["coulomb_friction"])
     """
-    if isinstance(effect, type):
-        given, cls = None, effect
-    else:
-        given, cls = effect, type(effect)
+    given: BaseEffect | None = None if isinstance(effect, type) else effect
+    cls: Any = effect if given is None else type(given)
     assert issubclass(cls, BaseEffect), f"{cls.__name__} is no subclass of BaseEffect"
     _check_declaration(cls)
     plant = describe(_default_plant() if simulator is None else simulator)
