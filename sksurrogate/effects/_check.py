@@ -71,7 +71,7 @@ def check_effect(effect: BaseEffect | type[BaseEffect], simulator: Any = None) -
     >>> from sksurrogate.testing import check_effect
     >>> check_effect(CATALOGUE["coulomb_friction"])
     """
-    given: BaseEffect | None = None if isinstance(effect, type) else effect
+    given = effect if isinstance(effect, BaseEffect) else None
     cls: Any = effect if given is None else type(given)
     assert issubclass(cls, BaseEffect), f"{cls.__name__} is no subclass of BaseEffect"
     _check_declaration(cls)
