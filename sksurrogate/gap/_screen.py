@@ -58,9 +58,10 @@ def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndar
             return record.u[plant.inputs.index(name)]
         return record.y[plant.outputs.index(name)]
 
-    v = None
+    v, factors = None, ()
     if effect.variable:
-        v = np.prod([signal(name) for name in effect.variable.split("*")], axis=0)
+        factors = tuple(signal(name) for name in effect.variable.split("*"))
+        v = np.prod(factors, axis=0)
     where, rate = np.zeros(record.n_samples), 0.0
     if effect.kind == "state":
         place = plant.states.index(str(effect.location))
@@ -69,7 +70,7 @@ def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndar
         where = signal(str(effect.location))
         v = where if v is None else v
     duration = record.dt * int(record.lengths.max())
-    return Probe(v, where, rate, record.dt, duration, record.starts)
+    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else ())
 
 
 class _Screener:
