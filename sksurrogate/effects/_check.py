@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import pickle
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from sklearn.base import clone
@@ -71,7 +71,7 @@ def check_effect(effect: BaseEffect | type[BaseEffect], simulator: Any = None) -
     >>> from sksurrogate.testing import check_effect
     >>> check_effect(CATALOGUE["coulomb_friction"])
     """
-    given = effect if isinstance(effect, BaseEffect) else None
+    given = cast("BaseEffect | None", effect if isinstance(effect, BaseEffect) else None)
     cls: Any = effect if given is None else type(given)
     assert issubclass(cls, BaseEffect), f"{cls.__name__} is no subclass of BaseEffect"
     _check_declaration(cls)
