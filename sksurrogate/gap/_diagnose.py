@@ -60,6 +60,8 @@ class GapDiagnoser(BaseEstimator):
     report_ : GapReport
     augmented_ : AugmentedSimulator
         The simulator with the effects added and free parameters at their re-tuned values.
+    initial_states_ : ndarray (n_runs, n_states)
+        Initial states of the runs that go with it.
 
     Notes
     -----
@@ -166,6 +168,8 @@ class GapDiagnoser(BaseEstimator):
             questions.complete = False
         self.report_ = questions.answer(time.perf_counter() - begun)
         self.augmented_ = questions.augmented()
+        final = questions.final
+        self.initial_states_ = final.fit.x[: len(plant.states), record.starts].T.copy()
         return self
 
     def _say(self, message: str) -> None:
@@ -301,10 +305,14 @@ class _Questions:
                     str(effect.location),
                     effect.variable,
                     float(found.shares[i]) if found.shares else float("nan"),
-                    {n: float(final.fit.theta[r]) for n, r in zip(names, rows)},
+                    dict(zip(names, (float(v) for v in effect.canonical(final.theta_of(i))))),
                     {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
                     chances[i],
-                    [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys(t.effects[-1].key for t in slot.twins)],
+                    [
+                        (str(k[0]), str(k[1]), k[2])
+                        for k in dict.fromkeys([*(t.effects[-1].key for t in slot.twins), *self.search.richer.get(effect.key, [])])
+                        if k not in final.keys
+                    ],
                     why(final, slot, found.experiment),
                 )
             )

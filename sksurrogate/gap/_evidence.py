@@ -49,6 +49,8 @@ def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) ->
             G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), noise)
         except np.linalg.LinAlgError:
             continue
+        if not np.all(np.isfinite(G)):
+            continue
         value = _profile(G, logdet, precision, pull, rival.fit.theta)[0]
         best = max(best, value)
     return best
@@ -59,8 +61,12 @@ def estimate_noise(
 ) -> Rival:
     """Fill in a rival's own noise and its likelihood under it."""
     r, J, precision, pull = _columns(problem, rival)
+    D = problem.disturbance(rival)
+    if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
+        rival.noise, rival.log_likelihood = start, -np.inf
+        return rival
     noise, _, inverse = fit_noise(
-        problem.disturbance(rival),
+        D,
         r,
         start,
         problem.force_unit(),
@@ -69,6 +75,7 @@ def estimate_noise(
         pull,
         curvature=curvature,
         max_iterations=max_iterations,
+        caps=problem.caps,
     )
     rival.noise, rival.curvature = noise, inverse
     rival.log_likelihood = quick_likelihood(problem, rival, [noise])
@@ -82,6 +89,8 @@ def refine(problem: Problem, rival: Rival, steps: int = 3) -> Rival:
         r, J, precision, pull = _columns(problem, rival)
         D = problem.disturbance(rival)
         G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), rival.noise)
+        if not np.all(np.isfinite(G)):
+            return rival
         _, step, H = _profile(G, logdet, precision, pull, rival.fit.theta)
         if not len(step):
             return rival

@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.output_error import Fit, Linearised, free_run, linearise, output_error, settle_hidden
 from sksurrogate.kernels.record import Record
@@ -21,6 +22,8 @@ __all__ = ["PRIOR", "Problem", "Rival", "build_problem"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
+#: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
+LARGEST_DISTURBANCE = 0.10
 #: A parameter further than this factor (log) from nominal is out of the question.
 FARTHEST = 4.0
 
@@ -84,6 +87,8 @@ class Problem:
     n_sub : int
         Substeps.
     sharpness : float
+    caps : (ndarray (n_balances,), ndarray (n_outputs,))
+        Largest force of every balance and coloured noise of every sensor that count as disturbance.
     """
 
     plant: Plant
@@ -96,6 +101,7 @@ class Problem:
     balances: tuple[str, ...]
     n_sub: int
     sharpness: float = 50.0
+    caps: tuple[np.ndarray, np.ndarray] | None = None
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""
@@ -301,4 +307,26 @@ def build_problem(
             nominal.closing_weight(sd),
             lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
         )
-    return replace(problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), n_sub=n_sub), smoothed
+        problem = replace(problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), n_sub=n_sub)
+        return replace(problem, caps=_caps(problem, smoothed)), smoothed
+
+
+def _caps(problem: Problem, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarray]:
+    """Forces and coloured sensor noise that move an output by :data:`LARGEST_DISTURBANCE` of its deviation."""
+    record, n = problem.record, len(problem.plant.states)
+    nominal = replace(problem, free=()).augmented(())
+    _, C = output_jacobian(nominal.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
+    band = recursion_band(smoothed.A, record.starts)
+    rng = np.random.default_rng(0)
+    force = np.empty(len(problem.balances))
+    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
+    for k, name in enumerate(problem.balances):
+        a = np.exp(-1 / 10.0)
+        w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=record.n_samples), record.starts)
+        b = np.zeros((n, 1, record.n_samples))
+        b[problem.plant.states.index(name), 0, 1:] = record.dt * w[:-1]
+        b[:, :, record.starts] = 0.0
+        moved = np.einsum("oit,it->ot", C, solve_recursion(band, b)[:, 0])
+        gain = float(np.max(np.std(moved, axis=1) / spread))
+        force[k] = LARGEST_DISTURBANCE / gain if np.isfinite(gain) and gain > 0 else 10 * problem.rate[problem.plant.states.index(name)]
+    return force, LARGEST_DISTURBANCE * spread

@@ -144,11 +144,14 @@ def _eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.n
     return G[np.ix_(keep, keep)] - cross.T @ inverse @ cross
 
 
-def _scores(G: np.ndarray, linear: np.ndarray, one_signed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drop and amplitude of every column: free where the effect is linear, within 0.5..2 of the start where not."""
+def _scores(G: np.ndarray, linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop and amplitude of every column: free where the effect is linear, within 0.5..2 of the start where not.
+
+    The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
+    """
     g, h = G[0, 1:], np.maximum(np.diag(G)[1:], 1e-300)
     amplitude = g / h
-    clipped = np.where(linear, amplitude, np.clip(amplitude, 0.5, 2.0))
+    clipped = np.where(linear, amplitude, np.clip(amplitude, np.where(small, 0.0, 0.5), 2.0))
     clipped = np.where(linear & one_signed, np.maximum(clipped, 0.0), clipped)
     return 2 * clipped * g - clipped**2 * h, clipped
 
@@ -202,17 +205,18 @@ def _screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: 
     stack = np.concatenate([r, P, V])
     linear = np.array([e.linear for e in taken])
     one_signed = np.array([bool(e.parameters) and e.parameters[0].low >= 0 for e in taken])
+    small = np.array([_is_smallest(k, taken, values) for k in range(len(taken))])
     white = stack / problem.sd[None, :, None]
     free = base.model.free_states
     white = _project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
     flat = white.reshape(len(white), -1)
     reduced = _eliminate(flat @ flat.T, len(P), precision, pull)
-    drop, amplitude = _scores(reduced, linear, one_signed)
+    drop, amplitude = _scores(reduced, linear, one_signed, small)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
         G, _ = D.gram(stack.transpose(1, 0, 2), noise)
-        forced, _ = _scores(_eliminate(G, len(P), precision, pull), linear, one_signed)
+        forced, _ = _scores(_eliminate(G, len(P), precision, pull), linear, one_signed, small)
     pairs = _quadratures(taken, values, reduced)
     out = []
     for k, effect in enumerate(taken):
@@ -221,7 +225,7 @@ def _screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: 
             theta, gained = pairs[k]
             out.append(Start(effect, theta, gained, max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0), float(reduced[0, 0] - gained), paths[k]))
             continue
-        if effect.linear and len(theta):
+        if (effect.linear or small[k]) and len(theta):
             theta[0] *= amplitude[k] if amplitude[k] != 0 else 1e-3
             theta[0] = np.clip(theta[0], effect.parameters[0].low, effect.parameters[0].high)
             if effect.name == "parameter_error":
@@ -249,3 +253,11 @@ def _quadratures(taken: Sequence[BaseEffect], values: Sequence[np.ndarray], G: n
         theta[phase] = np.arctan2(cosine, sine)
         out[k] = theta, float(np.array([sine, cosine]) @ g)
     return out
+
+
+def _is_smallest(k: int, taken: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
+    """Whether start k is the smallest magnitude of an effect that is absent at 0."""
+    effect = taken[k]
+    if effect.linear or not effect.parameters or effect.parameters[0].null != 0:
+        return False
+    return bool(values[k][0] <= min(v[0] for e, v in zip(taken, values) if e is effect))

@@ -17,12 +17,28 @@ __all__ = ["Search"]
 
 #: A further effect must beat the bar by this much more: a mismatch of numerics can pass the bar alone.
 EXTRA = 10.0
+#: A further effect must remove this share of the gap's power: less is a mismatch of numerics.
+SMALLEST_SHARE = 1e-3
 #: Free runs that stay within this many times the noise need no further effect where none passed.
 FAR = 5.0
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
 #: A rival whose screen leaves this many times more than the best's is not fitted.
 HOPELESS = 40.0
+#: Forms that contain a simpler one; it is named where the richer form removes hardly more of the gap's power.
+NESTED = {
+    "stribeck_friction": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction",),
+    "lugre_friction": ("coulomb_friction",),
+    "hysteresis": ("coulomb_friction",),
+    "end_stop": ("state_saturation",),
+    "overflow": ("state_saturation",),
+    "power_law": ("linear_loss", "quadratic_loss", "quadratic_drag", "cubic_stiffness", "sqrt_leak"),
+    "parameter_step": ("parameter_error",),
+    "step_disturbance": ("constant_bias",),
+    "hidden_relaxation": ("linear_loss",),
+}
+NESTED_SHARE = 5e-4
 #: Most effects named at once.
 MOST_EFFECTS = 5
 
@@ -56,6 +72,7 @@ class Search:
     fitted: dict = field(default_factory=dict)
     first_round: list[Rival] = field(default_factory=list)
     first_screen: list[Start] = field(default_factory=list)
+    richer: dict = field(default_factory=dict)
 
     @property
     def n_values(self) -> int:
@@ -96,7 +113,7 @@ class Search:
         self.first_round = self.ranked(self.expand(null, 16, 6), null)
         if not self.first_round:
             return null
-        best = self.polish(self.first_round[0])
+        best = self.simplify(self.best_polished(self.first_round))
         passed = self.gain(best) > self.bar(best.n_parameters)
         if passed:
             self.final = best
@@ -122,16 +139,20 @@ class Search:
             trial.extend(self.ranked(self.expand(base, 6, 3), base))
         if not trial:
             return None
-        top = self.polish(max(trial, key=self.score))
+        top = self.best_polished(sorted(trial, key=self.score, reverse=True))
         if not self.passes(top, best, passed):
             return None
-        top = self.swap(top)
+        top = self.simplify(self.swap(top))
         return top if self.passes(top, best, passed) else None
 
     def passes(self, rival: Rival, best: Rival, passed: bool) -> bool:
         """Whether an effect more is worth it: over the best smaller set, or over nothing where none passed alone."""
         if not passed:
             return self.gain(rival) > self.bar(rival.n_parameters) + 2.0 * np.log(len(self.candidates))
+        assert self.null is not None
+        removed = best.fit.cost - rival.fit.cost
+        if removed < SMALLEST_SHARE * (self.null.fit.cost - self.n_values):
+            return False
         extra = 2.0 * (rival.log_likelihood - best.log_likelihood)
         return extra > self.bar(max(rival.n_parameters - best.n_parameters, 1)) + EXTRA
 
@@ -157,7 +178,8 @@ class Search:
                     continue
                 trial = self.ranked(self.expand(base, 6, 3), base)
                 if trial and self.score(trial[0]) > self.score(rival) + 1.0:
-                    rival = self.polish(trial[0])
+                    swapped = self.polish(trial[0])
+                    rival = swapped if self.score(swapped) > self.score(rival) else rival
             if rival is start:
                 break
         return rival
@@ -187,18 +209,18 @@ class Search:
         n_sub = min(base.model.n_sub, max(SEARCH_SUBSTEPS, self.problem.n_sub))
         return replace(self.problem, n_sub=n_sub, sharpness=min(base.model.sharpness, SEARCH_SHARPNESS))
 
-    def expand(self, base: Rival, n_white: int, n_forced: int) -> list[Rival]:
+    def expand(self, base: Rival, n_white: int, n_forced: int, among: Sequence[BaseEffect] | None = None) -> list[Rival]:
         """Fit the candidates that the screen puts first, added to a base."""
         problem = self.searching(base)
         taken = set(base.keys)
-        candidates = [e for e in self.candidates if e.key not in taken]
+        candidates = [e for e in (self.candidates if among is None else among) if e.key not in taken]
         n = len(self.problem.plant.states)
         x = self.x if not base.effects else base.fit.x[:n]
         guess = np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
         if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
             base = Rival(base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature)
         starts = screen(problem, candidates, base, guess, base.noise)
-        if not base.effects:
+        if not base.effects and among is None:
             self.first_screen = starts
         chosen = _best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
@@ -245,6 +267,12 @@ class Search:
         rivals.sort(key=self.score, reverse=True)
         return rivals
 
+    def best_polished(self, rivals: Sequence[Rival], most: int = 4) -> Rival:
+        """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them."""
+        least = min(rival.fit.cost for rival in rivals[:most])
+        near = [rival for rival in rivals[:most] if rival is rivals[0] or rival.fit.cost < 3.0 * least + 50.0]
+        return max((self.polish(rival) for rival in near), key=self.score)
+
     def polish(self, rival: Rival) -> Rival:
         """Whitened refit, with kinks sharper and steps shorter where that matters."""
         problem = self.at(rival)
@@ -258,9 +286,27 @@ class Search:
                 break
             best = fitted
         if best.noise is None:
-            assert rival.noise is not None
-            estimate_noise(self.at(best), best, rival.noise, rival.curvature)
+            assert self.null is not None and self.null.noise is not None
+            estimate_noise(self.at(best), best, rival.noise or self.null.noise, rival.curvature)
         return refine(self.at(best), best)
+
+    def simplify(self, rival: Rival) -> Rival:
+        """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class."""
+        assert self.null is not None
+        for i, effect in enumerate(rival.effects):
+            for name in NESTED.get(effect.name, ()):
+                simple = [e for e in self.candidates if e.name == name and e.location == effect.location]
+                simple = [e for e in simple if e.variable in (effect.variable, None)]
+                base = self.without(rival, i) if simple else None
+                if base is None:
+                    continue
+                for other in self.ranked(self.expand(base, 2, 0, simple), base)[:1]:
+                    fitted = self.polish(other)
+                    reach = NESTED_SHARE * (self.null.fit.cost - self.n_values)
+                    if fitted.fit.cost < rival.fit.cost + reach:
+                        self.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)
+                        return self.simplify(fitted)
+        return rival
 
 
 def left(rival: Rival) -> float:

@@ -82,6 +82,8 @@ class Arrow:
 
     def step(self, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
         """Damped step: dtheta (n_theta,), dx0 (n_x, n_runs), and the drop of the sum of squares that it predicts."""
+        if not (np.all(np.isfinite(self.Htt)) and np.all(np.isfinite(self.gt)) and np.all(np.isfinite(self.Hxx))):
+            return np.full(len(self.gt), np.nan), np.full(self.gx.shape[::-1], np.nan), -np.inf
         S, g, inverse = self._eliminated(damping)
         n_theta = len(g)
         dt = np.linalg.lstsq(S + damping * np.eye(n_theta), g, rcond=1e-12)[0] if n_theta else np.zeros(0)

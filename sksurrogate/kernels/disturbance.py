@@ -185,6 +185,7 @@ def fit_noise(
     max_iterations: int = 15,
     curvature: np.ndarray | None = None,
     held: np.ndarray | None = None,
+    caps: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[Noise, float, np.ndarray]:
     """Maximise the likelihood over the noise parameters, with parameters of the model moved along.
 
@@ -203,6 +204,8 @@ def fit_noise(
         Inverse Hessian of an earlier fit, to start from.
     held : ndarray of bool, optional
         Entries of ``start.pack()`` that stay where they are.
+    caps : (force, coloured), optional
+        Largest force of every balance and coloured noise of every sensor that count as noise.
 
     Returns
     -------
@@ -215,7 +218,10 @@ def fit_noise(
     k = columns.shape[1] - 1
     unit = start.sigma.copy()
     low = np.concatenate([np.log(unit * 0.05), np.log(1e-4 * force_unit), [np.log(TAU_RANGE[0])], np.log(unit * 1e-2), [np.log(TAU_RANGE[0])]])
-    high = np.concatenate([np.log(unit * 20.0), np.log(10 * force_unit), [np.log(TAU_RANGE[1])], np.log(unit * 100.0), [np.log(TAU_RANGE[1])]])
+    force_high, coloured_high = (10 * force_unit, 100 * unit) if caps is None else caps
+    coloured_high = np.maximum(coloured_high, 0.1 * unit)
+    force_high = np.maximum(force_high, 1e-3 * force_unit)
+    high = np.concatenate([np.log(unit * 20.0), np.log(force_high), [np.log(TAU_RANGE[1])], np.log(coloured_high), [np.log(TAU_RANGE[1])]])
 
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
@@ -225,6 +231,8 @@ def fit_noise(
         try:
             G, logdet = model.gram(columns, noise)
         except np.linalg.LinAlgError:
+            return np.inf
+        if not np.all(np.isfinite(G)):
             return np.inf
         value = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, unit)
         if k:

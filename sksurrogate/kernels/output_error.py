@@ -307,7 +307,7 @@ class _OutputError:
             if not np.all(np.isfinite(lin.x)):
                 break
             dt, dx, _ = self.arrow(lin, theta).step(1e-6)
-            if not np.all(np.isfinite(dt)):
+            if not (np.all(np.isfinite(dt)) and np.all(np.isfinite(dx))):
                 break
             theta, x = self.moved(lin, theta, dt, dx)
         x, y, cost = self.closed(theta, x, None)
