@@ -21,7 +21,7 @@ def frequencies(duration: float, dt: float, most: int = 80) -> np.ndarray:
     ``most`` lines, geometrically spaced from where they would be too many.
     """
     lowest, highest = 2 * np.pi / max(duration, 6 * dt), np.pi / (3 * dt)
-    count = int(highest / lowest)
+    count = int(np.ceil(highest / lowest - 1e-9))
     if count <= most:
         return lowest * np.r_[0.5, 0.75, np.arange(1, max(count, 1) + 1)]
     return lowest * np.r_[0.5, 0.75, np.unique(np.round(np.geomspace(1, count, 2 * most)))][: 2 * most]

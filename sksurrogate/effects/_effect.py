@@ -148,6 +148,10 @@ class BaseEffect(BaseEstimator):
         """
         return [tuple(parameter.null for parameter in self.parameters)]
 
+    def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
+        """Values near a fit from which to fit again, for effects whose prediction jumps with them; mostly none."""
+        return []
+
     def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
         """The same effect with its parameters in the ranges in which they are reported (phases, signs)."""
         return tuple(theta)

@@ -24,6 +24,7 @@ __all__ = [
     "InputSaturation",
     "RateLimit",
     "levels_inside",
+    "neighbouring_steps",
     "quantize",
     "step_sizes",
     "times",
@@ -57,8 +58,14 @@ def step_sizes(signal: np.ndarray) -> list[tuple[float, ...]]:
     Close together: a step that is off shifts the rounding of large values by a whole step.
     """
     largest = float(np.max(np.abs(signal), initial=0.0))
-    counts = np.r_[np.arange(COARSEST, 10.0, 0.5), np.arange(10.0, FINEST + 1)]
+    counts = np.r_[np.arange(COARSEST, 10.0, 0.2), np.arange(10.0, FINEST, 0.4)]
     return [(largest / float(count),) for count in counts] if largest > 0 else []
+
+
+def neighbouring_steps(step: float) -> list[tuple[float, ...]]:
+    """Steps up to 4 % off, close together near: one value that rounds otherwise makes a local minimum."""
+    off = 2e-5 * 2.0 ** np.arange(12)
+    return [(step * float(factor),) for factor in np.r_[1 - off, 1 + off]]
 
 
 def levels_inside(signal: np.ndarray) -> list[tuple[float, ...]]:
@@ -280,6 +287,10 @@ class InputQuantization(InputEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """From one step to 24 steps to the largest input."""
         return step_sizes(probe.x)
+
+    def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
+        """Steps up to 4 % off."""
+        return neighbouring_steps(theta[0])
 
 
 class InputDelay(InputEffect):

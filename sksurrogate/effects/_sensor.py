@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
-from sksurrogate.effects._input import levels_inside, quantize, step_sizes, times
+from sksurrogate.effects._input import levels_inside, neighbouring_steps, quantize, step_sizes, times
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.physics._simulator import Plant
 
@@ -312,6 +312,10 @@ class SensorQuantization(SensorEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """From one step to 24 steps to the largest reading."""
         return step_sizes(probe.x)
+
+    def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
+        """Steps up to 4 % off."""
+        return neighbouring_steps(theta[0])
 
 
 def _size(signal: np.ndarray) -> float:

@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.effects._catalogue import check_place
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
 from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
@@ -20,6 +21,24 @@ from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import BaseSimulator, Plant, describe
 
 __all__ = ["AugmentedSimulator"]
+
+
+def _is_pointwise(effect: BaseEffect) -> bool:
+    """Whether an effect is a function of the present state, input and time."""
+    if isinstance(effect, SensorEffect):
+        return not effect.memory
+    return isinstance(effect, ParameterEffect | BalanceEffect) and not isinstance(effect, HiddenEffect)
+
+
+def _has_rhs(self: AugmentedSimulator) -> bool:
+    """Whether the simulator with its effects is a right-hand side of its own states."""
+    return callable(getattr(self.simulator, "rhs", None)) and all(map(_is_pointwise, self.effects))
+
+
+def _has_output(self: AugmentedSimulator) -> bool:
+    """Whether outputs are more than states by name."""
+    own = callable(getattr(self.simulator, "output", None))
+    return _has_rhs(self) and (own or any(isinstance(effect, SensorEffect) for effect in self.effects))
 
 
 class AugmentedSimulator(BaseSimulator):
@@ -49,7 +68,8 @@ class AugmentedSimulator(BaseSimulator):
     -----
     ``x0`` holds the states of the simulator; the effects' own states start at rest, filters at their first input.
     Simulators that only give trajectories take effects on inputs (as means over a sample), sensors and parameters.
-    Effects at their null value leave the simulator as it is.
+    Effects at their null value leave the simulator as it is. ``rhs`` and ``output`` exist where no effect has a memory,
+    acts on an input or is a limit: then everything that needs a right-hand side can use the simulator.
 
     Examples
     --------
@@ -179,6 +199,50 @@ class AugmentedSimulator(BaseSimulator):
             return X[:n].T, np.gradient(X[:n], bound.record.dt, axis=1).T
         u = bound._mean[0] if bound._half is None else bound._mean[0] - bound._half[0]
         return X[:n].T, bound.derivative(bound.record.t, X[:, None], u)[:n, 0].T
+
+    # ---- where nothing has a memory ---------------------------------------------------------------------------------
+    @available_if(_has_rhs)
+    def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
+        """dx/dt with the effects (kinks are sharp unless ``scale`` is given)."""
+        states, inputs = list(self.states), list(self.inputs)
+        dx = list(self.simulator.rhs(t, x, u, self._acting_params(t, p)))
+        sizes = None if self.scale is None else np.broadcast_to(np.asarray(self.scale, dtype=float), (len(states),))
+        for effect, given in zip(self.effects, self.values):
+            if isinstance(effect, BalanceEffect):
+                names = effect.variable.split("*") if effect.variable else []
+                found = [x[states.index(name)] if name in states else u[inputs.index(name)] for name in names]
+                width = 0.0
+                if sizes is not None and names and set(names) <= set(states):
+                    width = float(np.prod([sizes[states.index(name)] for name in names])) / self.sharpness
+                v = None if not found else found[0] if len(found) == 1 else tuple(found)
+                i = states.index(str(effect.location))
+                dx[i] = dx[i] + effect.term(t, x[i], v, _values(effect, given), width)
+        return dx
+
+    @available_if(_has_output)
+    def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
+        """Readings of the sensors."""
+        names = list(self.outputs)
+        if callable(getattr(self.simulator, "output", None)):
+            plain = list(self.simulator.output(t, x, u, self._acting_params(t, p)))
+        else:
+            plain = [x[list(self.states).index(name)] for name in names]
+        y = list(plain)
+        acting = [(e.order, e, g) for e, g in zip(self.effects, self.values) if isinstance(e, SensorEffect)]
+        for _, effect, given in sorted(acting, key=lambda item: item[0]):
+            i = names.index(str(effect.location))
+            other = plain[names.index(effect.variable)] if effect.variable else None
+            y[i] = effect.read(y[i], other, t, _values(effect, given))
+        return y
+
+    def _acting_params(self, t: Any, p: Mapping[str, Any]) -> dict[str, Any]:
+        """Parameters with the effects on them."""
+        acting = dict(p)
+        for effect, given in zip(self.effects, self.values):
+            if isinstance(effect, ParameterEffect):
+                name = str(effect.location)
+                acting[name] = effect.value(acting[name], t, _values(effect, given), 0.0)
+        return acting
 
     # ---- helpers ----------------------------------------------------------------------------------------------------
     def _read(self, U: Any) -> tuple[np.ndarray, Plant, list[BaseEffect], np.ndarray]:

@@ -191,6 +191,44 @@ def test_times_may_start_anywhere_but_must_be_even(oscillator):
         push.simulate(U[:4], t=[0.0, 0.02])
 
 
+def test_without_memory_it_is_a_right_hand_side_again(make_tanks):
+    plant, U = make_tanks(), np.abs(np.random.default_rng(0).normal(size=(40, 2)))
+    places = [("quadratic_drag", "upper", "upper"), ("bilinear", "lower", "second*upper"), ("parameter_error", "a")]
+    places += [("sensor_coupling", "level", "scale"), ("sensor_gain", "level"), ("drift", "lower")]
+    values = [(0.2,), (0.1,), (0.3,), (0.1,), (0.2,), (0.05,)]
+    wide = AugmentedSimulator(plant, [CATALOGUE[name](*place) for name, *place in places], values, retuned={"b": 0.7})
+    assert describe(wide).access == "rhs"
+    names = {name: getattr(plant, name) for name in ("states", "inputs", "outputs", "dt", "x0")}
+    same = ODESimulator(wide.rhs, output=wide.output, params=wide.params, **names)
+    np.testing.assert_allclose(same.simulate(U), wide.simulate(U), atol=1e-6)
+    again = AugmentedSimulator(wide, [CATALOGUE["linear_loss"]("upper", "upper")], [(0.1,)])
+    flat = clone(wide).set_params(effects=[*wide.effects, *again.effects], values=[*values, (0.1,)])
+    np.testing.assert_allclose(again.simulate(U), flat.simulate(U), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "place", [("hysteresis", "v", "q"), ("input_gain", "u"), ("sensor_lag", "q"), ("state_saturation", "v")]
+)
+def test_with_a_memory_or_a_limit_only_trajectories_are_left(place, oscillator):
+    name, *where = place
+    cls = CATALOGUE[name]
+    values = tuple(0.3 for _ in cls.parameters)
+    wide = AugmentedSimulator(oscillator, [cls(*where)], [values])
+    assert not hasattr(wide, "rhs") and describe(wide).access == "trajectory"
+    twice = AugmentedSimulator(wide, [CATALOGUE["sensor_bias"]("q")], [(0.1,)])
+    U = np.ones((20, 1))
+    np.testing.assert_allclose(twice.simulate(U), wide.simulate(U) + 0.1, atol=1e-12)
+
+
+def test_kinks_of_the_right_hand_side_are_as_wide_as_the_scale_says(oscillator):
+    dry = AugmentedSimulator(oscillator, [CATALOGUE["coulomb_friction"]("v", "v")], [(0.3,)])
+    x, u = np.array([0.0, 1e-3]), np.array([0.0])
+    soft = clone(dry).set_params(scale=[0.1, 0.5])
+    assert dry.rhs(0.0, x, u, dry.params)[1] == pytest.approx(-0.3 - 3e-4)
+    assert soft.rhs(0.0, x, u, dry.params)[1] == pytest.approx(-0.3 * np.tanh(1.0) - 3e-4)
+    assert not hasattr(dry, "output")  # outputs are states by name
+
+
 # ---- simulators that give less ---------------------------------------------------------------------------------------
 def test_trajectories_take_effects_before_behind_and_in_parameters():
     u = np.random.default_rng(0).normal(size=(60, 1))
