@@ -1,0 +1,68 @@
+"""Write docs/effects.md from the catalogue: ``python docs/_scripts/effects_page.py``."""
+
+from pathlib import Path
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+
+HEAD = """# The catalogue of effects
+
+An *effect* is a small parametric change to a simulator; its null value gives the simulator back. x is the state of
+the `location`, v the `variable` that drives the effect, c the first parameter (the *magnitude*), t the time from the
+first row of a run. Terms on a balance are added to dx/dt, so that c has the unit of dx/dt over that of the form.
+Several effects on one input, or on one sensor, act in the order of this page. Twins are effects that often predict the
+same; the diagnosis computes from the data which do.
+
+This page is written by `docs/_scripts/effects_page.py` from the classes in `sksurrogate.effects`. To add an effect of
+your own see [Extending](extending.md).
+"""
+
+PLACES = {
+    "parameter": "On a parameter",
+    "state": "On the balance of a state",
+    "hidden": "With a hidden state",
+    "input": "On an input (acts before the simulator)",
+    "output": "On a sensor (acts on an output, behind the simulator)",
+}
+
+
+def place_of(cls: type[BaseEffect]) -> str:
+    """Section of the page."""
+    return "hidden" if issubclass(cls, HiddenEffect) else cls.kind
+
+
+def parameter_text(cls: type[BaseEffect]) -> str:
+    """Parameters with units, nulls and bounds."""
+    texts = []
+    for i, p in enumerate(cls.parameters):
+        notes = [p.unit] if p.unit else []
+        if i == 0:
+            notes.append(f"null {p.null:g}")
+        if p.low > float("-inf"):
+            notes.append("> 0" if 0 < p.low < 1e-6 else f">= {p.low:g}")
+        texts.append(f"`{p.name}` ({'; '.join(notes)})" if notes else f"`{p.name}`")
+    return ", ".join(texts) or "none"
+
+
+def section(place: str) -> str:
+    """One table."""
+    rows = [
+        "| name | form | parameters, magnitude first | needs | seen as | twins |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, cls in CATALOGUE.items():
+        if place_of(cls) == place:
+            needs = "trajectory" if cls.access == "trajectory" else "step or right-hand side"
+            form = cls.equation.replace("|", "\\|")
+            twins = ", ".join(cls.twins)
+            rows.append(f"| `{name}` | {form} | {parameter_text(cls)} | {needs} | {cls.signature} | {twins} |")
+    return f"\n## {PLACES[place]}\n\n" + "\n".join(rows) + "\n"
+
+
+def page() -> str:
+    """The whole page."""
+    return HEAD + "".join(section(place) for place in PLACES)
+
+
+if __name__ == "__main__":
+    (Path(__file__).parents[1] / "effects.md").write_text(page())
