@@ -8,8 +8,9 @@ import numpy as np
 
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.kernels.disturbance import Noise, fit_noise
+from sksurrogate.kernels.output_error import Fit, output_error
 
-__all__ = ["bar", "estimate_noise", "quick_likelihood", "refine"]
+__all__ = ["bar", "columns", "estimate_noise", "frozen_fit", "quick_likelihood"]
 
 
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
@@ -17,7 +18,7 @@ def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
     return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_rivals, 1))
 
 
-def _columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Residual, sensitivities, and the prior on the parameters."""
     lin = problem.linearised(rival)
     r = problem.record.y - rival.fit.y
@@ -40,7 +41,7 @@ def _profile(G: np.ndarray, logdet: float, precision: np.ndarray, pull: np.ndarr
 def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> float:
     """Largest log likelihood of a rival under given noise parameters."""
     best = -np.inf
-    r, J, precision, pull = _columns(problem, rival)
+    r, J, precision, pull = columns(problem, rival)
     if not np.all(np.isfinite(J)):
         return best
     D = problem.disturbance(rival)
@@ -60,7 +61,7 @@ def estimate_noise(
     problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
 ) -> Rival:
     """Fill in a rival's own noise and its likelihood under it."""
-    r, J, precision, pull = _columns(problem, rival)
+    r, J, precision, pull = columns(problem, rival)
     D = problem.disturbance(rival)
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
         rival.noise, rival.log_likelihood = start, -np.inf
@@ -82,47 +83,8 @@ def estimate_noise(
     return rival
 
 
-def refine(problem: Problem, rival: Rival, steps: int = 3) -> Rival:
-    """Whitened Gauss-Newton steps: parameters that are best under the rival's own noise, not under white noise."""
-    assert rival.noise is not None
-    for _ in range(steps):
-        r, J, precision, pull = _columns(problem, rival)
-        D = problem.disturbance(rival)
-        G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), rival.noise)
-        if not np.all(np.isfinite(G)):
-            return rival
-        _, step, H = _profile(G, logdet, precision, pull, rival.fit.theta)
-        if not len(step):
-            return rival
-        size = np.sqrt(float(step @ H @ step))
-        if not np.isfinite(size) or size < 0.02:
-            return rival
-        moved = moved_to(problem, rival, rival.fit.theta + step)
-        if moved is None or moved.log_likelihood < rival.log_likelihood - 0.5:
-            return rival
-        rival = moved
-    return rival
-
-
-def moved_to(problem: Problem, rival: Rival, theta: np.ndarray) -> Rival | None:
-    """The rival at other parameters: initial states fitted to them, the noise kept."""
-    from dataclasses import replace
-
-    low, high = problem.bounds(rival.effects)
-    theta = np.clip(theta, low, high)
-    fit = frozen_fit(problem, rival, theta)
-    if fit is None:
-        return None
-    moved = Rival(rival.effects, rival.model, replace(fit, theta=theta), rival.noise, curvature=rival.curvature)
-    assert rival.noise is not None
-    moved.log_likelihood = quick_likelihood(problem, moved, [rival.noise])
-    return moved
-
-
-def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray):
+def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray) -> Fit | None:
     """Free run at fixed parameters with the initial states fitted."""
-    from sksurrogate.kernels.output_error import output_error
-
     return output_error(
         rival.model,
         theta,

@@ -22,6 +22,8 @@ __all__ = ["PRIOR", "Problem", "Rival", "build_problem"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
+#: Largest error of the integrator over one sample, in units of the size of the states.
+LOCAL_ERROR = 2e-5
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
 #: A parameter further than this factor (log) from nominal is out of the question.
@@ -304,7 +306,7 @@ def build_problem(
         n_sub = substeps(
             nominal,
             smoothed.x,
-            nominal.closing_weight(sd),
+            np.minimum(nominal.closing_weight(sd), LOCAL_ERROR * 100 * scale),
             lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
         )
         problem = replace(problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), n_sub=n_sub)

@@ -19,7 +19,7 @@ from sksurrogate.kernels.output_error import linearise, settle_hidden
 from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = ["Start", "screen"]
+__all__ = ["Start", "project_starts", "screen"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,7 @@ class _Screener:
         return out, paths
 
 
-def _project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Take the initial states of every run out of columns (n_columns, n_outputs, n_samples)."""
     out = columns.copy()
     bounds = np.r_[starts, columns.shape[-1]]
@@ -208,7 +208,7 @@ def _screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: 
     small = np.array([_is_smallest(k, taken, values) for k in range(len(taken))])
     white = stack / problem.sd[None, :, None]
     free = base.model.free_states
-    white = _project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
+    white = project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
     flat = white.reshape(len(white), -1)
     reduced = _eliminate(flat @ flat.T, len(P), precision, pull)
     drop, amplitude = _scores(reduced, linear, one_signed, small)

@@ -9,7 +9,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood, refine
+from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._screen import Start, screen
 
@@ -274,7 +274,7 @@ class Search:
         return max((self.polish(rival) for rival in near), key=self.score)
 
     def polish(self, rival: Rival) -> Rival:
-        """Whitened refit, with kinks sharper and steps shorter where that matters."""
+        """Refit with kinks sharper and steps shorter where that matters."""
         problem = self.at(rival)
         best = rival
         for n_sub, sharpness in ((4, 150.0), (8, 500.0)):
@@ -288,7 +288,7 @@ class Search:
         if best.noise is None:
             assert self.null is not None and self.null.noise is not None
             estimate_noise(self.at(best), best, rival.noise or self.null.noise, rival.curvature)
-        return refine(self.at(best), best)
+        return best
 
     def simplify(self, rival: Rival) -> Rival:
         """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class."""

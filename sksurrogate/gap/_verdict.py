@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.gap._evidence import _columns, _profile
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import Shrink, Table
+from sksurrogate.gap._screen import project_starts
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._unknown import LatentForce
 
@@ -71,20 +71,29 @@ def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law
 
 
 def covariance(problem: Problem, rival: Rival) -> np.ndarray:
-    """Covariance of all parameters under the rival's own noise."""
+    """Covariance of the output-error parameters when the residual has the rival's own noise.
+
+    The sandwich ``H^-1 J' W S W J H^-1`` with W the white weights of the fit and S the covariance of white noise, forces
+    and coloured sensor noise; initial states are projected out.
+    """
     assert rival.noise is not None
-    r, J, precision, pull = _columns(problem, rival)
-    G, logdet = problem.disturbance(rival).gram(np.concatenate([r[:, None], J], axis=1), rival.noise)
-    H = _profile(G, logdet, precision, pull, rival.fit.theta)[2]
-    if not len(H):
-        return H
+    lin, record = problem.linearised(rival), problem.record
+    k = lin.J_theta.shape[1]
+    if k == 0:
+        return np.zeros((0, 0))
+    white = 1.0 / problem.sd[:, None, None]
+    J = project_starts((lin.J_theta * white).transpose(1, 0, 2), lin.J_x[:, rival.model.free_states] * white, record.starts)
+    flat = J.reshape(k, -1)
+    H = flat @ flat.T + np.diag(1.0 / problem.prior(rival.effects, rival.fit.theta) ** 2)
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
     seen = values > 1e-10 * values[-1]
-    out = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T / np.outer(scale, scale)
+    pull = problem.disturbance(rival).spread((J * white.transpose(1, 0, 2)).transpose(1, 0, 2), rival.noise)
+    out = inverse @ pull @ inverse
     blind = np.sum(vectors[:, ~seen] ** 2, axis=1) > 1e-6
     out[blind, blind] = np.inf
-    return out / np.outer(scale, scale)
+    return out
 
 
 def numerical_change(problem: Problem, rival: Rival) -> np.ndarray:

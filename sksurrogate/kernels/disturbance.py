@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 
+from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+
 __all__ = ["Disturbance", "Noise", "fit_noise"]
 
 #: Correlation times of forces and of coloured sensor noise stay within these numbers of samples.
@@ -158,6 +160,30 @@ class Disturbance:
         """Of a residual (n_outputs, n_samples), without the constant."""
         inner, logdet = self.gram(r[:, None, :], noise)
         return -0.5 * (float(inner[0, 0]) + logdet)
+
+    def spread(self, v: np.ndarray, noise: Noise) -> np.ndarray:
+        """``v' S v`` of columns v (n_outputs, n_columns, n_samples): covariance of sums of the residual weighted with v.
+
+        The initial dx are left out: they belong to the fit. By the adjoint of the recursion, force by force.
+        """
+        n, k = self.n, v.shape[1]
+        white = np.einsum("okt,olt,o->kl", v, v, noise.sigma**2)
+        # Adjoint of dx: p[t] = A[t]' p[t+1] + C[t]' v[t], then the weight of w[t] is B[t]' p[t+1].
+        load = np.einsum("toi,okt->ikt", self.C, v)
+        back = self.A.transpose(2, 1, 0)[:, :, ::-1] * self.inner[::-1]
+        order = np.r_[np.arange(1, self.n_samples), 0]
+        starts = np.sort(self.n_samples - 1 - self.ends)
+        band = recursion_band(back[:, :, order], starts)
+        p = solve_recursion(band, load[:, :, ::-1])[:, :, ::-1]
+        ahead = np.concatenate([p[:, :, 1:], np.zeros((n, k, 1))], axis=2) * self.inner
+        weights = [np.einsum("ti,ikt->kt", self.B[:, :, b], ahead) for b in range(self.b)]
+        out = white
+        for series, size, tau in [*((w, s, noise.tau) for w, s in zip(weights, noise.force)), *((v[j], s, noise.tau_sensor) for j, s in enumerate(noise.coloured))]:
+            a = np.exp(-1.0 / tau)
+            forward = first_order_scan(a, series, self.starts)
+            cross = series @ (forward - 0.5 * series).T
+            out = out + size**2 * (cross + cross.T)
+        return out
 
     def states(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Posterior mean of dx (n_states, n_samples), of the forces (n_balances, n_samples), of coloured sensor noise."""
