@@ -216,9 +216,10 @@ class PowerLaw(BalanceEffect):
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """Any state; products of the location's state with another (a reaction that uses it up), either one raised."""
+        """Any state; the location's state times another (a reaction that uses it up) or an input (an opening)."""
         others = _others(plant.states, location)
-        return (*plant.states, *(f"{location}*{w}" for w in others), *(f"{w}*{location}" for w in others))
+        used = tuple(f"{location}*{w}" for w in others + plant.inputs)
+        return (*plant.states, *used, *(f"{w}*{location}" for w in others))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Exponents below and above one; none where v never is positive."""
@@ -285,15 +286,15 @@ class Bilinear(BalanceEffect):
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """All pairs of signals with a state in it."""
-        pairs = combinations(sorted({*plant.states, *plant.inputs}), 2)
-        return tuple(f"{a}*{b}" for a, b in pairs if a in plant.states or b in plant.states)
+        """All pairs of signals (a flow times its temperature may be two inputs)."""
+        return tuple(f"{a}*{b}" for a, b in combinations(sorted({*plant.states, *plant.inputs}), 2))
 
 
 class GravityTilt(BalanceEffect):
     """Weight along an angle: ``- c sin(v)``."""
 
     name = "gravity_tilt"
+    drivers = ("state", "input")
     parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
     equation = "- c sin(v)"
     signature = "a restoring term that bends over at large angles"
