@@ -1,1 +1,5 @@
-"""compose."""
+"""Estimators around estimators and simulators."""
+
+from sksurrogate.compose._hybrid import HybridRegressor
+
+__all__ = ["HybridRegressor"]

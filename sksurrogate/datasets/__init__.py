@@ -1,1 +1,13 @@
-"""datasets."""
+"""Data: the paper's plant, and real recordings fetched on demand."""
+
+from sksurrogate.datasets._generators import linear_reactor, make_reactor, make_reactor_runs, reactor_rhs
+from sksurrogate.datasets._recordings import fetch_cascaded_tanks, fetch_silverbox
+
+__all__ = [
+    "fetch_cascaded_tanks",
+    "fetch_silverbox",
+    "linear_reactor",
+    "make_reactor",
+    "make_reactor_runs",
+    "reactor_rhs",
+]

@@ -326,7 +326,25 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
         rival = problem.fit((*base.effects, start.effect), theta, start.x, best=best, fallback=base.fit.x[:n])
         if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
             found = rival
+    if found is not None and found.fit.cost < 30.0 * best:
+        found = scanned(problem, found)
     return found
+
+
+def scanned(problem: Problem, rival: Rival) -> Rival:
+    """Fit again from values nearby where the prediction of an effect jumps with them (quantizations)."""
+    for i, effect in enumerate(rival.effects):
+        for _ in range(3):
+            before = rival.fit.cost
+            for values in effect.scan(rival.theta_of(i)):
+                theta = rival.fit.theta.copy()
+                theta[rival.model.slice_of(i)] = values
+                other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
+                if other is not None and other.fit.cost < rival.fit.cost:
+                    rival = other
+            if rival.fit.cost > before - 1.0:
+                break
+    return rival
 
 
 def _fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:

@@ -1,0 +1,45 @@
+"""Surrogate models, hybrid models and the diagnosis of the sim-to-real gap, scikit-learn compatible.
+
+The names below are imported on first use, so that ``import sksurrogate`` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+#: Public name -> module that holds it.
+_HOME = {
+    "AugmentedSimulator": "effects",
+    "CATALOGUE": "effects",
+    "GapDiagnoser": "gap",
+    "HybridRegressor": "compose",
+    "ODESimulator": "physics",
+    "blind": "",
+    "compose": "",
+    "cut_runs": "runs",
+    "datasets": "",
+    "effects": "",
+    "exceptions": "",
+    "gap": "",
+    "physics": "",
+    "runs": "",
+    "stack_runs": "runs",
+    "testing": "",
+    "unstack_runs": "runs",
+}
+
+__all__ = sorted(["__version__", *_HOME])
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'sksurrogate' has no attribute {name!r}")
+    home = _HOME[name]
+    return import_module(f"sksurrogate.{name}") if not home else getattr(import_module(f"sksurrogate.{home}"), name)
+
+
+def __dir__() -> list[str]:
+    return list(__all__)
