@@ -326,6 +326,12 @@ class SensorEffect(BaseEffect):
         """The reading of a sensor without memory, from the output ``y``, another output ``v`` and the time."""
         return y
 
+    def soft(
+        self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any], width: float
+    ) -> np.ndarray:
+        """The reading in a fit: a jump is spread over ``width`` of its distance to the next; by default :meth:`read`."""
+        return self.read(y, v, t, theta)
+
     def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
         """The reading of a sensor with a memory."""
         return path

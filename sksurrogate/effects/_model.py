@@ -318,8 +318,11 @@ class BoundModel:
         return self.clip(out) if self._has_limits else out
 
     # ---- outputs ----------------------------------------------------------------------------------------------------
-    def outputs(self, x: np.ndarray) -> np.ndarray:
-        """Readings of the sensors (n_outputs, n_columns, n_samples) along states (n_states, n_columns, n_samples)."""
+    def outputs(self, x: np.ndarray, sharp: bool = False) -> np.ndarray:
+        """Readings of the sensors (n_outputs, n_columns, n_samples) along states (n_states, n_columns, n_samples).
+
+        Readings that jump are smoothed as kinks are, unless ``sharp``.
+        """
         a, record = self.a, self.record
         n = a.n_nominal
         varied = self._constant_params if self._constant_params is not None else self._varied(record.t)
@@ -338,7 +341,8 @@ class BoundModel:
                 y[place] = paths[place].y
             else:
                 other = raw[a.plant.outputs.index(effect.variable)] if effect.variable else None
-                y[place] = effect.read(y[place], other, record.t, self._parameters[i])
+                given = (y[place], other, record.t, self._parameters[i])
+                y[place] = effect.read(*given) if sharp else effect.soft(*given, 1.0 / a.sharpness)
         return y
 
     def _path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:

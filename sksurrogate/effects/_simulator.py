@@ -185,7 +185,7 @@ class AugmentedSimulator(BaseSimulator):
         if plant.access == "trajectory":
             return trajectory_runs(plant, effects, theta, inputs, X0, t)
         X, bound = self._states(plant, effects, theta, inputs, X0, t)
-        Y = bound.outputs(X[:, None])[:, 0]
+        Y = bound.outputs(X[:, None], sharp=True)[:, 0]
         return Y.reshape(len(Y), len(inputs), -1).transpose(1, 2, 0)
 
     def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:

@@ -386,7 +386,7 @@ class _Questions:
         shrink = found.shrink or Shrink(*[float("nan")] * 4, (float("nan"), float("nan")))
         term = None
         if verdict == "unknown" and found.latent is not None and place.location is not None:
-            term = missing_term(self.search.at(final), final, found.latent, place.location, str(place.kind))
+            term = missing_term(problem, self.null_force(), place.location, str(place.kind))
         notes = self.notes(verdict)
         sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term)
         return GapReport(

@@ -155,7 +155,7 @@ def _input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndar
     return (shifted.bind(theta)(x[:, None]) - null.model.bind(theta)(x[:, None])) / (1e-4 * size)
 
 
-def missing_term(problem: Problem, rival: Rival, latent: LatentForce, location: str, kind: str) -> MissingTerm:
+def missing_term(problem: Problem, latent: LatentForce, location: str, kind: str) -> MissingTerm:
     """The force at a place against each variable, with 90 % bands, and symbolic candidates."""
     balance = problem.balances.index(location) if location in problem.balances else int(np.argmax(latent.size))
     w = latent.force[balance]

@@ -57,7 +57,7 @@ def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
     """
     n, n_columns, n_samples = b.shape
     columns = np.asfortranarray(b.transpose(2, 0, 1).reshape(n_samples * n, n_columns))
-    solution, info = dtbtrs(band, columns, uplo="L", diag="U", overwrite_b=1)
+    solution, info = dtbtrs(band, columns, uplo="L", diag="U")
     if info != 0:
         raise FloatingPointError(f"dtbtrs: argument {-info} is illegal")
     return np.ascontiguousarray(solution.reshape(n_samples, n, n_columns).transpose(1, 2, 0))
@@ -113,14 +113,14 @@ class BlockTridiagonal:
         """Solve for right-hand sides ``b`` (n_columns, n_samples, n)."""
         n_samples, n = self._shape
         columns = np.asfortranarray(b.reshape(-1, n_samples * n).T)
-        solution, _ = dpbtrs(self._factor, columns, lower=1, overwrite_b=1)
+        solution, _ = dpbtrs(self._factor, columns, lower=1)
         return solution.T.reshape(-1, n_samples, n)
 
     def half_solve(self, b: np.ndarray) -> np.ndarray:
         """``L'^-1 b``: turns unit normal draws ``b`` (n_columns, n_samples, n) into draws with the inverse as covariance."""
         n_samples, n = self._shape
         columns = np.asfortranarray(b.reshape(-1, n_samples * n).T)
-        solution, _ = dtbtrs(self._factor, columns, uplo="L", trans="T", overwrite_b=1)
+        solution, _ = dtbtrs(self._factor, columns, uplo="L", trans="T")
         return solution.T.reshape(-1, n_samples, n)
 
     def log_determinant(self) -> float:

@@ -1,0 +1,64 @@
+"""Arrows go down the floors, and optional packages stay inside functions."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import sksurrogate
+
+ROOT = Path(sksurrogate.__file__).parent
+FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py")
+FLOOR = {
+    "exceptions": 0, "kernels": 1, "runs": 2, "export": 2, "physics": 3, "features": 3, "linear": 3, "neural": 3,
+    "metrics": 3, "displays": 3, "effects": 4, "model_selection": 4, "datasets": 4, "compose": 5, "gap": 6, "blind": 8,
+    "testing": 8, "demo": 9, "cli": 10,
+}  # fmt: skip
+OPTIONAL = {"torch", "skorch", "matplotlib", "pandas", "polars", "rich", "pooch", "fmpy", "control", "casadi", "onnx", "dask"}
+
+
+def room(path: Path) -> str:
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def imports(path: Path, *, top: bool) -> set[str]:
+    tree = ast.parse(path.read_text())
+    nodes = tree.body if top else list(ast.walk(tree))
+    found = set()
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+        elif isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+    return found
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_imports_go_down(path):
+    own = room(path)
+    for module in imports(path, top=False):
+        if module.startswith("sksurrogate."):
+            other = module.split(".")[1]
+            assert FLOOR[other] <= FLOOR[own], f"{own} imports {module}"
+            if own == "blind":
+                assert other not in ("effects", "kernels")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_optional_packages_stay_inside_functions(path):
+    assert not {module.split(".")[0] for module in imports(path, top=True)} & OPTIONAL
+
+
+def test_kernels_use_numpy_and_scipy_alone():
+    for path in (ROOT / "kernels").glob("*.py"):
+        for module in imports(path, top=False):
+            if module.startswith("sksurrogate."):
+                assert module.startswith("sksurrogate.kernels")
+            else:
+                assert module.split(".")[0] not in {"sklearn", "joblib"}
+
+
+def test_every_public_name_can_be_imported():
+    for name in sksurrogate.__all__:
+        assert getattr(sksurrogate, name) is not None
+    assert sksurrogate.__all__ == sorted(sksurrogate.__all__)
