@@ -166,3 +166,20 @@ def test_sensors_act_in_the_order_of_the_table_and_coupling_reads_the_plain_outp
     np.testing.assert_allclose(found[:, 1], 10 * s, atol=1e-7)
     rounded = 0.1 * np.round(expected / 0.1)
     assert np.mean(np.abs(found[:, 0] - rounded) < 1e-7) > 0.95  # a value on the edge of a step may round either way
+
+
+def test_a_soft_staircase_is_continuous_and_differs_on_its_flanks_only():
+    effect, y, t = CATALOGUE["sensor_quantization"]("q"), np.linspace(-2, 2, 40001), None
+    sharp, soft = effect.read(y, None, t, (0.6,)), effect.soft(y, None, t, (0.6,), 0.02)
+    assert np.max(np.abs(np.diff(soft))) < 51 * (y[1] - y[0])
+    flank = np.abs(y / 0.6 - np.floor(y / 0.6) - 0.5) <= 0.0101
+    np.testing.assert_allclose(soft[~flank], sharp[~flank], atol=1e-12)
+    assert 0.015 < np.mean(flank) < 0.025 and np.max(np.abs(soft - sharp)) <= 0.3 + 1e-9
+    np.testing.assert_array_equal(effect.soft(y, None, t, (0.0,), 0.02), y)
+
+
+def test_a_simulator_reads_whole_steps(oscillator, force):
+    from sksurrogate.effects import AugmentedSimulator
+
+    y = AugmentedSimulator(oscillator, [CATALOGUE["sensor_quantization"]("q")], [(0.05,)]).simulate(force)
+    np.testing.assert_allclose(y / 0.05, np.round(y / 0.05), atol=1e-9)
