@@ -166,7 +166,12 @@ class BaseEffect(BaseEstimator):
         balances : sequence of str
             States whose balance may hold an effect (kinematic identities are left out).
         """
-        places = {"parameter": tuple(plant.params), "state": tuple(balances), "input": plant.inputs, "output": plant.outputs}[cls.kind]
+        places = {
+            "parameter": tuple(plant.params),
+            "state": tuple(balances),
+            "input": plant.inputs,
+            "output": plant.outputs,
+        }[cls.kind]
         for place in places:
             for variable in cls.variables(plant, place):
                 yield cls(place, variable)
@@ -222,7 +227,9 @@ class BalanceEffect(BaseEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         v = probe.v if probe.v is not None else probe.x
         theta = tuple(1.0 if p is self.parameters[0] else p.null for p in self.parameters)
-        form = np.broadcast_to(self.term(np.zeros_like(probe.x), probe.x, v, theta, 0.02 * float(np.std(v)) + 1e-12), probe.x.shape)
+        form = np.broadcast_to(
+            self.term(np.zeros_like(probe.x), probe.x, v, theta, 0.02 * float(np.std(v)) + 1e-12), probe.x.shape
+        )
         return [(probe.unit(form), *theta[1:])]
 
 
@@ -232,7 +239,9 @@ class LimitEffect(BaseEffect):
     linear = False
 
     @abstractmethod
-    def clip(self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool) -> tuple[np.ndarray, np.ndarray | None]:
+    def clip(
+        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
         """The limited state, and the variable's state with what it receives.
 
         Parameters
@@ -266,7 +275,9 @@ class HiddenEffect(BalanceEffect):
         return [np.zeros_like(v)] * self.n_hidden
 
     @abstractmethod
-    def rates(self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float) -> Sequence[Any]:
+    def rates(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
+    ) -> Sequence[Any]:
         """Derivatives of the hidden states ``z`` (n_hidden, n_columns, n_samples); ``dv`` is dv/dt."""
 
     @abstractmethod
@@ -285,7 +296,9 @@ class InputEffect(BaseEffect):
     linear = False
 
     @abstractmethod
-    def transform(self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray) -> Signal:
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
         """The input that acts.
 
         Parameters
@@ -329,7 +342,7 @@ class SensorEffect(BaseEffect):
     def soft(
         self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any], width: float
     ) -> np.ndarray:
-        """The reading in a fit: a jump is spread over ``width`` of its distance to the next; by default :meth:`read`."""
+        """The reading in a fit: jumps are spread over ``width`` of their distance; by default :meth:`read`."""
         return self.read(y, v, t, theta)
 
     def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:

@@ -20,7 +20,7 @@ from sksurrogate.effects._effect import (
 )
 from sksurrogate.kernels.integrate import rk4
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.signals import Signal, hold
+from sksurrogate.kernels.signals import hold
 from sksurrogate.physics._model import PlantModel
 
 __all__ = ["AugmentedModel", "BoundModel"]
@@ -29,8 +29,8 @@ __all__ = ["AugmentedModel", "BoundModel"]
 class AugmentedModel:
     """A plant with effects and free parameters over a record.
 
-    The parameter vector ``theta`` holds the parameters of every effect in turn, then one number for each free parameter:
-    the logarithm of its factor, or what is added to it where its nominal value is 0.
+    The parameter vector ``theta`` holds the parameters of every effect in turn, then one number a free parameter: the
+    logarithm of its factor, or what is added to it where its nominal value is 0.
 
     Parameters
     ----------
@@ -79,14 +79,25 @@ class AugmentedModel:
         self.nominal_scale = np.asarray(scale, dtype=float)
         self.input_scale = np.maximum(np.max(np.abs(record.u), axis=1), 1e-12) if len(record.u) else np.empty(0)
         self.wires = [self._wire(effect) for effect in self.effects]
-        self.scale = np.concatenate([self.nominal_scale, [self._size(self.effects[i]) for i, s in self._hidden.items() for _ in range(s.start, s.stop)]])
+        self.scale = np.concatenate(
+            [
+                self.nominal_scale,
+                [self._size(self.effects[i]) for i, s in self._hidden.items() for _ in range(s.start, s.stop)],
+            ]
+        )
 
     def _wire(self, effect: BaseEffect) -> _Wire:
         """Where an effect enters and what drives it, looked up once."""
         states, inputs = self.plant.states, self.plant.inputs
-        drivers = tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in _factors(effect)) if effect.kind == "state" else ()
+        drivers = (
+            tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in _factors(effect))
+            if effect.kind == "state"
+            else ()
+        )
         place = states.index(str(effect.location)) if effect.kind == "state" else -1
-        return _Wire(place, drivers, self._size(effect) / self.sharpness if effect.kind == "state" and effect.variable else None)
+        return _Wire(
+            place, drivers, self._size(effect) / self.sharpness if effect.kind == "state" and effect.variable else None
+        )
 
     def _size(self, effect: BaseEffect) -> float:
         """Size of the variable of an effect."""
@@ -130,7 +141,7 @@ class AugmentedModel:
         return self.plant.output_states
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
-        """Size to which every state of a free run is to be closed: the noise of the measured, that share of the others."""
+        """Size to which every state of a free run is closed: the noise of the measured, that share of the others."""
         spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
         weight = self.scale * min(float(np.min(sd / spread)), 1.0)
         if self.plant.output_states is not None:
@@ -141,7 +152,7 @@ class AugmentedModel:
 
 @dataclass(frozen=True)
 class _Wire:
-    """Place of an effect among the states, its drivers (is a state, position), the width of its kinks (None: of time)."""
+    """Place of an effect among the states, drivers (is a state, position), the width of its kinks (None: of time)."""
 
     place: int
     drivers: tuple[tuple[bool, int], ...]
@@ -168,9 +179,13 @@ class BoundModel:
         self.record = augmented.record
         self.h = self.record.dt / augmented.n_sub
         self._parameters = [augmented.parameters_of(i, theta) for i in range(len(augmented.effects))]
-        self._balances = [(i, effect) for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)]
+        self._balances = [
+            (i, effect) for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)
+        ]
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in augmented.effects)
-        self._drift = any(isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects)
+        self._drift = any(
+            isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects
+        )
         self._constant_params = None if self._drift else self._varied(0.0)
         self._mean, self._half = self._inputs()
 
@@ -182,7 +197,9 @@ class BoundModel:
             varied[name] = retuned(params[name], row[:, None])
         for effect, values in zip(self.a.effects, self._parameters):
             if isinstance(effect, ParameterEffect) and effect.location is not None:
-                varied[effect.location] = effect.value(varied.get(effect.location, params[effect.location]), t, values, self.h)
+                varied[effect.location] = effect.value(
+                    varied.get(effect.location, params[effect.location]), t, values, self.h
+                )
         return varied
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
@@ -206,7 +223,9 @@ class BoundModel:
         mean = _stack([s.mean for s in signals])
         half = None
         if any(s.half is not None for s in signals):
-            half = np.broadcast_to(_stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals]), mean.shape)
+            half = np.broadcast_to(
+                _stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals]), mean.shape
+            )
         if mean.shape[2] > 1:
             column = np.ravel(column)
             mean, half = mean[:, :, column], None if half is None else half[:, :, column]
@@ -298,14 +317,16 @@ class BoundModel:
             if isinstance(effect, LimitEffect):
                 place = states.index(str(effect.location))
                 other = states.index(effect.variable) if effect.variable else None
-                limited, received = effect.clip(x[place], None if other is None else x[other], self._parameters[i], final)
+                limited, received = effect.clip(
+                    x[place], None if other is None else x[other], self._parameters[i], final
+                )
                 x[place] = limited
                 if other is not None and received is not None:
                     x[other] = received
         return x
 
     def start(self, x0: np.ndarray) -> np.ndarray:
-        """Initial states with the hidden ones at rest: (n_nominal, n_columns, n_runs) -> (n_states, n_columns, n_runs)."""
+        """Initial states, hidden ones at rest: (n_nominal, n_columns, n_runs) -> (n_states, n_columns, n_runs)."""
         a = self.a
         out = np.zeros((a.n_states, *x0.shape[1:]))
         out[: a.n_nominal] = x0
@@ -313,7 +334,9 @@ class BoundModel:
         for i, effect in enumerate(a.effects):
             if isinstance(effect, HiddenEffect):
                 v = np.broadcast_to(self.variable(i, x0, u0), x0.shape[1:])
-                for row, value in zip(range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rest(v, self._parameters[i])):
+                for row, value in zip(
+                    range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rest(v, self._parameters[i])
+                ):
                     out[row] = value
         return self.clip(out) if self._has_limits else out
 
@@ -328,7 +351,9 @@ class BoundModel:
         varied = self._constant_params if self._constant_params is not None else self._varied(record.t)
         u = self._mean[0] if self._half is None else self._mean[0] - self._half[0]
         y = a.model.output(record.t, x[:n], u, varied)
-        sensors = sorted(((e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, SensorEffect)), key=lambda item: item[:2])
+        sensors = sorted(
+            ((e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, SensorEffect)), key=lambda item: item[:2]
+        )
         if not sensors:
             return y
         raw, y = y, y.copy()
