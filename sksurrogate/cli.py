@@ -32,14 +32,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="sksurrogate", description="Diagnose the gap between a simulator and a real plant.")
+    parser = argparse.ArgumentParser(
+        prog="sksurrogate", description="Diagnose the gap between a simulator and a real plant."
+    )
     commands = parser.add_subparsers(required=True, metavar="command")
     diagnose = commands.add_parser("diagnose", help="diagnose a simulator against a recording")
     diagnose.add_argument("simulator", help="file.py:name of a simulator object")
     diagnose.add_argument("data", help="CSV with a header: the simulator's inputs and outputs by name")
     diagnose.add_argument("--run", metavar="COL", help="column that names the run of each row")
     diagnose.add_argument("--time", metavar="COL", help="column that holds the time")
-    diagnose.add_argument("--free", metavar="NAME", nargs="+", default=[], help="parameters to re-tune; all for every one")
+    diagnose.add_argument(
+        "--free", metavar="NAME", nargs="+", default=[], help="parameters to re-tune; all for every one"
+    )
     diagnose.add_argument("--html", metavar="FILE", help="write one self-contained page")
     diagnose.add_argument("--save", metavar="FILE", help="write the effects and re-tuned parameters as JSON")
     diagnose.add_argument("--jobs", type=int, default=None, help="worker processes")
@@ -76,12 +80,18 @@ def load_simulator(reference: str) -> Any:
     finally:
         sys.path.pop(0)
     if not hasattr(module, name):
-        public = [key for key, value in vars(module).items() if hasattr(value, "simulate") and not key.startswith("_") and not isinstance(value, type)]
+        public = [
+            key
+            for key, value in vars(module).items()
+            if hasattr(value, "simulate") and not key.startswith("_") and not isinstance(value, type)
+        ]
         raise SimulatorError(f"{file} has no {name!r}; simulators in it: {public or 'none'}.")
     return getattr(module, name)
 
 
-def read_csv(path: Any, wanted: Sequence[str], run: str | None = None) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+def read_csv(
+    path: Any, wanted: Sequence[str], run: str | None = None
+) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """Columns of a CSV by name, as numbers; the run column as text.
 
     Parameters
@@ -115,7 +125,9 @@ def read_csv(path: Any, wanted: Sequence[str], run: str | None = None) -> tuple[
         header = [name.strip() for name in next(reader, [])]
         for name in [*wanted, *([run] if run else [])]:
             if name not in header:
-                raise DataError(f"{file.name} has no column {name!r}; its columns are {header}. Rename it there, or the signal in the simulator.")
+                raise DataError(
+                    f"{file.name} has no column {name!r}; its columns are {header}. Rename it there, or the signal in the simulator."
+                )
         places = [header.index(name) for name in wanted]
         label = header.index(run) if run else None
         values: list[list[float]] = []
@@ -125,7 +137,9 @@ def read_csv(path: Any, wanted: Sequence[str], run: str | None = None) -> tuple[
                 if not row or not any(cell.strip() for cell in row):
                     continue
                 if len(row) < len(header):
-                    raise DataError(f"{file.name}, line {reader.line_num}: {len(row)} cells, expected {len(header)} as in the header.")
+                    raise DataError(
+                        f"{file.name}, line {reader.line_num}: {len(row)} cells, expected {len(header)} as in the header."
+                    )
                 values.append([_number(row[j], header[j], file.name, reader.line_num) for j in places])
                 if label is not None:
                     labels.append(row[label].strip())
@@ -142,7 +156,9 @@ def _number(text: str, column: str, file: str, line: int) -> float:
         value = float(text)
     except ValueError:
         hint = " Decimal commas are not read: write 1.5, not 1,5." if "," in text else ""
-        raise DataError(f"{file}, line {line}, column {column!r}: {text!r} is not a number.{hint} Empty cells: fill or delete the row.") from None
+        raise DataError(
+            f"{file}, line {line}, column {column!r}: {text!r} is not a number.{hint} Empty cells: fill or delete the row."
+        ) from None
     if not np.isfinite(value):
         raise DataError(f"{file}, line {line}, column {column!r}: {text!r} is not finite; fill or delete the row.")
     return value
@@ -156,15 +172,25 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
     times = [arguments.time] if arguments.time else []
-    columns, labels = read_csv(arguments.data, list(dict.fromkeys([*plant.inputs, *plant.outputs, *times])), arguments.run)
-    X = np.stack([columns[name] for name in plant.inputs], axis=1) if plant.inputs else np.zeros((len(columns[plant.outputs[0]]), 0))
+    columns, labels = read_csv(
+        arguments.data, list(dict.fromkeys([*plant.inputs, *plant.outputs, *times])), arguments.run
+    )
+    X = (
+        np.stack([columns[name] for name in plant.inputs], axis=1)
+        if plant.inputs
+        else np.zeros((len(columns[plant.outputs[0]]), 0))
+    )
     y = np.stack([columns[name] for name in plant.outputs], axis=1)
     if arguments.time:
         runs = resolve_runs(np.column_stack([X, columns[arguments.time]]), y, groups=labels, time=X.shape[1])
         if not np.isclose(runs.dt, plant.dt, rtol=1e-3):
-            raise DataError(f"--time {arguments.time}: the sample time of the data is {runs.dt:g}, that of the simulator {plant.dt:g}: set dt={runs.dt:g} there.")
+            raise DataError(
+                f"--time {arguments.time}: the sample time of the data is {runs.dt:g}, that of the simulator {plant.dt:g}: set dt={runs.dt:g} there."
+            )
     free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
-    diagnoser = GapDiagnoser(simulator, free_params=free, n_jobs=arguments.jobs, verbose=0 if arguments.quiet else 1, random_state=0)
+    diagnoser = GapDiagnoser(
+        simulator, free_params=free, n_jobs=arguments.jobs, verbose=0 if arguments.quiet else 1, random_state=0
+    )
     diagnoser.fit(X, y, groups=labels)
     print(diagnoser.report_)
     if arguments.html:

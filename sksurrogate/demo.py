@@ -38,7 +38,9 @@ def _closed(before: np.ndarray, after: np.ndarray, truth: np.ndarray, noise: flo
     return 1.0 - gaps[1] / gaps[0]
 
 
-def story_actuator_and_sensor(n_runs: int = 6, n_samples: int = 200, noise: float = 0.02, lag: float = 0.05, offset: float = 0.3) -> Story:
+def story_actuator_and_sensor(
+    n_runs: int = 6, n_samples: int = 200, noise: float = 0.02, lag: float = 0.05, offset: float = 0.3
+) -> Story:
     """Plant: Eq. (9) behind an actuator lag and with a sensor offset; simulator: Eq. (9).
 
     The lag is simulated with ten times shorter samples and an exact first-order filter, not with the package's effect.

@@ -15,7 +15,15 @@ from __future__ import annotations
 import importlib
 from types import ModuleType
 
-__all__ = ["DataError", "MissingExtraError", "RunError", "SimulationDiverged", "SimulatorError", "SurrogateError", "require"]
+__all__ = [
+    "DataError",
+    "MissingExtraError",
+    "RunError",
+    "SimulationDiverged",
+    "SimulatorError",
+    "SurrogateError",
+    "require",
+]
 
 
 class SurrogateError(Exception):
@@ -49,7 +57,15 @@ class SimulationDiverged(SimulatorError):
         Name of the state or output that left first.
     """
 
-    def __init__(self, message: str, *, run: object = None, row: int | None = None, time: float | None = None, state: str | None = None):
+    def __init__(
+        self,
+        message: str,
+        *,
+        run: object = None,
+        row: int | None = None,
+        time: float | None = None,
+        state: str | None = None,
+    ):
         super().__init__(message)
         self.run, self.row, self.time, self.state = run, row, time, state
 
@@ -57,7 +73,9 @@ class SimulationDiverged(SimulatorError):
         return _rebuild_diverged, (str(self), self.run, self.row, self.time, self.state)
 
 
-def _rebuild_diverged(message: str, run: object, row: int | None, time: float | None, state: str | None) -> SimulationDiverged:
+def _rebuild_diverged(
+    message: str, run: object, row: int | None, time: float | None, state: str | None
+) -> SimulationDiverged:
     """Exceptions with keyword arguments do not pickle by themselves."""
     return SimulationDiverged(message, run=run, row=row, time=time, state=state)
 

@@ -155,7 +155,9 @@ def resolve_runs(
     if groups is not None:
         labels = np.asarray(groups)
         if labels.ndim != 1 or len(labels) != n_samples:
-            raise DataError(f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids.")
+            raise DataError(
+                f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
+            )
     keep = [j for j in range(table.shape[1]) if j not in drop]
     inputs = _floats(table[:, keep], "X")
     outputs, output_names, is_1d = _outputs(y, n_samples)
@@ -166,9 +168,17 @@ def resolve_runs(
     pieces = _pieces(labels, n_samples, min_rows)
     step, times = _times(clock, pieces, dt, allow_uneven, time)
     runs = tuple(
-        Run(label, a, b, inputs[a:b], None if outputs is None else outputs[a:b], t) for (label, a, b), t in zip(pieces, times)
+        Run(label, a, b, inputs[a:b], None if outputs is None else outputs[a:b], t)
+        for (label, a, b), t in zip(pieces, times)
     )
-    return Runs(runs, n_samples, step, tuple(names[j] for j in keep) if names else None, tuple(output_names) if output_names else None, is_1d)
+    return Runs(
+        runs,
+        n_samples,
+        step,
+        tuple(names[j] for j in keep) if names else None,
+        tuple(output_names) if output_names else None,
+        is_1d,
+    )
 
 
 def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
@@ -233,7 +243,9 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
     for label, a, b in _pieces(labels, len(labels), 1):
         rows = b - a - gap * (n_blocks - 1)
         if n_blocks < 1 or rows < n_blocks:
-            raise RunError(f"run {label!r} has {b - a} rows: {n_blocks} blocks with gaps of {gap} rows do not fit; lower n_blocks or gap.")
+            raise RunError(
+                f"run {label!r} has {b - a} rows: {n_blocks} blocks with gaps of {gap} rows do not fit; lower n_blocks or gap."
+            )
         edges = a + np.round(np.linspace(0, rows, n_blocks + 1)).astype(int)
         for k in range(n_blocks):
             out[edges[k] + k * gap : edges[k + 1] + k * gap] = count
@@ -247,9 +259,13 @@ def _as_table(X: Any, name: str) -> np.ndarray:
         raise DataError(f"{name} is sparse; sparse input is not supported here: pass {name}.toarray().")
     table = X.to_numpy() if hasattr(X, "to_numpy") else np.asarray(X)
     if table.ndim == 1:
-        raise DataError(f"{name} is 1-D with shape {table.shape}, expected (n_samples, n_inputs): use {name}.reshape(-1, 1) for one input.")
+        raise DataError(
+            f"{name} is 1-D with shape {table.shape}, expected (n_samples, n_inputs): use {name}.reshape(-1, 1) for one input."
+        )
     if table.ndim != 2:
-        raise DataError(f"{name} has shape {table.shape}, expected (n_samples, n_inputs); stack several runs with stack_runs.")
+        raise DataError(
+            f"{name} has shape {table.shape}, expected (n_samples, n_inputs); stack several runs with stack_runs."
+        )
     if len(table) == 0:
         raise DataError(f"{name} has no rows; at least one sample is needed.")
     return table
@@ -259,7 +275,9 @@ def _column(key: str | int, names: list[str] | None, n_columns: int, argument: s
     """Position of a column that is given by name or position."""
     if isinstance(key, str):
         if names is None:
-            raise DataError(f"{argument}={key!r} names a column, but X is an array without names: give its position or pass a frame.")
+            raise DataError(
+                f"{argument}={key!r} names a column, but X is an array without names: give its position or pass a frame."
+            )
         if key not in names:
             raise DataError(f"{argument}={key!r} is not a column of X; columns are {names}.")
         return names.index(key)
@@ -281,7 +299,9 @@ def _raw_column(X: Any, table: np.ndarray, column: int) -> np.ndarray:
 def _labels_from_index(frame: Any) -> np.ndarray:
     """First level of a pandas index."""
     if frame is None or not hasattr(frame, "index"):
-        raise DataError('run="index" needs a pandas frame with the run in its index; name the column instead: run="...".')
+        raise DataError(
+            'run="index" needs a pandas frame with the run in its index; name the column instead: run="...".'
+        )
     return np.asarray(frame.index.get_level_values(0))
 
 
@@ -292,7 +312,9 @@ def _floats(values: np.ndarray, name: str) -> np.ndarray:
     try:
         return np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError) as error:
-        raise DataError(f"{name} holds something that is not a number ({error}): is a text column among the inputs?") from error
+        raise DataError(
+            f"{name} holds something that is not a number ({error}): is a text column among the inputs?"
+        ) from error
 
 
 def _outputs(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | None, bool]:
@@ -331,7 +353,8 @@ def _pieces(labels: np.ndarray | None, n_samples: int, min_rows: int) -> list[tu
     else:
         starts = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
         stops = np.r_[starts[1:], n_samples]
-        pieces, seen = [], {}
+        pieces = []
+        seen: dict[Any, tuple[int, int]] = {}
         for a, b in zip(starts.tolist(), stops.tolist()):
             label = labels[a].item() if hasattr(labels[a], "item") else labels[a]
             if label == LEFT_OUT and not isinstance(label, str):
@@ -348,12 +371,18 @@ def _pieces(labels: np.ndarray | None, n_samples: int, min_rows: int) -> list[tu
     for label, a, b in pieces:
         if b - a < min_rows:
             name = "the data have" if label is None else f"run {label!r} has"
-            raise RunError(f"{name} {b - a} rows (n_samples={b - a}), but {min_rows} are needed here: give longer runs or fewer lags.")
+            raise RunError(
+                f"{name} {b - a} rows (n_samples={b - a}), but {min_rows} are needed here: give longer runs or fewer lags."
+            )
     return pieces
 
 
 def _times(
-    clock: np.ndarray | None, pieces: list[tuple[Any, int, int]], dt: float | None, allow_uneven: bool, time: str | int | None
+    clock: np.ndarray | None,
+    pieces: list[tuple[Any, int, int]],
+    dt: float | None,
+    allow_uneven: bool,
+    time: str | int | None,
 ) -> tuple[float, list[np.ndarray]]:
     """Sample time and the time of every row."""
     if dt is not None and not (np.isfinite(dt) and dt > 0):
@@ -372,6 +401,8 @@ def _times(
             if found <= 0:
                 problem = f"time does not increase after row {row} ({clock[row]:g} -> {clock[row + 1]:g}): sort the rows, or name the run column"
             else:
-                problem = f"uneven sampling after row {row}: step {found:g}, expected {step:g}; resample to an even grid"
+                problem = (
+                    f"uneven sampling after row {row}: step {found:g}, expected {step:g}; resample to an even grid"
+                )
             raise DataError(f"time={time!r}, run {label!r}: {problem}.")
     return step, [clock[a:b] for _, a, b in pieces]

@@ -14,7 +14,20 @@ FLOOR = {
     "metrics": 3, "displays": 3, "effects": 4, "model_selection": 4, "datasets": 4, "compose": 5, "gap": 6, "blind": 8,
     "testing": 8, "demo": 9, "cli": 10,
 }  # fmt: skip
-OPTIONAL = {"torch", "skorch", "matplotlib", "pandas", "polars", "rich", "pooch", "fmpy", "control", "casadi", "onnx", "dask"}
+OPTIONAL = {
+    "torch",
+    "skorch",
+    "matplotlib",
+    "pandas",
+    "polars",
+    "rich",
+    "pooch",
+    "fmpy",
+    "control",
+    "casadi",
+    "onnx",
+    "dask",
+}
 
 
 def room(path: Path) -> str:

@@ -142,7 +142,10 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         first = self._initial(y0, runs)
         base = self._simulate(runs, [f[0] if f is not None else None for f in first])
         n_out = base[0].shape[1]
-        starts = [np.zeros((0, n_out)) if f is None else f[: len(run)] - b[: min(len(f), len(run))] for f, run, b in zip(first, runs, base)]
+        starts = [
+            np.zeros((0, n_out)) if f is None else f[: len(run)] - b[: min(len(f), len(run))]
+            for f, run, b in zip(first, runs, base)
+        ]
         deviation = self._free_run([run.X for run in runs], base, starts, self._step)
         out = [b + d for b, d in zip(base, deviation)]
         for run, part in zip(runs, out):
@@ -185,7 +188,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
 
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _resolve(self, X: Any, y: Any, groups: Any, min_rows: int = 1) -> Runs:
-        return resolve_runs(X, y, groups=groups, run=self.run, dt=getattr(self.simulator, "dt", None), min_rows=min_rows)
+        return resolve_runs(
+            X, y, groups=groups, run=self.run, dt=getattr(self.simulator, "dt", None), min_rows=min_rows
+        )
 
     def _simulate(self, runs: Runs, first: Sequence[np.ndarray | None]) -> list[np.ndarray]:
         """Free runs of the simulator; states that are outputs start at the first measurement."""
@@ -207,7 +212,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         inputs = [U[n - k : rows - k] for k in range(n + 1)]
         return np.concatenate([*past, *inputs, base[n:]], axis=1)
 
-    def _free_run(self, U: Sequence[np.ndarray], base: Sequence[np.ndarray], starts: Sequence[np.ndarray], step: Any) -> list[np.ndarray]:
+    def _free_run(
+        self, U: Sequence[np.ndarray], base: Sequence[np.ndarray], starts: Sequence[np.ndarray], step: Any
+    ) -> list[np.ndarray]:
         """Deviations of all runs abreast, (n_samples, n_outputs) each."""
         n, n_out = self.n_lags, base[0].shape[1]
         longest = max(len(b) for b in base)
@@ -258,7 +265,9 @@ def _defaults(n_features: int) -> list[Any]:
     """Ridge on polynomials of degree 1, 2 and, for few features, 3."""
     degrees = [1, 2] + ([3] if n_features <= 14 else [])
     return [
-        make_pipeline(StandardScaler(), PolynomialFeatures(degree, include_bias=False), StandardScaler(), Ridge(penalty))
+        make_pipeline(
+            StandardScaler(), PolynomialFeatures(degree, include_bias=False), StandardScaler(), Ridge(penalty)
+        )
         for degree in degrees
         for penalty in _PENALTIES
     ]
@@ -266,8 +275,8 @@ def _defaults(n_features: int) -> list[Any]:
 
 def _compiled(residual: Any) -> Any:
     """The prediction of a fitted residual on (n_rows, n_features) as (n_rows, n_outputs); plain numpy for the default."""
-    steps = getattr(residual, "steps", None)
-    kinds = [type(step).__name__ for _, step in steps] if steps else []
+    steps = list(getattr(residual, "steps", None) or [])
+    kinds = [type(step).__name__ for _, step in steps]
     if kinds != ["StandardScaler", "PolynomialFeatures", "StandardScaler", "Ridge"]:
         return lambda phi: np.asarray(residual.predict(phi)).reshape(len(phi), -1)
     scale, poly, second, ridge = (step for _, step in steps)

@@ -66,7 +66,7 @@ def linear_reactor(u0: float = 0.15, dt: float = 0.02) -> ODESimulator:
     Examples
     --------
     >>> round(linear_reactor().params["y0"], 4)
-    5.7613
+    5.5701
     """
     rate = np.exp(-1.0 / u0)
     y0 = brentq(lambda y: 2 * (4 - y) - 1e2 * rate * y**2 + 1e3 * rate * y, 0.0, 50.0)

@@ -72,7 +72,11 @@ def fetch_cascaded_tanks(data_home: Any = None, *, download_if_missing: bool = T
         The file is damaged, not there and not to be downloaded, or the download failed.
     """
     arrays = _fetch("cascaded_tanks", "cascaded_tanks.npz", _TANKS, data_home, download_if_missing, url, _convert_tanks)
-    return Bunch(**{k: arrays[k].ravel() for k in ("uEst", "yEst", "uVal", "yVal")}, Ts=float(arrays["Ts"].ravel()[0]), DESCR=_TANKS_TEXT)
+    return Bunch(
+        **{k: arrays[k].ravel() for k in ("uEst", "yEst", "uVal", "yVal")},
+        Ts=float(arrays["Ts"].ravel()[0]),
+        DESCR=_TANKS_TEXT,
+    )
 
 
 def fetch_silverbox(data_home: Any = None, *, download_if_missing: bool = True, url: str | None = None) -> Bunch:
@@ -93,7 +97,9 @@ def fetch_silverbox(data_home: Any = None, *, download_if_missing: bool = True, 
     DataError
         As in :func:`fetch_cascaded_tanks`.
     """
-    arrays = _fetch("silverbox", "silverbox_SNLS80mV.npz", _SILVERBOX, data_home, download_if_missing, url, _convert_silverbox)
+    arrays = _fetch(
+        "silverbox", "silverbox_SNLS80mV.npz", _SILVERBOX, data_home, download_if_missing, url, _convert_silverbox
+    )
     middle = 40650 + int(0.75 * (127400 - 40650))
     return Bunch(
         V1=arrays["V1"].ravel(),
@@ -120,7 +126,9 @@ def _fetch(
     path = home / name / file
     if path.exists():
         if hashlib.sha256(path.read_bytes()).hexdigest() != source[1] and not (path.with_suffix(".ours")).exists():
-            raise DataError(f"{path} is damaged (its checksum is not the known one): delete it, and it is fetched again.")
+            raise DataError(
+                f"{path} is damaged (its checksum is not the known one): delete it, and it is fetched again."
+            )
         with np.load(path, allow_pickle=False) as data:
             return {key: data[key] for key in data.files}
     if not download:
@@ -128,11 +136,15 @@ def _fetch(
     archive = _download(url or source[0], home / name)
     with zipfile.ZipFile(archive) as content:
         if sum(entry.file_size for entry in content.infolist()) > 4 * LARGEST_ARCHIVE:
-            raise DataError(f"{archive} unpacks to more than {4 * LARGEST_ARCHIVE >> 20} MiB: not the official archive.")
+            raise DataError(
+                f"{archive} unpacks to more than {4 * LARGEST_ARCHIVE >> 20} MiB: not the official archive."
+            )
         arrays = convert(content)
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez(path, **arrays)  # type: ignore[arg-type]
-    path.with_suffix(".ours").write_text("converted from the official archive; numpy's file differs from the known one\n")
+    path.with_suffix(".ours").write_text(
+        "converted from the official archive; numpy's file differs from the known one\n"
+    )
     return arrays
 
 
@@ -149,7 +161,9 @@ def _download(url: str, folder: Path) -> Path:
         ) from error
     if archive.stat().st_size > LARGEST_ARCHIVE or not zipfile.is_zipfile(archive):
         os.remove(archive)
-        raise DataError(f"{url} did not give the archive (not a zip file, or broken off): try again later, or give url=.")
+        raise DataError(
+            f"{url} did not give the archive (not a zip file, or broken off): try again later, or give url=."
+        )
     return archive
 
 

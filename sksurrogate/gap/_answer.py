@@ -12,7 +12,7 @@ __all__ = ["sentence_of"]
 
 
 def _list(names: Sequence[str]) -> str:
-    """"a, b and c"."""
+    """ "a, b and c"."""
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 
 
@@ -43,7 +43,11 @@ def sentence_of(
         text = f"The gap is explained by {named}; with it the simulator closes {closed} of the gap on runs left out."
         if experiment is not None and any(e.equivalents for e in effects):
             text += f" {experiment.sentence}"
-        return text + ("" if experiment is not None and any(e.equivalents for e in effects) else " Use augmented_ as the new simulator.")
+        return text + (
+            ""
+            if experiment is not None and any(e.equivalents for e in effects)
+            else " Use augmented_ as the new simulator."
+        )
     place = f"the balance of {where.location}" if where.kind == "state" else f"the {where.kind} {where.location}"
     text = f"Something that is not in the catalogue is missing, most likely at {place}."
     if effects:

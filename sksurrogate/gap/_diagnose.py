@@ -32,6 +32,10 @@ from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["GapDiagnoser"]
 
+_NAN = float("nan")
+#: What is known of the shrink after an early interrupt.
+NO_SHRINK = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
+
 
 class GapDiagnoser(BaseEstimator):
     """Diagnose the gap between a simulator and measured runs of the real plant.
@@ -138,7 +142,10 @@ class GapDiagnoser(BaseEstimator):
         """
         begun = time.perf_counter()
         seed = int(check_random_state(self.random_state).randint(2**31 - 1))
-        X, y = _by_name(X, getattr(self.simulator, "inputs", None)), _by_name(y, getattr(self.simulator, "outputs", None))
+        X, y = (
+            _by_name(X, getattr(self.simulator, "inputs", None)),
+            _by_name(y, getattr(self.simulator, "outputs", None)),
+        )
         runs = resolve_runs(X, y, groups=groups, dt=getattr(self.simulator, "dt", None), min_rows=8)
         if runs[0].y is None:
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
@@ -164,7 +171,11 @@ class GapDiagnoser(BaseEstimator):
             search.run()
             questions.ask()
         except KeyboardInterrupt:
-            warnings.warn("interrupted: the report holds what was known by then (report_.complete is False)", UserWarning, stacklevel=2)
+            warnings.warn(
+                "interrupted: the report holds what was known by then (report_.complete is False)",
+                UserWarning,
+                stacklevel=2,
+            )
             questions.complete = False
         self.report_ = questions.answer(time.perf_counter() - begun)
         self.augmented_ = questions.augmented()
@@ -188,7 +199,9 @@ def _by_name(data: Any, names: Sequence[str] | str | None) -> Any:
     if missing and len(there) == len(wanted) and not set(there) & set(wanted):
         return data
     if missing:
-        raise DataError(f"column {missing[0]!r} of the simulator is not in the data; columns are {there}. Rename it, or name the signals of the simulator so.")
+        raise DataError(
+            f"column {missing[0]!r} of the simulator is not in the data; columns are {there}. Rename it, or name the signals of the simulator so."
+        )
     return data[wanted]
 
 
@@ -293,7 +306,11 @@ class _Questions:
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found
         low, high = found.bounds if found.bounds is not None else (final.fit.theta * np.nan, final.fit.theta * np.nan)
-        chances = probabilities(self.search, final, found.slots, verdict == "unknown") if found.slots else [float("nan")] * len(final.effects)
+        chances = (
+            probabilities(self.search, final, found.slots, verdict == "unknown")
+            if found.slots
+            else [float("nan")] * len(final.effects)
+        )
         out = []
         for i, effect in enumerate(final.effects):
             rows = range(*final.model.slice_of(i).indices(len(final.fit.theta)))
@@ -305,12 +322,14 @@ class _Questions:
                     str(effect.location),
                     effect.variable,
                     float(found.shares[i]) if found.shares else float("nan"),
-                    dict(zip(names, (float(v) for v in effect.canonical(final.theta_of(i))))),
+                    dict(zip(names, (float(v) for v in effect.canonical(tuple(final.theta_of(i)))))),
                     {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
                     chances[i],
                     [
                         (str(k[0]), str(k[1]), k[2])
-                        for k in dict.fromkeys([*(t.effects[-1].key for t in slot.twins), *self.search.richer.get(effect.key, [])])
+                        for k in dict.fromkeys(
+                            [*(t.effects[-1].key for t in slot.twins), *self.search.richer.get(effect.key, [])]
+                        )
                         if k not in final.keys
                     ],
                     why(final, slot, found.experiment),
@@ -383,7 +402,7 @@ class _Questions:
         verdict = self.verdict()
         effects = self.effects(verdict) if verdict != "none" else []
         place = self.where(verdict, effects)
-        shrink = found.shrink or Shrink(*[float("nan")] * 4, (float("nan"), float("nan")))
+        shrink = found.shrink or NO_SHRINK
         term = None
         if verdict == "unknown" and found.latent is not None and place.location is not None:
             term = missing_term(problem, self.null_force(), place.location, str(place.kind))
@@ -448,11 +467,15 @@ class _Questions:
         """The simulator with what was found."""
         final, plant = self.final, self.problem.plant
         values = [
-            {p.name: float(v) for p, v in zip(effect.parameters, final.theta_of(i))} for i, effect in enumerate(final.effects)
+            {p.name: float(v) for p, v in zip(effect.parameters, final.theta_of(i))}
+            for i, effect in enumerate(final.effects)
         ]
         from sksurrogate.gap._verdict import _of
 
-        tuned = {name: _of(plant.params[name], final.fit.theta[final.n_parameters + i]) for i, name in enumerate(self.problem.free)}
+        tuned = {
+            name: _of(plant.params[name], final.fit.theta[final.n_parameters + i])
+            for i, name in enumerate(self.problem.free)
+        }
         return AugmentedSimulator(plant.simulator, list(final.effects), values, tuned or None, scale=self.problem.scale)
 
 

@@ -56,7 +56,9 @@ class GapDisplay:
         rows = waterfall(self.report)[::-1]
         bars = ax.barh([label for label, _ in rows], [value for _, value in rows], color="#0072b2")
         ax.bar_label(bars, fmt="%.3g", padding=3)
-        ax.set(xlabel="free-run RMSE / deviation of the output (runs left out)", title=f"Verdict: {self.report.verdict}")
+        ax.set(
+            xlabel="free-run RMSE / deviation of the output (runs left out)", title=f"Verdict: {self.report.verdict}"
+        )
         ax.margins(x=0.12)
 
     def _ranking(self, ax: Any) -> None:

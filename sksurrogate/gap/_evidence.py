@@ -27,7 +27,9 @@ def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.
     return r, lin.J_theta, precision, -precision * rival.fit.theta
 
 
-def _profile(G: np.ndarray, logdet: float, precision: np.ndarray, pull: np.ndarray, theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+def _profile(
+    G: np.ndarray, logdet: float, precision: np.ndarray, pull: np.ndarray, theta: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
     """Log likelihood at the best parameters to first order, that step, and the normal matrix."""
     base = -0.5 * (G[0, 0] + logdet) - 0.5 * float(np.sum(precision * theta**2))
     if len(G) == 1:

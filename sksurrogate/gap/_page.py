@@ -41,7 +41,12 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
     for effect in report.effects:
         lines += textwrap.wrap(f"- {effect}", width, subsequent_indent="  ")
         if effect.equivalents:
-            lines += textwrap.wrap("these data cannot tell it from: " + "; ".join(_key(k) for k in effect.equivalents), width, initial_indent="  ", subsequent_indent="    ")
+            lines += textwrap.wrap(
+                "these data cannot tell it from: " + "; ".join(_key(k) for k in effect.equivalents),
+                width,
+                initial_indent="  ",
+                subsequent_indent="    ",
+            )
             lines += textwrap.wrap(effect.why, width, initial_indent="  ", subsequent_indent="    ")
     lines += ["", "Free run on runs left out, RMSE over the deviation of each output"]
     rows = waterfall(report)
@@ -50,17 +55,27 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
         lines.append(f"  {label:<24} {value:9.4g}  " + "#" * round(30 * value / longest))
     if np.isfinite(report.shrink.fraction):
         low, high = report.shrink.interval
-        lines.append(f"  closed: {100 * report.shrink.fraction:.1f} % of the gap above the noise [{100 * low:.1f}, {100 * high:.1f}]")
+        lines.append(
+            f"  closed: {100 * report.shrink.fraction:.1f} % of the gap above the noise [{100 * low:.1f}, {100 * high:.1f}]"
+        )
     if report.where.location is not None:
         lines += ["", f"Where: {report.where.kind} {report.where.location}"]
-    for title, table in (("By output", report.where.by_output), ("By region", report.where.by_region[:4]), ("Re-tuned", report.retuned)):
+    for title, table in (
+        ("By output", report.where.by_output),
+        ("By region", report.where.by_region[:4]),
+        ("Re-tuned", report.retuned),
+    ):
         if len(table):
             lines += ["", title, *(f"  {line}"[:width] for line in str(table).splitlines())]
     if report.missing_term is not None and report.missing_term.candidates:
         lines += ["", f"Missing term at {report.missing_term.location}, closest simple laws"]
         lines += [f"  {text}"[:width] for text in report.missing_term.candidates]
     if report.next_experiment is not None:
-        lines += ["", "Next experiment", *textwrap.wrap(report.next_experiment.sentence, width, initial_indent="  ", subsequent_indent="  ")]
+        lines += [
+            "",
+            "Next experiment",
+            *textwrap.wrap(report.next_experiment.sentence, width, initial_indent="  ", subsequent_indent="  "),
+        ]
     for note in report.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}", width)]
     return "\n".join(lines)
@@ -99,7 +114,9 @@ def html_fragment(report: GapReport) -> str:
                 "at": e.location,
                 "in": e.variable,
                 "share of the gap": f"{100 * e.share:.1f} %",
-                "parameters, 90 % interval": "; ".join(f"{k} {v:.4g} [{e.intervals[k][0]:.4g}, {e.intervals[k][1]:.4g}]" for k, v in e.params.items()),
+                "parameters, 90 % interval": "; ".join(
+                    f"{k} {v:.4g} [{e.intervals[k][0]:.4g}, {e.intervals[k][1]:.4g}]" for k, v in e.params.items()
+                ),
                 "probability": e.probability,
                 "cannot be told from": "; ".join(_key(k) for k in e.equivalents) or "-",
             }
@@ -111,7 +128,9 @@ def html_fragment(report: GapReport) -> str:
     parts += [_trace(trace, report.outputs) for trace in report.traces[:2]]
     where = report.where
     if where.location is not None:
-        parts.append(f"<h2>Where</h2><p>Most accused: {escape(str(where.kind))} <strong>{escape(where.location)}</strong>.</p>")
+        parts.append(
+            f"<h2>Where</h2><p>Most accused: {escape(str(where.kind))} <strong>{escape(where.location)}</strong>.</p>"
+        )
     for title, table in (
         ("By output", where.by_output),
         ("By location", where.by_location),
@@ -123,10 +142,15 @@ def html_fragment(report: GapReport) -> str:
             parts.append(f"<h3>{title}</h3>{_table(table)}")
     term = report.missing_term
     if term is not None and term.curves:
-        parts.append(f"<h2>Shape of the missing term at {escape(term.location)}</h2>" + "".join(_curve(c) for c in term.curves[:3]))
+        parts.append(
+            f"<h2>Shape of the missing term at {escape(term.location)}</h2>"
+            + "".join(_curve(c) for c in term.curves[:3])
+        )
         parts.append("<ul>" + "".join(f"<li>{escape(text)}</li>" for text in term.candidates) + "</ul>")
     if report.next_experiment is not None:
-        parts.append(f"<h2>Next experiment</h2><p>{escape(report.next_experiment.sentence)}</p>{_table(report.next_experiment.options[:8])}")
+        parts.append(
+            f"<h2>Next experiment</h2><p>{escape(report.next_experiment.sentence)}</p>{_table(report.next_experiment.options[:8])}"
+        )
     if len(report.retuned):
         parts.append("<h2>Re-tuned parameters</h2>" + _table(report.retuned))
     parts.append("<h2>All rivals</h2>" + _table(report.ranking[:25]))
@@ -170,17 +194,30 @@ def _bars(rows: list[tuple[str, float]]) -> str:
         out.append(f'<text x="170" y="{y + 18}" text-anchor="end" font-size="15">{escape(label)}</text>')
         out.append(f'<rect x="180" y="{y}" width="{max(size, 1):.1f}" height="26" fill="{_BLUE}"/>')
         out.append(f'<text x="{186 + size:.1f}" y="{y + 18}" font-size="15">{value:.3g}</text>')
-    return "<figure>" + "".join(out) + "</svg><figcaption>Free-run RMSE on runs left out, over the deviation of each output.</figcaption></figure>"
+    return (
+        "<figure>"
+        + "".join(out)
+        + "</svg><figcaption>Free-run RMSE on runs left out, over the deviation of each output.</figcaption></figure>"
+    )
 
 
-def _polyline(x: np.ndarray, y: np.ndarray, box: tuple[float, float, float, float], colour: str, dash: str = "", width: float = 1.5) -> str:
+def _polyline(
+    x: np.ndarray,
+    y: np.ndarray,
+    box: tuple[float, float, float, float],
+    colour: str,
+    dash: str = "",
+    width: float = 1.5,
+) -> str:
     """A line within (x low, x high, y low, y high) on a 640 x 240 picture; at most 600 points."""
     keep = np.isfinite(y)
     keep[np.arange(len(y)) % max(1, len(y) // 600) != 0] = False
     px = 60 + 560 * (x[keep] - box[0]) / max(box[1] - box[0], 1e-300)
     py = 210 - 190 * (np.clip(y[keep], box[2], box[3]) - box[2]) / max(box[3] - box[2], 1e-300)
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px, py))
-    return f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{width}" stroke-dasharray="{dash}"/>'
+    return (
+        f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{width}" stroke-dasharray="{dash}"/>'
+    )
 
 
 def _axes(box: tuple[float, float, float, float], xlabel: str, ylabel: str) -> str:
@@ -216,7 +253,11 @@ def _trace(trace: Trace, outputs: tuple[str, ...]) -> str:
 def _curve(curve: Curve) -> str:
     """The missing term against one variable, with its band."""
     box = (float(curve.at.min()), float(curve.at.max()), float(curve.low.min()), float(curve.high.max()))
-    body = _polyline(curve.at, curve.value, box, _BLACK, width=2) + _polyline(curve.at, curve.low, box, _BLUE, "3 3") + _polyline(curve.at, curve.high, box, _BLUE, "3 3")
+    body = (
+        _polyline(curve.at, curve.value, box, _BLACK, width=2)
+        + _polyline(curve.at, curve.low, box, _BLUE, "3 3")
+        + _polyline(curve.at, curve.high, box, _BLUE, "3 3")
+    )
     return (
         f'<figure><svg viewBox="0 0 640 240" role="img">{_axes(box, curve.variable, "missing term")}{body}</svg>'
         f"<figcaption>Against {escape(curve.variable)}: mean and 90 % band; explains {100 * max(curve.explained, 0):.0f} % on runs left out.</figcaption></figure>"

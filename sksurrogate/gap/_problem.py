@@ -107,7 +107,9 @@ class Problem:
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""
-        return AugmentedModel(self.model, effects, self.free, self.record, n_sub=self.n_sub, scale=self.scale, sharpness=self.sharpness)
+        return AugmentedModel(
+            self.model, effects, self.free, self.record, n_sub=self.n_sub, scale=self.scale, sharpness=self.sharpness
+        )
 
     def on(self, runs: Sequence[int]) -> Problem:
         """The same problem on some of the runs."""
@@ -122,7 +124,9 @@ class Problem:
         """Smoothed trajectory of a model, from a guess of all its states."""
         rigid = np.r_[self.rigid, np.ones(model.n_states - model.n_nominal, bool)]
         with np.errstate(all="ignore"):
-            return smooth(model.bind(theta[:, None]), self.record.y, self.record.starts, self.sd, x, model.scale, rigid=rigid)
+            return smooth(
+                model.bind(theta[:, None]), self.record.y, self.record.starts, self.sd, x, model.scale, rigid=rigid
+            )
 
     def fit(
         self,
@@ -144,8 +148,9 @@ class Problem:
                 fallback = settle_hidden(model, theta, fallback)
             unit = self.units(effects, theta)
             low, high = self.bounds(effects)
-            prior = None
-            for _ in range(3 if self.free else 1):
+            fit: Fit | None = None
+            prior = self.prior(effects, theta)
+            for repeat in range(3 if self.free else 1):
                 fit = output_error(
                     model,
                     theta,
@@ -153,18 +158,20 @@ class Problem:
                     self.sd,
                     unit=unit,
                     bounds=(low, high),
-                    prior=self.prior(effects, theta if prior is None else fit.theta),
-                    open_steps=open_steps if prior is None else 0,
+                    prior=prior,
+                    open_steps=0 if repeat else open_steps,
                     max_steps=max_steps,
                     best=best,
                     fallback=fallback,
                 )
                 if fit is None:
                     return None
+                # Student's t as a reweighted Gaussian: few rounds settle it.
                 before, prior = prior, self.prior(effects, fit.theta)
-                if not self.free or (before is not None and np.allclose(before, prior, rtol=0.3)):
+                if np.allclose(before, prior, rtol=0.3):
                     break
                 theta, start = fit.theta, fit.x
+        assert fit is not None
         return Rival(tuple(effects), model, fit)
 
     def units(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
@@ -176,7 +183,9 @@ class Problem:
                 if parameter.name in ("phase", "share", "relative_error", "exponent"):
                     unit[position] = max(unit[position], 0.1)
                 position += 1
-        unit[position:] = [1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[position:])]
+        unit[position:] = [
+            1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[position:])
+        ]
         return unit
 
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
@@ -208,7 +217,9 @@ class Problem:
             lin = rival.fit.linearised
             if lin is None:
                 with np.errstate(all="ignore"):
-                    lin = linearise(rival.model, rival.fit.theta, rival.fit.x, self.units(rival.effects, rival.fit.theta))
+                    lin = linearise(
+                        rival.model, rival.fit.theta, rival.fit.x, self.units(rival.effects, rival.fit.theta)
+                    )
             rival.cache["linearised"] = lin
         return rival.cache["linearised"]
 
@@ -216,7 +227,9 @@ class Problem:
         """Noise model along the free run of a rival."""
         if "disturbance" not in rival.cache:
             lin = self.linearised(rival)
-            rival.cache["disturbance"] = self.disturbance_along(rival.model, rival.fit.theta, rival.fit.x, lin.A, self.balances)
+            rival.cache["disturbance"] = self.disturbance_along(
+                rival.model, rival.fit.theta, rival.fit.x, lin.A, self.balances
+            )
         return rival.cache["disturbance"]
 
     def disturbance_along(
@@ -330,5 +343,9 @@ def _caps(problem: Problem, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarray]
         b[:, :, record.starts] = 0.0
         moved = np.einsum("oit,it->ot", C, solve_recursion(band, b)[:, 0])
         gain = float(np.max(np.std(moved, axis=1) / spread))
-        force[k] = LARGEST_DISTURBANCE / gain if np.isfinite(gain) and gain > 0 else 10 * problem.rate[problem.plant.states.index(name)]
+        force[k] = (
+            LARGEST_DISTURBANCE / gain
+            if np.isfinite(gain) and gain > 0
+            else 10 * problem.rate[problem.plant.states.index(name)]
+        )
     return force, LARGEST_DISTURBANCE * spread

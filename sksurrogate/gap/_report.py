@@ -112,7 +112,9 @@ class EffectEstimate:
     why: str = ""
 
     def __str__(self) -> str:
-        values = ", ".join(f"{k} = {v:.4g} [{self.intervals[k][0]:.4g}, {self.intervals[k][1]:.4g}]" for k, v in self.params.items())
+        values = ", ".join(
+            f"{k} = {v:.4g} [{self.intervals[k][0]:.4g}, {self.intervals[k][1]:.4g}]" for k, v in self.params.items()
+        )
         driver = f" in {self.variable}" if self.variable else ""
         return f"{self.name} at {self.location}{driver}: {values}; {100 * self.share:.1f} % of the gap, probability {self.probability:.3f}"
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect, InputEffect, ParameterEffect, Probe, SensorEffect
 from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import linearise, settle_hidden
-from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.smoother import output_jacobian
 
 __all__ = ["Start", "project_starts", "screen"]
@@ -58,7 +58,8 @@ def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndar
             return record.u[plant.inputs.index(name)]
         return record.y[plant.outputs.index(name)]
 
-    v, factors = None, ()
+    v: np.ndarray | None = None
+    factors: tuple[np.ndarray, ...] = ()
     if effect.variable:
         factors = tuple(signal(name) for name in effect.variable.split("*"))
         v = np.prod(factors, axis=0)
@@ -97,7 +98,11 @@ class _Screener:
         fitted = np.repeat(base.fit.theta[:, None], starts.shape[1], axis=1)
         theta = np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
         hidden = isinstance(effect, HiddenEffect)
-        paths = [settle_hidden(model, theta[:, s], x, 5) for s in range(starts.shape[1])] if hidden else [x] * starts.shape[1]
+        paths = (
+            [settle_hidden(model, theta[:, s], x, 5) for s in range(starts.shape[1])]
+            if hidden
+            else [x] * starts.shape[1]
+        )
         bound = model.bind(theta)
         out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
         if not isinstance(effect, SensorEffect):
@@ -107,7 +112,9 @@ class _Screener:
             b[:, :, problem.record.starts] = 0.0
             Z = solve_recursion(self.lin.band, b)
             out += np.einsum("oit,ist->ost", self.C, Z)
-        direct = isinstance(effect, SensorEffect) or (problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect)))
+        direct = isinstance(effect, SensorEffect) or (
+            problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect))
+        )
         if direct:
             out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
         return out, paths
@@ -144,7 +151,9 @@ def _eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.n
     return G[np.ix_(keep, keep)] - cross.T @ inverse @ cross
 
 
-def _scores(G: np.ndarray, linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _scores(
+    G: np.ndarray, linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Drop and amplitude of every column: free where the effect is linear, within 0.5..2 of the start where not.
 
     The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
@@ -156,7 +165,9 @@ def _scores(G: np.ndarray, linear: np.ndarray, one_signed: np.ndarray, small: np
     return 2 * clipped * g - clipped**2 * h, clipped
 
 
-def screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None) -> list[Start]:
+def screen(
+    problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None
+) -> list[Start]:
     """Score every candidate, added to a base, at all its starting values.
 
     Parameters
@@ -179,7 +190,9 @@ def screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: n
         return _screen(problem, candidates, base, x, noise)
 
 
-def _screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None) -> list[Start]:
+def _screen(
+    problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None
+) -> list[Start]:
     s = _Screener(problem, base, x)
     taken, values, columns, paths = [], [], [], []
     for effect in candidates:
@@ -218,23 +231,34 @@ def _screen(problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: 
         G, _ = D.gram(stack.transpose(1, 0, 2), noise)
         forced, _ = _scores(_eliminate(G, len(P), precision, pull), linear, one_signed, small)
     pairs = _quadratures(taken, values, reduced)
-    out = []
+    ordered: list[Start] = []
     for k, effect in enumerate(taken):
         theta = values[k].copy()
         if k in pairs:
             theta, gained = pairs[k]
-            out.append(Start(effect, theta, gained, max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0), float(reduced[0, 0] - gained), paths[k]))
+            ordered.append(
+                Start(
+                    effect,
+                    theta,
+                    gained,
+                    max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0),
+                    float(reduced[0, 0] - gained),
+                    paths[k],
+                )
+            )
             continue
         if (effect.linear or small[k]) and len(theta):
             theta[0] *= amplitude[k] if amplitude[k] != 0 else 1e-3
             theta[0] = np.clip(theta[0], effect.parameters[0].low, effect.parameters[0].high)
             if effect.name == "parameter_error":
                 theta[0] = np.clip(theta[0], -0.8, 2.0)
-        out.append(Start(effect, theta, float(drop[k]), float(forced[k]), float(reduced[0, 0] - drop[k]), paths[k]))
-    return out
+        ordered.append(Start(effect, theta, float(drop[k]), float(forced[k]), float(reduced[0, 0] - drop[k]), paths[k]))
+    return ordered
 
 
-def _quadratures(taken: Sequence[BaseEffect], values: Sequence[np.ndarray], G: np.ndarray) -> dict[int, tuple[np.ndarray, float]]:
+def _quadratures(
+    taken: Sequence[BaseEffect], values: Sequence[np.ndarray], G: np.ndarray
+) -> dict[int, tuple[np.ndarray, float]]:
     """Sine and cosine of one frequency fitted together: amplitude and phase of a periodic effect, and the drop."""
     out: dict[int, tuple[np.ndarray, float]] = {}
     for k in range(len(taken) - 1):

@@ -73,6 +73,7 @@ class Search:
     first_round: list[Rival] = field(default_factory=list)
     first_screen: list[Start] = field(default_factory=list)
     richer: dict = field(default_factory=dict)
+    nominal_left: float = float("nan")
 
     @property
     def n_values(self) -> int:
@@ -209,7 +210,9 @@ class Search:
         n_sub = min(base.model.n_sub, max(SEARCH_SUBSTEPS, self.problem.n_sub))
         return replace(self.problem, n_sub=n_sub, sharpness=min(base.model.sharpness, SEARCH_SHARPNESS))
 
-    def expand(self, base: Rival, n_white: int, n_forced: int, among: Sequence[BaseEffect] | None = None) -> list[Rival]:
+    def expand(
+        self, base: Rival, n_white: int, n_forced: int, among: Sequence[BaseEffect] | None = None
+    ) -> list[Rival]:
         """Fit the candidates that the screen puts first, added to a base."""
         problem = self.searching(base)
         taken = set(base.keys)
@@ -218,7 +221,9 @@ class Search:
         x = self.x if not base.effects else base.fit.x[:n]
         guess = np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
         if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
-            base = Rival(base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature)
+            base = Rival(
+                base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
+            )
         starts = screen(problem, candidates, base, guess, base.noise)
         if not base.effects and among is None:
             self.first_screen = starts
@@ -336,7 +341,7 @@ def scanned(problem: Problem, rival: Rival) -> Rival:
     for i, effect in enumerate(rival.effects):
         for _ in range(3):
             before = rival.fit.cost
-            for values in effect.scan(rival.theta_of(i)):
+            for values in effect.scan(tuple(rival.theta_of(i))):
                 theta = rival.fit.theta.copy()
                 theta[rival.model.slice_of(i)] = values
                 other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
@@ -364,7 +369,9 @@ def _best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values:
     order_white = sorted(by_key, key=lambda key: -by_key[key][0].white)
     order_forced = sorted(by_key, key=lambda key: -max(s.forced for s in by_key[key]))
     least = max(min(s.left for s in starts), 1.0 * n_values)
-    hopeful = [key for rank, key in enumerate(order_white[:n_white]) if rank < 6 or by_key[key][0].left < HOPELESS * least]
+    hopeful = [
+        key for rank, key in enumerate(order_white[:n_white]) if rank < 6 or by_key[key][0].left < HOPELESS * least
+    ]
     chosen = list(dict.fromkeys([*hopeful, *order_forced[:n_forced]]))
     out = []
     for key in chosen:

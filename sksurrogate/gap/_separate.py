@@ -159,13 +159,25 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
     m = len(problem.record.y)
-    sd = np.concatenate([final.noise.sigma, 0.01 * problem.scale[[i for i, s in enumerate(problem.plant.states) if s not in problem.plant.outputs]]])
+    sd = np.concatenate(
+        [
+            final.noise.sigma,
+            0.01 * problem.scale[[i for i, s in enumerate(problem.plant.states) if s not in problem.plant.outputs]],
+        ]
+    )
     rows = []
     for e, experiment in enumerate(experiments):
         rows.append(_gain(experiment.name, [r[:m, e] for r in responses], sd[:m], names))
     extra = [s for s in problem.plant.states if s not in problem.plant.outputs]
     for h, state in enumerate(extra):
-        rows.append(_gain(f"a sensor for {state}, inputs as they were", [r[m + h : m + h + 1, 0] for r in responses], sd[m + h : m + h + 1], names))
+        rows.append(
+            _gain(
+                f"a sensor for {state}, inputs as they were",
+                [r[m + h : m + h + 1, 0] for r in responses],
+                sd[m + h : m + h + 1],
+                names,
+            )
+        )
     rows = [row for row in rows if np.isfinite(row["gain"])]
     rows.sort(key=lambda row: -row["gain"])
     if not rows:

@@ -51,7 +51,9 @@ def blocked(record: Record, least: int = 3) -> Record:
     return replace(record, starts=np.array(starts, dtype=int))
 
 
-def held_out(problem: Problem, final: Rival, null: Rival, correction: Callable[[Record, np.ndarray], np.ndarray] | None) -> HeldOut:
+def held_out(
+    problem: Problem, final: Rival, null: Rival, correction: Callable[[Record, np.ndarray], np.ndarray] | None
+) -> HeldOut:
     """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn."""
     record = blocked(problem.record)
     whole = replace(problem, record=record)
@@ -67,7 +69,11 @@ def held_out(problem: Problem, final: Rival, null: Rival, correction: Callable[[
     for k in np.unique(fold):
         test, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
         rows = np.isin(row_of, test)
-        for name, base, rival in (("before", nominal, nominal_null), ("after", whole, final), ("retuned", all_free, tuned)):
+        for name, base, rival in (
+            ("before", nominal, nominal_null),
+            ("after", whole, final),
+            ("retuned", all_free, tuned),
+        ):
             if rival is None:
                 continue
             predicted = _left_out(base, rival, train, test, row_of)
@@ -90,17 +96,25 @@ def _all_theta(problem: Problem, null: Rival) -> np.ndarray:
     return np.array([known.get(name, 0.0) for name in problem.plant.params])
 
 
-def _left_out(problem: Problem, rival: Rival, train: np.ndarray, test: np.ndarray, row_of: np.ndarray) -> np.ndarray | None:
+def _left_out(
+    problem: Problem, rival: Rival, train: np.ndarray, test: np.ndarray, row_of: np.ndarray
+) -> np.ndarray | None:
     """Outputs on the test runs of a rival refitted on the training runs."""
     rows_train, rows_test = np.isin(row_of, train), np.isin(row_of, test)
     theta = rival.fit.theta
     with np.errstate(all="ignore"):
         if len(theta) and len(train):
-            learning = replace(problem.on(train), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
-            refit = learning.fit(rival.effects, theta, rival.fit.x[:, rows_train], open_steps=0, max_steps=8, settled=True)
+            learning = replace(problem.on(train.tolist()), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+            refit = learning.fit(
+                rival.effects, theta, rival.fit.x[:, rows_train], open_steps=0, max_steps=8, settled=True
+            )
             theta = refit.fit.theta if refit is not None else theta
-        judging = replace(problem.on(test), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
-        start = Rival(rival.effects, judging.augmented(rival.effects), replace(rival.fit, x=rival.fit.x[:, rows_test], theta=theta))
+        judging = replace(problem.on(test.tolist()), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+        start = Rival(
+            rival.effects,
+            judging.augmented(rival.effects),
+            replace(rival.fit, x=rival.fit.x[:, rows_test], theta=theta),
+        )
         fit = frozen_fit(judging, start, theta)
     return None if fit is None else fit.y
 
@@ -140,7 +154,9 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         w = np.bincount(draw, record.lengths[draw], len(weight))
         samples.append(fraction("after", w / w.sum()))
     finite = np.array([value for value in samples if np.isfinite(value)])
-    interval = (float(np.quantile(finite, 0.05)), float(np.quantile(finite, 0.95))) if len(finite) > 20 else (np.nan, np.nan)
+    interval = (
+        (float(np.quantile(finite, 0.05)), float(np.quantile(finite, 0.95))) if len(finite) > 20 else (np.nan, np.nan)
+    )
     rmse = {name: float(np.sqrt(np.mean(weight @ values))) for name, values in powers.items()}
     excess = (powers["before"] - normal).mean(axis=1)
     # A mean square of n white values has the variance 2 sigma^4 / n.
@@ -150,7 +166,15 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     for j, name in enumerate(outputs):
         b, a = (float(np.sqrt(weight @ powers[which][:, j])) * spread[j] for which in ("before", "after"))
         gap_b, gap_a = np.sqrt(max(b**2 - floor[j] ** 2, 0.0)), np.sqrt(max(a**2 - floor[j] ** 2, 0.0))
-        rows.append({"output": name, "before": b, "after": a, "floor": float(floor[j]), "fraction": 1 - gap_a / gap_b if gap_b > 0 else np.nan})
+        rows.append(
+            {
+                "output": name,
+                "before": b,
+                "after": a,
+                "floor": float(floor[j]),
+                "fraction": 1 - gap_a / gap_b if gap_b > 0 else np.nan,
+            }
+        )
     return Shrink(
         before=rmse["before"],
         after=rmse["after"],
@@ -190,7 +214,9 @@ def shares(problem: Problem, final: Rival, total: float) -> list[float]:
     return [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
 
 
-def generic_correction(simulator: Any, correction: Any, labels: tuple[str, ...]) -> Callable[[Record, np.ndarray], np.ndarray]:
+def generic_correction(
+    simulator: Any, correction: Any, labels: tuple[str, ...]
+) -> Callable[[Record, np.ndarray], np.ndarray]:
     """The waterfall's learned correction: fitted on the training runs, free run on the others."""
 
     def run(record: Record, fold: np.ndarray) -> np.ndarray:
@@ -207,8 +233,14 @@ def generic_correction(simulator: Any, correction: Any, labels: tuple[str, ...])
                 fitted = clone(model).fit(record.u[:, ~test].T, record.y[:, ~test].T, groups=row_of[~test])
                 n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
                 labels_test = row_of[test]
-                firsts = np.stack([record.y[:, record.starts[r] : record.starts[r] + n_lags].T for r in np.unique(labels_test)])
-                out[:, test] = np.asarray(fitted.predict(record.u[:, test].T, y0=firsts, groups=labels_test)).reshape(test.sum(), -1).T
+                firsts = np.stack(
+                    [record.y[:, record.starts[r] : record.starts[r] + n_lags].T for r in np.unique(labels_test)]
+                )
+                out[:, test] = (
+                    np.asarray(fitted.predict(record.u[:, test].T, y0=firsts, groups=labels_test))
+                    .reshape(test.sum(), -1)
+                    .T
+                )
             except (SurrogateError, FloatingPointError, np.linalg.LinAlgError):
                 continue
         return out

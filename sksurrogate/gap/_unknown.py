@@ -134,7 +134,9 @@ def places(problem: Problem, null: Rival) -> list[Place]:
             return best
 
         for b, name in enumerate(problem.balances):
-            found.append(Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None)))
+            found.append(
+                Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None))
+            )
         for i, name in enumerate(problem.plant.inputs):
             B = _input_push(problem, null, smoothed.x, i)
             if np.any(B):

@@ -67,7 +67,14 @@ def decide(facts: Facts) -> str:
 def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law: np.ndarray, retuned: bool) -> Facts:
     """Collect them."""
     left_over = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
-    return Facts(bool(final.effects), float(left_over), left(final), float(np.max(law, initial=0.0)), float(np.max(latent.size, initial=0.0)), retuned)
+    return Facts(
+        bool(final.effects),
+        float(left_over),
+        left(final),
+        float(np.max(law, initial=0.0)),
+        float(np.max(latent.size, initial=0.0)),
+        retuned,
+    )
 
 
 def covariance(problem: Problem, rival: Rival) -> np.ndarray:
@@ -82,7 +89,9 @@ def covariance(problem: Problem, rival: Rival) -> np.ndarray:
     if k == 0:
         return np.zeros((0, 0))
     white = 1.0 / problem.sd[:, None, None]
-    J = project_starts((lin.J_theta * white).transpose(1, 0, 2), lin.J_x[:, rival.model.free_states] * white, record.starts)
+    J = project_starts(
+        (lin.J_theta * white).transpose(1, 0, 2), lin.J_x[:, rival.model.free_states] * white, record.starts
+    )
     flat = J.reshape(k, -1)
     H = flat @ flat.T + np.diag(1.0 / problem.prior(rival.effects, rival.fit.theta) ** 2)
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
@@ -121,7 +130,12 @@ def probabilities(search: Search, final: Rival, slots: Sequence, unknown: bool) 
     out = []
     for slot in slots:
         own = search.score(final)
-        rivals = [search.score(r) if r.noise is not None else own - 0.5 * (r.n_parameters - final.n_parameters) * np.log(search.n_values) for r in slot.twins]
+        rivals = [
+            search.score(r)
+            if r.noise is not None
+            else own - 0.5 * (r.n_parameters - final.n_parameters) * np.log(search.n_values)
+            for r in slot.twins
+        ]
         none = search.score(search.null) if search.null is not None else -np.inf
         values = np.array([own, *rivals, none - np.log(max(len(search.candidates), 1)) * 0.0])
         weight = np.exp(values - values.max())
@@ -162,7 +176,16 @@ def retuned_table(problem: Problem, rival: Rival, bounds: tuple[np.ndarray, np.n
         nominal = float(problem.plant.params[name])
         value, low, high = (_of(nominal, phi) for phi in (rival.fit.theta[n + i], bounds[0][n + i], bounds[1][n + i]))
         low, high = min(low, high), max(low, high)
-        rows.append({"parameter": name, "nominal": nominal, "value": value, "low": low, "high": high, "moved": not low <= nominal <= high})
+        rows.append(
+            {
+                "parameter": name,
+                "nominal": nominal,
+                "value": value,
+                "low": low,
+                "high": high,
+                "moved": not low <= nominal <= high,
+            }
+        )
     return Table(tuple(rows))
 
 

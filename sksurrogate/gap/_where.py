@@ -23,7 +23,12 @@ def by_output(shrink: Shrink) -> Table:
     total = sum(relative)
     return Table(
         tuple(
-            {"output": row["output"], "gap": float(gap), "noise": row["floor"], "share": float(part / total) if total > 0 else 0.0}
+            {
+                "output": row["output"],
+                "gap": float(gap),
+                "noise": row["floor"],
+                "share": float(part / total) if total > 0 else 0.0,
+            }
             for row, gap, part in zip(shrink.by_output, gaps, relative)
         )
     )
@@ -38,7 +43,12 @@ def by_location(found: Sequence[Place]) -> Table:
     weight /= weight.sum()
     return Table(
         tuple(
-            {"location": p.location, "kind": p.kind, "share": float(w), "evidence": float(p.log_likelihood - value.min())}
+            {
+                "location": p.location,
+                "kind": p.kind,
+                "share": float(w),
+                "evidence": float(p.log_likelihood - value.min()),
+            }
             for p, w in zip(found, weight)
         )
     )
@@ -65,8 +75,10 @@ def by_region(problem: Problem, latent: LatentForce) -> Table:
     rows = []
     for node, rule in rules.items():
         inside = leaf == node
-        rows.append({"rule": rule, "share": float(power[~grow][inside].sum() / judged), "samples": float(inside.mean())})
-    rows.sort(key=lambda row: -row["share"] / max(row["samples"], 1e-9))
+        rows.append(
+            {"rule": rule, "share": float(power[~grow][inside].sum() / judged), "samples": float(inside.mean())}
+        )
+    rows.sort(key=lambda row: -float(str(row["share"])) / max(float(str(row["samples"])), 1e-9))
     return Table(tuple(rows))
 
 
@@ -104,7 +116,12 @@ def by_time(problem: Problem, latent: LatentForce, n_blocks: int = 12) -> Table:
         spans = [(0, n_blocks)] if kind == "constant" else [(i, i + 1) for i in range(0, n_blocks)]
     return Table(
         tuple(
-            {"start": float(edges[a]), "stop": float(edges[z]), "level": float(np.sqrt(np.mean(level[a:z] ** 2))), "kind": kind}
+            {
+                "start": float(edges[a]),
+                "stop": float(edges[z]),
+                "level": float(np.sqrt(np.mean(level[a:z] ** 2))),
+                "kind": kind,
+            }
             for a, z in spans
         )
     )
@@ -119,7 +136,16 @@ def _change(mean: np.ndarray, level: np.ndarray) -> tuple[str, int]:
         line = np.polyval(np.polyfit(np.arange(n), series, 1), np.arange(n))
         trials = [(float(np.sum((series - line) ** 2)), "drift", 0)]
         for cut in range(2, n - 1):
-            trials.append((float(np.sum((series[:cut] - series[:cut].mean()) ** 2) + np.sum((series[cut:] - series[cut:].mean()) ** 2)), "change", cut))
+            trials.append(
+                (
+                    float(
+                        np.sum((series[:cut] - series[:cut].mean()) ** 2)
+                        + np.sum((series[cut:] - series[cut:].mean()) ** 2)
+                    ),
+                    "change",
+                    cut,
+                )
+            )
         for rss, kind, cut in trials:
             gain = rss / flat
             if gain < 0.2 and gain < best[0]:
@@ -146,6 +172,15 @@ def by_frequency(record: Record, before: np.ndarray, floor: np.ndarray, n_bands:
         inside = (frequency >= a) & (frequency < z)
         if inside.any():
             power = float(np.sum(np.asarray(total)[inside]) * width)
-            rows.append({"low": float(a), "high": float(min(z, frequency[-1])), "gap": power, "noise": noise * float(inside.sum()) * width})
+            rows.append(
+                {
+                    "low": float(a),
+                    "high": float(min(z, frequency[-1])),
+                    "gap": power,
+                    "noise": noise * float(inside.sum()) * width,
+                }
+            )
     whole = sum(max(row["gap"] - row["noise"], 0.0) for row in rows)
-    return Table(tuple({**row, "share": max(row["gap"] - row["noise"], 0.0) / whole if whole > 0 else 0.0} for row in rows))
+    return Table(
+        tuple({**row, "share": max(row["gap"] - row["noise"], 0.0) / whole if whole > 0 else 0.0} for row in rows)
+    )

@@ -88,7 +88,11 @@ class Arrow:
         n_theta = len(g)
         dt = np.linalg.lstsq(S + damping * np.eye(n_theta), g, rcond=1e-12)[0] if n_theta else np.zeros(0)
         dx = np.einsum("rij,rj->ri", inverse, self.gx - np.einsum("rij,i->rj", self.Htx, dt))
-        quadratic = dt @ self.Htt @ dt + 2 * np.einsum("i,rij,rj->", dt, self.Htx, dx) + np.einsum("ri,rij,rj->", dx, self.Hxx, dx)
+        quadratic = (
+            dt @ self.Htt @ dt
+            + 2 * np.einsum("i,rij,rj->", dt, self.Htx, dx)
+            + np.einsum("ri,rij,rj->", dx, self.Hxx, dx)
+        )
         drop = 2 * (self.gt @ dt + np.sum(self.gx * dx)) - quadratic
         return dt / self.t_scale, (dx / self.x_scale).T, float(drop)
 

@@ -77,7 +77,9 @@ class Disturbance:
         Tiny process noise that keeps the precision finite; far below the sensor noise.
     """
 
-    def __init__(self, A: np.ndarray, B: np.ndarray, C: np.ndarray, starts: np.ndarray, start_sd: np.ndarray, slack: np.ndarray):
+    def __init__(
+        self, A: np.ndarray, B: np.ndarray, C: np.ndarray, starts: np.ndarray, start_sd: np.ndarray, slack: np.ndarray
+    ):
         self.n, self.n_samples = A.shape[0], A.shape[2]
         self.m, self.b = C.shape[0], B.shape[1]
         self.size = self.n + self.b + self.m
@@ -134,7 +136,9 @@ class Disturbance:
             raise np.linalg.LinAlgError("the posterior precision is not positive definite")
         steps, runs = float(self.later.sum()), len(self.starts)
         prior = steps * (np.sum(np.log(q_x)) + np.sum(np.log(q_w)) + np.sum(np.log(q_v)))
-        prior -= 2 * runs * (np.sum(np.log(self.start_sd)) + np.sum(np.log(noise.force)) + np.sum(np.log(noise.coloured)))
+        prior -= (
+            2 * runs * (np.sum(np.log(self.start_sd)) + np.sum(np.log(noise.force)) + np.sum(np.log(noise.coloured)))
+        )
         return factor, float(prior)
 
     def _load(self, r: np.ndarray, noise: Noise) -> np.ndarray:
@@ -178,7 +182,10 @@ class Disturbance:
         ahead = np.concatenate([p[:, :, 1:], np.zeros((n, k, 1))], axis=2) * self.inner
         weights = [np.einsum("ti,ikt->kt", self.B[:, :, b], ahead) for b in range(self.b)]
         out = white
-        for series, size, tau in [*((w, s, noise.tau) for w, s in zip(weights, noise.force)), *((v[j], s, noise.tau_sensor) for j, s in enumerate(noise.coloured))]:
+        for series, size, tau in [
+            *((w, s, noise.tau) for w, s in zip(weights, noise.force)),
+            *((v[j], s, noise.tau_sensor) for j, s in enumerate(noise.coloured)),
+        ]:
             a = np.exp(-1.0 / tau)
             forward = first_order_scan(a, series, self.starts)
             cross = series @ (forward - 0.5 * series).T
@@ -243,11 +250,21 @@ def fit_noise(
     columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
     k = columns.shape[1] - 1
     unit = start.sigma.copy()
-    low = np.concatenate([np.log(unit * 0.05), np.log(1e-4 * force_unit), [np.log(TAU_RANGE[0])], np.log(unit * 1e-2), [np.log(TAU_RANGE[0])]])
+    low = np.concatenate(
+        [
+            np.log(unit * 0.05),
+            np.log(1e-4 * force_unit),
+            [np.log(TAU_RANGE[0])],
+            np.log(unit * 1e-2),
+            [np.log(TAU_RANGE[0])],
+        ]
+    )
     force_high, coloured_high = (10 * force_unit, 100 * unit) if caps is None else caps
     coloured_high = np.maximum(coloured_high, 0.1 * unit)
     force_high = np.maximum(force_high, 1e-3 * force_unit)
-    high = np.concatenate([np.log(unit * 20.0), np.log(force_high), [np.log(TAU_RANGE[1])], np.log(coloured_high), [np.log(TAU_RANGE[1])]])
+    high = np.concatenate(
+        [np.log(unit * 20.0), np.log(force_high), [np.log(TAU_RANGE[1])], np.log(coloured_high), [np.log(TAU_RANGE[1])]]
+    )
 
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
@@ -268,7 +285,9 @@ def fit_noise(
             value -= 0.5 * float((g / scale) @ np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0])
         return float(value) if np.isfinite(value) else np.inf
 
-    eta, value, inverse = _quasi_newton(objective, np.clip(start.pack(), low, high), low, high, max_iterations, curvature)
+    eta, value, inverse = _quasi_newton(
+        objective, np.clip(start.pack(), low, high), low, high, max_iterations, curvature
+    )
     noise = start.unpack(eta)
     return noise, -value - _log_prior(noise, unit), inverse
 

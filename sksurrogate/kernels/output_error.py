@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.kernels.arrow import Arrow
-from sksurrogate.kernels.integrate import DIFFERENCE, close
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.integrate import DIFFERENCE, close
 
 __all__ = ["Fit", "Linearised", "free_run", "linearise", "output_error", "settle_hidden"]
 
@@ -117,7 +117,13 @@ def linearise(model: Any, theta: np.ndarray, x: np.ndarray, unit: np.ndarray) ->
 
 
 def _start_of_hidden(
-    model: Any, values: np.ndarray, theta: np.ndarray, dtheta: np.ndarray, x: np.ndarray, b_theta: np.ndarray, b_x: np.ndarray
+    model: Any,
+    values: np.ndarray,
+    theta: np.ndarray,
+    dtheta: np.ndarray,
+    x: np.ndarray,
+    b_theta: np.ndarray,
+    b_x: np.ndarray,
 ) -> None:
     """Hidden states whose start is known follow the nominal initial states and the parameters there."""
     known = ~model.free_states
@@ -251,13 +257,17 @@ def output_error(
         None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
-        return _OutputError(model, sd, unit, bounds, prior, fit_start).run(theta, x, open_steps, max_steps, best, fallback)
+        return _OutputError(model, sd, unit, bounds, prior, fit_start).run(
+            theta, x, open_steps, max_steps, best, fallback
+        )
 
 
 class _OutputError:
     """One fit."""
 
-    def __init__(self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool):
+    def __init__(
+        self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool
+    ):
         self.model, self.record, self.sd, self.unit = model, model.record, sd[:, None], unit
         self.low, self.high = bounds
         self.fixed = self.low == self.high
@@ -273,9 +283,13 @@ class _OutputError:
         Jt, Jx = lin.J_theta / self.sd[:, None], lin.J_x[:, self.free] / self.sd[:, None]
         if self.fixed.any():
             Jt = np.where(self.fixed[:, None], 0.0, Jt)
-        return Arrow.build(Jt, Jx, (self.record.y - lin.y) / self.sd, self.record.starts, self.precision, -self.precision * theta)
+        return Arrow.build(
+            Jt, Jx, (self.record.y - lin.y) / self.sd, self.record.starts, self.precision, -self.precision * theta
+        )
 
-    def moved(self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def moved(
+        self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Parameters within their bounds, and the trajectory that the sensitivities predict."""
         new = np.clip(theta + dt, self.low, self.high)
         x = lin.x + np.einsum("ikt,k->it", lin.Z_theta, new - theta)
@@ -298,7 +312,13 @@ class _OutputError:
         return x, y, self.cost(y, theta)
 
     def run(
-        self, theta: np.ndarray, x: np.ndarray, open_steps: int, max_steps: int, best: float, fallback: np.ndarray | None
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        open_steps: int,
+        max_steps: int,
+        best: float,
+        fallback: np.ndarray | None,
     ) -> Fit | None:
         theta = np.clip(theta, self.low, self.high)
         first = theta, x
@@ -325,7 +345,9 @@ class _OutputError:
             return None
         return self.descend(theta, x, y, cost, max_steps, best)
 
-    def descend(self, theta: np.ndarray, x: np.ndarray, y: np.ndarray, cost: float, max_steps: int, best: float) -> Fit | None:
+    def descend(
+        self, theta: np.ndarray, x: np.ndarray, y: np.ndarray, cost: float, max_steps: int, best: float
+    ) -> Fit | None:
         """Closed Levenberg-Marquardt steps: the cost is that of the free run."""
         damping, done, steps = 1e-3, False, 0
         lin: Linearised | None = None

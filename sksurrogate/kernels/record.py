@@ -62,4 +62,6 @@ class Record:
         bounds = np.r_[self.starts, self.n_samples]
         rows = np.concatenate([np.arange(bounds[r], bounds[r + 1]) for r in runs])
         lengths = self.lengths[list(runs)]
-        return Record(self.u[:, rows], self.y[:, rows], self.t[rows], np.r_[0, np.cumsum(lengths[:-1])].astype(int), self.dt)
+        return Record(
+            self.u[:, rows], self.y[:, rows], self.t[rows], np.r_[0, np.cumsum(lengths[:-1])].astype(int), self.dt
+        )

@@ -124,7 +124,9 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Sig
         cube = (2 * phi - 1) ** 3
         new_mean = phi * (a1 + b1 * (1 - phi)) + (1 - phi) * (a2 - b2 * phi)
         new_half = 3 * (
-            (a1 + 2 * (1 - phi) * b1 - a2 + 2 * phi * b2) * (phi * phi - phi) + b1 * (cube + 1) / 6 + b2 * (1 - cube) / 6
+            (a1 + 2 * (1 - phi) * b1 - a2 + 2 * phi * b2) * (phi * phi - phi)
+            + b1 * (cube + 1) / 6
+            + b2 * (1 - cube) / 6
         )
         return new_mean, new_half
 
@@ -168,7 +170,11 @@ def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray) -> Signal:
     """
     n_sub = len(signal.mean)
     held = signal.half is None
-    nodes = _by_time(signal.mean[:1]) if held else _by_time(np.stack([signal.start(), signal.end()], 1).reshape(2 * n_sub, *signal.mean.shape[1:]))
+    nodes = (
+        _by_time(signal.mean[:1])
+        if held
+        else _by_time(np.stack([signal.start(), signal.end()], 1).reshape(2 * n_sub, *signal.mean.shape[1:]))
+    )
     per_sample = 1 if held else 2 * n_sub
     width = np.reshape(half_width, (-1, 1))
     n = nodes.shape[1]
@@ -204,7 +210,9 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray) 
     first = _by_time(signal.start())[:, bounds[:-1]]
     w = np.broadcast_to(first, (len(target), first.shape[1])).copy()
     r = reach[:, :1]
-    for k in range(longest):  # each sample depends on the last: the one loop over time here, all runs and columns at once
+    for k in range(
+        longest
+    ):  # each sample depends on the last: the one loop over time here, all runs and columns at once
         rows = bounds[:-1] + k
         alive = rows < bounds[1:]
         before[:, rows[alive]] = w[:, alive]

@@ -36,7 +36,14 @@ def hold_inputs(U: np.ndarray, n_sub: int, order: int) -> tuple[np.ndarray, np.n
 
 
 def free_run(
-    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, *, order: int, method: str, states: tuple[str, ...]
+    derivative: Derivative,
+    U: np.ndarray,
+    X0: np.ndarray,
+    t: np.ndarray,
+    *,
+    order: int,
+    method: str,
+    states: tuple[str, ...],
 ) -> np.ndarray:
     """States of runs of equal length.
 
@@ -65,7 +72,9 @@ def free_run(
         return np.stack([_adaptive(derivative, U[r], X0[r], t, order, method) for r in range(len(U))])
 
 
-def _explicit(derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int) -> tuple[np.ndarray, int]:
+def _explicit(
+    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int
+) -> tuple[np.ndarray, int]:
     """Runge-Kutta with as many substeps as the local error asks for; that number."""
     n_sub = 2
     dt = np.diff(t, append=t[-1] + (t[-1] - t[-2] if len(t) > 1 else 1.0))
@@ -80,7 +89,13 @@ def _explicit(derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarr
 
 
 def _substeps_needed(
-    derivative: Derivative, X: np.ndarray, U: np.ndarray, t: np.ndarray, order: int, n_sub: int, step: float | np.ndarray
+    derivative: Derivative,
+    X: np.ndarray,
+    U: np.ndarray,
+    t: np.ndarray,
+    order: int,
+    n_sub: int,
+    step: float | np.ndarray,
 ) -> int:
     """Compare one sample in ``n_sub`` and in ``2 n_sub`` substeps, for all samples at once."""
     if not np.all(np.isfinite(X)):
@@ -98,7 +113,9 @@ def _substeps_needed(
     return n_sub if worst <= TOLERANCE else int(np.ceil(n_sub * min((worst / TOLERANCE) ** 0.25 * 1.1, 8.0)))
 
 
-def _adaptive(derivative: Derivative, U: np.ndarray, x0: np.ndarray, t: np.ndarray, order: int, method: str) -> np.ndarray:
+def _adaptive(
+    derivative: Derivative, U: np.ndarray, x0: np.ndarray, t: np.ndarray, order: int, method: str
+) -> np.ndarray:
     """scipy's integrator over stretches of constant input (held), or the whole run (joined linearly)."""
     X = np.full((len(t), len(x0)), np.nan)
     X[0] = x0
@@ -117,11 +134,21 @@ def _adaptive(derivative: Derivative, U: np.ndarray, x0: np.ndarray, t: np.ndarr
         longest = np.inf if order == 0 else float(np.max(np.diff(t)))
         try:
             solution = solve_ivp(
-                rhs, (t[a], t[b]), X[a], method=method, t_eval=t[a : b + 1], args=(a,), rtol=1e-8, atol=1e-10, max_step=longest
+                rhs,
+                (t[a], t[b]),
+                X[a],
+                method=method,
+                t_eval=t[a : b + 1],
+                args=(a,),
+                rtol=1e-8,
+                atol=1e-10,
+                max_step=longest,
             )
         except ValueError as error:
             if "method" in str(error):
-                raise SimulatorError(f'method={method!r} is unknown: use "auto", "RK4", "RK45", "DOP853", "LSODA", "Radau" or "BDF".') from error
+                raise SimulatorError(
+                    f'method={method!r} is unknown: use "auto", "RK4", "RK45", "DOP853", "LSODA", "Radau" or "BDF".'
+                ) from error
             return X  # scipy refuses non-finite states: the caller reports the divergence
         X[a : a + solution.y.shape[1]] = solution.y.T
         if not solution.success:
@@ -130,7 +157,9 @@ def _adaptive(derivative: Derivative, U: np.ndarray, x0: np.ndarray, t: np.ndarr
     return X
 
 
-def raise_if_diverged(X: np.ndarray, t: np.ndarray, states: tuple[str, ...], labels: list[object] | None = None) -> None:
+def raise_if_diverged(
+    X: np.ndarray, t: np.ndarray, states: tuple[str, ...], labels: list[object] | None = None
+) -> None:
     """Raise :class:`SimulationDiverged` with run, time, state and remedy if states (n_runs, n_samples, n_states) are not finite."""
     bad = ~np.isfinite(X)
     if not bad.any():

@@ -47,13 +47,23 @@ class PlantModel:
             self._output.probe(*at)
 
     def _call(
-        self, function: PointwiseFunction, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None, *extra: Any
+        self,
+        function: PointwiseFunction,
+        t: Any,
+        x: np.ndarray,
+        u: np.ndarray,
+        varied: Mapping[str, np.ndarray] | None,
+        *extra: Any,
     ) -> np.ndarray:
         """Flatten, call, restore."""
         shape = x.shape[1:]
         p: Mapping[str, Any] = self.plant.params
         if len(shape) == 1:
-            times, flat, inputs = np.broadcast_to(t, shape), x, u if u.shape[1:] == shape else np.broadcast_to(u, (len(u), *shape))
+            times, flat, inputs = (
+                np.broadcast_to(t, shape),
+                x,
+                u if u.shape[1:] == shape else np.broadcast_to(u, (len(u), *shape)),
+            )
             if varied:
                 p = {**p, **{k: np.broadcast_to(v, shape) for k, v in varied.items()}}
             return function(times, flat, inputs, p, *extra)
@@ -64,17 +74,23 @@ class PlantModel:
             p = {**p, **{k: np.broadcast_to(v, shape).reshape(size) for k, v in varied.items()}}
         return function(times, x.reshape(len(x), size), inputs, p, *extra).reshape(function.size, *shape)
 
-    def derivative(self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+    def derivative(
+        self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
         """dx/dt, (n_states, *s)."""
         assert self._rhs is not None
         return self._call(self._rhs, t, x, u, varied)
 
-    def step(self, t: Any, x: np.ndarray, u: np.ndarray, dt: float, varied: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+    def step(
+        self, t: Any, x: np.ndarray, u: np.ndarray, dt: float, varied: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
         """The states one step later, (n_states, *s)."""
         assert self._step is not None
         return self._call(self._step, t, x, u, varied, dt)
 
-    def output(self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+    def output(
+        self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
         """Measured outputs, (n_outputs, *s)."""
         if self._selected is not None:
             return x[list(self._selected)]

@@ -102,7 +102,9 @@ class ODESimulator(BaseSimulator):
         if single:
             unknown = sorted(set(single) - set(self.params))
             if unknown:
-                raise ValueError(f"params__{unknown[0]}: the simulator has no parameter {unknown[0]!r}; it has {sorted(self.params)}.")
+                raise ValueError(
+                    f"params__{unknown[0]}: the simulator has no parameter {unknown[0]!r}; it has {sorted(self.params)}."
+                )
             self.params = {**self.params, **single}
         return self
 
@@ -135,8 +137,13 @@ class ODESimulator(BaseSimulator):
         """Free runs of equal length, all abreast: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
         inputs = np.asarray(U, dtype=float)
         if inputs.ndim != 3 or inputs.shape[2] != len(self._names("inputs")):
-            raise SimulatorError(f"U has shape {inputs.shape}, expected (n_runs, n_samples, {len(self._names('inputs'))}).")
-        start = np.broadcast_to(self._check_x0(None) if X0 is None else np.asarray(X0, dtype=float), (len(inputs), len(self._names("states"))))
+            raise SimulatorError(
+                f"U has shape {inputs.shape}, expected (n_runs, n_samples, {len(self._names('inputs'))})."
+            )
+        start = np.broadcast_to(
+            self._check_x0(None) if X0 is None else np.asarray(X0, dtype=float),
+            (len(inputs), len(self._names("states"))),
+        )
         return self._run(inputs, start, t)
 
     def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
@@ -156,10 +163,14 @@ class ODESimulator(BaseSimulator):
         if inputs.ndim == 1 and len(names) == 1:
             inputs = inputs[:, None]
         if inputs.ndim != 2 or inputs.shape[1] != len(names):
-            raise SimulatorError(f"U has shape {inputs.shape}, expected (n_samples, {len(names)}): one column for each of inputs={list(names)}.")
+            raise SimulatorError(
+                f"U has shape {inputs.shape}, expected (n_samples, {len(names)}): one column for each of inputs={list(names)}."
+            )
         if not np.all(np.isfinite(inputs)):
             row = int(np.flatnonzero(~np.isfinite(inputs).all(axis=1))[0])
-            raise SimulatorError(f"U is not finite in row {row}: {inputs[row].tolist()}; interpolate or cut the record there.")
+            raise SimulatorError(
+                f"U is not finite in row {row}: {inputs[row].tolist()}; interpolate or cut the record there."
+            )
         return inputs
 
     def _check_x0(self, x0: Any) -> np.ndarray:
@@ -168,14 +179,16 @@ class ODESimulator(BaseSimulator):
         given = self.x0 if x0 is None else x0
         start = np.zeros(len(names)) if given is None else np.asarray(given, dtype=float).reshape(-1)
         if start.shape != (len(names),):
-            raise SimulatorError(f"x0 has {start.size} values, expected {len(names)}: one for each of states={list(names)}.")
+            raise SimulatorError(
+                f"x0 has {start.size} values, expected {len(names)}: one for each of states={list(names)}."
+            )
         return start
 
     def _states(self, U: np.ndarray, X0: np.ndarray, t: Any) -> tuple[np.ndarray, np.ndarray, PlantModel]:
         """States (n_runs, n_samples, n_states), times, model."""
         if self.hold not in ("zoh", "foh"):
             raise SimulatorError(f'hold={self.hold!r} is unknown: use "zoh" (held) or "foh" (joined linearly).')
-        if not (np.isscalar(self.dt) and np.isfinite(self.dt) and self.dt > 0):
+        if not (isinstance(self.dt, (int, float, np.number)) and np.isfinite(self.dt) and self.dt > 0):
             raise SimulatorError(f"dt={self.dt!r} must be a positive number of time units.")
         model = PlantModel(describe(self))
         if not callable(self.output) and model.plant.output_states is None:

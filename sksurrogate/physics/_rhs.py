@@ -72,7 +72,11 @@ class PointwiseFunction:
         try:
             value = self.function(t, x, u, p, *extra)
         except (KeyError, NameError, AttributeError, TypeError, IndexError, ValueError) as error:
-            detail = f"parameter {error} is not in params" if isinstance(error, KeyError) else f"{type(error).__name__}: {error}"
+            detail = (
+                f"parameter {error} is not in params"
+                if isinstance(error, KeyError)
+                else f"{type(error).__name__}: {error}"
+            )
             raise SimulatorError(
                 f"{self.what}(t, x, u, p) failed at t={t:g}, x={x.tolist()}, u={u.tolist()}: {detail}. "
                 f"x has {len(x)} states and u {len(u)} inputs; params are {sorted(p)}."
@@ -93,7 +97,9 @@ class PointwiseFunction:
         value = self.function(t, x, u, p, *extra)
         out = np.empty((self.size, *x.shape[1:])) if x.ndim > 1 else np.empty(self.size)
         if len(value) != self.size:
-            raise SimulatorError(f"{self.what} returned {len(value)} components, expected {self.size}: {list(self.names)}.")
+            raise SimulatorError(
+                f"{self.what} returned {len(value)} components, expected {self.size}: {list(self.names)}."
+            )
         for i, component in enumerate(value):
             out[i] = component
         return out
@@ -102,7 +108,9 @@ class PointwiseFunction:
         """Points ``x`` (n_states, n_points) -> (size, n_points); t and entries of p are floats or (n_points,)."""
         if self.vectorised is None:
             at = (float(np.ravel(t)[0]), x.reshape(len(x), -1)[:, 0], u.reshape(len(u), -1)[:, 0])
-            self.probe(*at, {k: (float(np.ravel(v)[0]) if isinstance(v, np.ndarray) else v) for k, v in p.items()}, *extra)
+            self.probe(
+                *at, {k: (float(np.ravel(v)[0]) if isinstance(v, np.ndarray) else v) for k, v in p.items()}, *extra
+            )
         if self.vectorised:
             return self._many(t, x, u, p, *extra)
         n_points = x.shape[1]

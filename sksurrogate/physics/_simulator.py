@@ -75,7 +75,9 @@ def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple
     return tuple(f"{letter}{k}" for k in range(count or 0))
 
 
-def describe(simulator: Any, *, n_inputs: int | None = None, n_outputs: int | None = None, dt: float | None = None) -> Plant:
+def describe(
+    simulator: Any, *, n_inputs: int | None = None, n_outputs: int | None = None, dt: float | None = None
+) -> Plant:
     """Read a simulator: access, names, parameters.
 
     Parameters

@@ -10,7 +10,9 @@ from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
 
 def test_a_correction_of_zero_gives_the_simulator_back():
     X, y, groups = make_reactor_runs(2, 60, random_state=0)
-    hybrid = HybridRegressor(linear_reactor(), DummyRegressor(strategy="constant", constant=0.0)).fit(X, y, groups=groups)
+    hybrid = HybridRegressor(linear_reactor(), DummyRegressor(strategy="constant", constant=0.0)).fit(
+        X, y, groups=groups
+    )
     simulated = np.concatenate([linear_reactor().simulate(X[groups == k])[:, 0] for k in range(2)])
     np.testing.assert_array_equal(hybrid.predict(X, groups=groups), simulated)
 

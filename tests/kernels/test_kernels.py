@@ -41,7 +41,9 @@ def test_block_tridiagonal_equals_dense():
                 M[i * m : i * m + m, j * m : j * m + m] = 0
     M += 20 * np.eye(n * m)
     diagonal = np.stack([M[i * m : i * m + m, i * m : i * m + m] for i in range(n)])
-    lower = np.stack([M[(i + 1) * m : (i + 2) * m, i * m : i * m + m] if i < n - 1 else np.zeros((m, m)) for i in range(n)])
+    lower = np.stack(
+        [M[(i + 1) * m : (i + 2) * m, i * m : i * m + m] if i < n - 1 else np.zeros((m, m)) for i in range(n)]
+    )
     T = BlockTridiagonal(diagonal, lower)
     b = RNG.normal(size=(1, n, m))
     np.testing.assert_allclose(T.solve(b).ravel(), np.linalg.solve(M, b.ravel()))
@@ -140,7 +142,9 @@ def test_likelihood_equals_the_dense_gaussian():
         x = A[:, :, k] @ x
         x[:, k] += B[:, 0, k]
         X = A[:, :, k] @ X
-    coloured = moved @ (0.25 * np.exp(-distance / 7.0)) @ moved.T + 0.007**2 * np.exp(-distance / 5.0) + 1e-4 * np.eye(K)
+    coloured = (
+        moved @ (0.25 * np.exp(-distance / 7.0)) @ moved.T + 0.007**2 * np.exp(-distance / 5.0) + 1e-4 * np.eye(K)
+    )
     S = coloured + start @ np.diag(prior**2) @ start.T
     r = 0.05 * RNG.normal(size=(1, K))
     model = Disturbance(A, B, C, np.array([0]), prior, 1e-6 * np.ones(2))
