@@ -43,7 +43,7 @@ def make_reactor(dt: float = 0.02, **params: float) -> ODESimulator:
     --------
     >>> import numpy as np
     >>> make_reactor().simulate(np.full((3, 1), 0.15), x0=[15.0]).round(3).ravel()
-    array([15.   , 14.387, 13.819])
+    array([15.   , 14.397, 13.844])
     """
     nominal = {"flow": 2.0, "feed": 4.0, "second": 1e2, "first": 1e3}
     return ODESimulator(

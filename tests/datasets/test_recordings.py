@@ -1,0 +1,75 @@
+"""Recordings: known files are used, damaged ones refused, archives converted; the network is the loopback."""
+
+import http.server
+import io
+import threading
+import zipfile
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from sksurrogate.datasets import fetch_cascaded_tanks, fetch_silverbox
+from sksurrogate.exceptions import DataError
+
+SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the real recordings are not on this machine")
+def test_known_files_are_used():
+    tanks, box = fetch_cascaded_tanks(SHARED), fetch_silverbox(SHARED)
+    assert tanks.uEst.shape == tanks.yVal.shape == (1024,) and tanks.Ts == 4.0
+    assert box.V1.shape == (131072,) and box.fs == pytest.approx(610.3516, abs=1e-3)
+
+
+def test_a_damaged_file_is_refused(tmp_path):
+    (tmp_path / "cascaded_tanks").mkdir()
+    (tmp_path / "cascaded_tanks" / "cascaded_tanks.npz").write_bytes(b"not a zip")
+    with pytest.raises(DataError, match="is damaged"):
+        fetch_cascaded_tanks(tmp_path)
+
+
+def test_a_missing_file_without_download_says_where_it_belongs(tmp_path):
+    with pytest.raises(DataError, match=r"silverbox_SNLS80mV\.npz is not there"):
+        fetch_silverbox(tmp_path, download_if_missing=False)
+
+
+@pytest.fixture
+def server(tmp_path):
+    folder = tmp_path / "served"
+    folder.mkdir()
+    handler = partial(http.server.SimpleHTTPRequestHandler, directory=str(folder))
+    handler.log_message = lambda *args: None
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as running:
+        thread = threading.Thread(target=running.serve_forever, daemon=True)
+        thread.start()
+        yield folder, f"http://127.0.0.1:{running.server_address[1]}"
+        running.shutdown()
+
+
+def test_an_archive_is_fetched_once_and_converted(server, tmp_path):
+    pytest.importorskip("pooch")
+    folder, address = server
+    rng = np.random.default_rng(0)
+    content = {key: rng.normal(size=(1024, 1)) for key in ("uEst", "yEst", "uVal", "yVal")}
+    mat = io.BytesIO()
+    savemat(mat, {**content, "Ts": np.array([[4.0]])})
+    with zipfile.ZipFile(folder / "tanks.zip", "w") as archive:
+        archive.writestr("CascadedTanksFiles/dataBenchmark.mat", mat.getvalue())
+    tanks = fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/tanks.zip")
+    np.testing.assert_array_equal(tanks.yVal, content["yVal"][:, 0])
+    (folder / "tanks.zip").unlink()
+    again = fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/tanks.zip")
+    np.testing.assert_array_equal(again.uEst, tanks.uEst)
+
+
+def test_a_broken_archive_and_no_server_are_said_so(server, tmp_path):
+    pytest.importorskip("pooch")
+    folder, address = server
+    (folder / "half.zip").write_bytes(b"PK\x03\x04 broken off")
+    with pytest.raises(DataError, match="did not give the archive"):
+        fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/half.zip")
+    with pytest.raises(DataError, match="could not download"):
+        fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/nothing.zip")

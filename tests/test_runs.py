@@ -1,0 +1,45 @@
+"""The border."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sksurrogate.exceptions import DataError, RunError
+from sksurrogate.runs import cut_runs, resolve_runs, stack_runs, unstack_runs
+
+
+@given(st.lists(st.integers(1, 6), min_size=1, max_size=5))
+def test_stack_and_unstack_are_inverse(lengths):
+    parts = [np.random.default_rng(n).normal(size=(n, 2)) for n in lengths]
+    X, _, groups = stack_runs(parts)
+    for part, again in zip(parts, unstack_runs(X, groups), strict=True):
+        np.testing.assert_array_equal(part, again)
+
+
+@given(st.integers(10, 60), st.integers(1, 3), st.integers(0, 3))
+def test_cut_runs_leaves_gaps_and_loses_nothing_else(n, blocks, gap):
+    labels = cut_runs(n, blocks, gap)
+    assert (labels == -1).sum() == gap * (blocks - 1)
+    assert set(labels) - {-1} == set(range(blocks))
+    runs = resolve_runs(np.zeros((n, 1)), groups=labels)
+    assert sum(len(run) for run in runs) == n - gap * (blocks - 1)
+
+
+def test_groups_win_over_run_and_the_run_column_is_no_input():
+    X = np.array([[0, 1.0], [0, 2.0], [1, 3.0]])
+    assert [len(run) for run in resolve_runs(X, run=0)] == [2, 1]
+    by_groups = resolve_runs(X, run=0, groups=["a", "b", "b"])
+    assert [run.label for run in by_groups] == ["a", "b"]
+    assert by_groups[0].X.shape == (1, 1)
+
+
+def test_uneven_sampling_is_refused_by_row():
+    X = np.array([[0.0, 1], [0.1, 1], [0.25, 1], [0.3, 1]])
+    with pytest.raises(DataError, match="uneven sampling after row 1"):
+        resolve_runs(X, time=0, dt=0.1)
+
+
+def test_short_runs_say_how_many_rows_are_needed():
+    with pytest.raises(RunError, match=r"run 'b' has 1 rows .*2 are needed"):
+        resolve_runs(np.zeros((3, 1)), groups=["a", "a", "b"], min_rows=2)
