@@ -18,7 +18,7 @@ from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PRIOR", "Problem", "Rival", "build_problem"]
+__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "scanned"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
@@ -253,6 +253,22 @@ class Problem:
     def force_unit(self) -> np.ndarray:
         """RMS of dx/dt of every balance."""
         return self.rate[[self.plant.states.index(name) for name in self.balances]]
+
+
+def scanned(problem: Problem, rival: Rival) -> Rival:
+    """Fit again from values nearby where the prediction of an effect jumps with them (quantizations)."""
+    for i, effect in enumerate(rival.effects):
+        for _ in range(3):
+            before = rival.fit.cost
+            for values in effect.scan(tuple(rival.theta_of(i))):
+                theta = rival.fit.theta.copy()
+                theta[rival.model.slice_of(i)] = values
+                other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
+                if other is not None and other.fit.cost < rival.fit.cost:
+                    rival = other
+            if rival.fit.cost > before - 1.0:
+                break
+    return rival
 
 
 def measured_guess(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:

@@ -10,7 +10,7 @@ from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
-from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._problem import Problem, Rival, scanned
 from sksurrogate.gap._screen import Start, screen
 
 __all__ = ["Search"]
@@ -144,7 +144,22 @@ class Search:
         if not self.passes(top, best, passed):
             return None
         top = self.simplify(self.swap(top))
-        return top if self.passes(top, best, passed) else None
+        return self.needed(top, best) if self.passes(top, best, passed) else None
+
+    def needed(self, rival: Rival, best: Rival) -> Rival:
+        """The rival, or what is left without an effect that only repaired a wrong first choice."""
+        for i in range(len(rival.effects)):
+            smaller = self.without(rival, i)
+            if smaller is None or not smaller.effects:
+                continue
+            assert rival.noise is not None
+            estimate_noise(self.at(smaller), smaller, rival.noise, rival.curvature)
+            better = self.score(smaller) > self.score(best) + 1.0 and self.gain(smaller) > self.bar(
+                smaller.n_parameters
+            )
+            if better and not self.passes(rival, smaller, True):
+                return smaller
+        return rival
 
     def passes(self, rival: Rival, best: Rival, passed: bool) -> bool:
         """Whether an effect more is worth it: over the best smaller set, or over nothing where none passed alone."""
@@ -334,22 +349,6 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
     if found is not None and found.fit.cost < 30.0 * best:
         found = scanned(problem, found)
     return found
-
-
-def scanned(problem: Problem, rival: Rival) -> Rival:
-    """Fit again from values nearby where the prediction of an effect jumps with them (quantizations)."""
-    for i, effect in enumerate(rival.effects):
-        for _ in range(3):
-            before = rival.fit.cost
-            for values in effect.scan(tuple(rival.theta_of(i))):
-                theta = rival.fit.theta.copy()
-                theta[rival.model.slice_of(i)] = values
-                other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
-                if other is not None and other.fit.cost < rival.fit.cost:
-                    rival = other
-            if rival.fit.cost > before - 1.0:
-                break
-    return rival
 
 
 def _fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:
