@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     arguments = _parser().parse_args(argv)
     try:
-        return int(arguments.run(arguments))
+        return int(arguments.action(arguments))
     except SurrogateError as error:
         print(f"sksurrogate: {error}", file=sys.stderr)
         return 2
@@ -48,10 +48,10 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("--save", metavar="FILE", help="write the effects and re-tuned parameters as JSON")
     diagnose.add_argument("--jobs", type=int, default=None, help="worker processes")
     diagnose.add_argument("--quiet", action="store_true", help="no progress")
-    diagnose.set_defaults(run=_diagnose)
+    diagnose.set_defaults(action=_diagnose)
     demo = commands.add_parser("demo", help="two stories on data that the package makes itself")
     demo.add_argument("--html", metavar="FOLDER", help="write a page for each story there")
-    demo.set_defaults(run=_demo)
+    demo.set_defaults(action=_demo)
     return parser
 
 

@@ -40,7 +40,7 @@ NESTED = {
 }
 NESTED_SHARE = 5e-4
 #: Most effects named at once.
-MOST_EFFECTS = 4
+MOST_EFFECTS = 3
 
 
 @dataclass
@@ -184,7 +184,7 @@ class Search:
 
     def swap(self, rival: Rival) -> Rival:
         """Leave each effect out in turn and choose it again with the others kept; twice at most."""
-        for _ in range(2):
+        for _ in range(1 if self.is_far(rival) else 2):
             start = rival
             for i in range(len(start.effects)):
                 if i >= len(rival.effects):
@@ -293,11 +293,15 @@ class Search:
         near = [rival for rival in rivals[:most] if rival is rivals[0] or rival.fit.cost < 3.0 * least + 50.0]
         return max((self.polish(rival) for rival in near), key=self.score)
 
+    def is_far(self, rival: Rival) -> bool:
+        """Whether a rival is so far from the data that finer numerics cannot matter."""
+        return rival.fit.cost > 5.0 * self.n_values
+
     def polish(self, rival: Rival) -> Rival:
         """Refit with kinks sharper and steps shorter where that matters."""
         problem = self.at(rival)
         best = rival
-        for n_sub, sharpness in ((4, 150.0), (8, 500.0)):
+        for n_sub, sharpness in () if self.is_far(rival) else ((4, 150.0), (8, 500.0)):
             finer = replace(problem, n_sub=max(n_sub, 2 * best.model.n_sub), sharpness=sharpness)
             if not _numerics_matter(finer, best):
                 break
@@ -313,6 +317,8 @@ class Search:
     def simplify(self, rival: Rival) -> Rival:
         """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class."""
         assert self.null is not None
+        if self.is_far(rival):
+            return rival
         for i, effect in enumerate(rival.effects):
             for name in NESTED.get(effect.name, ()):
                 simple = [e for e in self.candidates if e.name == name and e.location == effect.location]

@@ -19,6 +19,8 @@ __all__ = ["Facts", "decide", "intervals", "probabilities", "ranking", "retuned_
 SHARE = 0.20
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
+#: A gap closed to this share (amplitude) is explained however precise the sensors are.
+SMALL_SHARE = 0.12
 #: Share of the latent force that states and inputs explain on runs left out, above which it is a law.
 LAW = 0.10
 #: A gap whose free-run error is below this share of the output's deviation is below the practical bar.
@@ -57,7 +59,7 @@ def decide(facts: Facts) -> str:
     """None, explained or unknown."""
     lawful = facts.law > LAW or facts.force > 0.25
     if facts.accepted or facts.retuned:
-        far = (facts.share_left > SHARE and facts.left > 1.15) or facts.left > FAR
+        far = (facts.share_left > SHARE and facts.left > 1.05) or (facts.left > FAR and facts.share_left > SMALL_SHARE)
         return "unknown" if far and lawful else "explained"
     if (facts.law > LAW and facts.left > 1.15) or facts.left > FAR:
         return "unknown"
