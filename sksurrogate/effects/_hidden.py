@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
-from sksurrogate.effects._smooth import TINY, magnitude
+from sksurrogate.effects._smooth import TINY, follow, magnitude
 from sksurrogate.physics._simulator import Plant
 
 __all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
@@ -33,6 +33,12 @@ class Hysteresis(HiddenEffect):
         """``v' - (v' abs(z) + abs(v') z) / (2 limit)``: the same without a sign of zero to stumble over."""
         limit = theta[1]
         return [dv - (dv * np.abs(z[0]) + np.abs(dv) * z[0]) / (2 * limit)]
+
+    def rates_within(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float, h: float
+    ) -> Sequence[Any]:
+        """A small limit is reached within a step."""
+        return [follow(h * np.abs(dv) / theta[1]) * rate for rate in self.rates(z, t, v, dv, theta, width)]
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
         """``- c z``."""
@@ -70,19 +76,30 @@ class LugreFriction(HiddenEffect):
         self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
     ) -> Sequence[Any]:
         """``v - c abs(v) z / g(v)``."""
+        return [v - self._decay(v, theta, width) * z[0]]
+
+    def rates_within(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float, h: float
+    ) -> Sequence[Any]:
+        """Stiff bristles give way within a step: what is left is dry friction."""
+        decay = self._decay(v, theta, width)
+        return [follow(h * decay) * (v - decay * z[0])]
+
+    def _decay(self, v: np.ndarray, theta: Sequence[Any], width: float) -> Any:
+        """``c abs(v) / g(v)``."""
         stiffness, level, static, velocity = theta
         ratio = np.minimum(np.abs(v) / velocity, 30.0)
         g = level + (static - level) * np.exp(-ratio * ratio)
-        return [v - stiffness * magnitude(v, width) * z[0] / g]
+        return stiffness * magnitude(v, width) / np.maximum(g, TINY)
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
         """``- c z``."""
         return -theta[0] * z[0]
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Bristles that give way after a small part of a typical travel, no stiffer than a step can follow."""
+        """Bristles that give way after a small part of a typical travel; friction at rest above and below the other."""
         assert probe.v is not None
-        speed, fastest = float(np.sqrt(np.mean(probe.v**2))), float(np.max(np.abs(probe.v)))
+        speed = float(np.sqrt(np.mean(probe.v**2)))
         level = probe.unit(np.sign(probe.v))
         runs = np.split(probe.v, probe.starts[1:])
         travel = float(np.sqrt(np.mean([np.var(np.cumsum(run) * probe.dt) for run in runs])))
@@ -90,10 +107,10 @@ class LugreFriction(HiddenEffect):
             return []
         found: list[tuple[float, ...]] = []
         for size in (0.7, 2.0):
-            for share in (0.03, 0.2, 1.0):
-                stiffness = min(size * level / (share * travel), 1.5 * size * level / (fastest * probe.dt))
-                found.append((stiffness, size * level, 1.5 * size * level, 0.3 * speed))
-        return list(dict.fromkeys(found))
+            for share in (0.02, 0.1, 0.5):
+                c = size * level
+                found.extend((c / (share * travel), c, ratio * c, 0.3 * speed) for ratio in (1.5, 0.8))
+        return found
 
 
 class HiddenRelaxation(HiddenEffect):
@@ -119,6 +136,12 @@ class HiddenRelaxation(HiddenEffect):
     ) -> Sequence[Any]:
         """``(v - z) / time_constant``."""
         return [(v - z[0]) / theta[1]]
+
+    def rates_within(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float, h: float
+    ) -> Sequence[Any]:
+        """A companion that is much faster than a step keeps up."""
+        return [follow(h / theta[1]) * (v - z[0]) / theta[1]]
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
         """``- c (v - z)``."""

@@ -292,7 +292,8 @@ class BoundModel:
             effect, v = a.effects[i], self.variable(i, x, u)
             is_state, driver = a.wires[i].drivers[0]
             dv = dx[driver] if is_state else np.zeros_like(v)
-            rates = effect.rates(x[rows], t, v, dv, self._parameters[i], self.width(i))  # type: ignore[attr-defined]
+            given = (x[rows], t, v, dv, self._parameters[i], self.width(i), self.h)
+            rates = effect.rates_within(*given)  # type: ignore[attr-defined]
             for row, rate in zip(range(rows.start, rows.stop), rates):
                 dx[row] = rate
         return dx

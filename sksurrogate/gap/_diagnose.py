@@ -294,7 +294,7 @@ class _Questions:
             return True
         estimate_noise(replace(problem, free=()), nominal, null.noise)
         self.search.nominal_left = left(nominal)
-        return 2.0 * (null.log_likelihood - nominal.log_likelihood) > self.search.bar(len(problem.free))
+        return bool(2.0 * (null.log_likelihood - nominal.log_likelihood) > self.search.bar(len(problem.free)))
 
     # ---- the report -------------------------------------------------------------------------------------------------
     def verdict(self) -> str:

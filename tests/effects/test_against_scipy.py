@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
 
 SHARP, SMOOTH = 2e-3, 2e-5
 
@@ -215,3 +219,32 @@ def test_several_effects_at_once(oscillator, force, reference):
     exact = reference(rhs, (0.1, 0.0, 0.1, start), force[:, 0], edges=(0.77,))
     found = many.simulate(force, (0.1, 0.0))[:, 0]
     assert np.max(np.abs(found - exact[:, 0] - 0.1)) < 2 * SMOOTH * np.std(exact[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("name", "variable", "values", "dry"),
+    [
+        ("lugre_friction", "v", (1e7, 0.3, 0.3, 0.1), 0.3),  # bristles too stiff for any step are dry friction
+        ("hysteresis", "q", (1e6, 3e-7), 0.3),  # so is a spring that yields at once
+        ("hidden_relaxation", "q", (5.0, 1e-9), 0.0),  # a companion that keeps up does nothing
+    ],
+)
+def test_hidden_states_too_fast_for_a_step_do_not_upset_it(name, variable, values, dry, oscillator, force):
+    """One substep a sample, as a fit takes it: finite, and near the limit that the fast state tends to."""
+    model, record = (
+        PlantModel(describe(oscillator)),
+        Record.from_runs([force], [force], [0.02 * np.arange(len(force))], 0.02),
+    )
+
+    def run(effect, theta):
+        whole = AugmentedModel(model, (effect,), (), record, n_sub=1, scale=np.array([0.1, 0.5]))
+        bound = whole.bind(np.array(theta)[:, None])
+        x, out = bound.start(np.array([0.1, 0.0])[:, None, None]), []
+        for k in range(len(force)):
+            out.append(x[0, 0, 0])
+            x = bound(x, np.array([k]))
+        return np.array(out)
+
+    found = run(CATALOGUE[name]("v", variable), values)
+    limit = run(CATALOGUE["coulomb_friction"]("v", "v"), (dry,))
+    assert np.max(np.abs(found - limit)) < 0.02 * np.std(limit)
