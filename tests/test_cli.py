@@ -57,7 +57,7 @@ def test_mistakes_name_line_and_column(folder, capsys):
         read_csv(folder / "bad.csv", ["flow", "level"])
     with pytest.raises(SimulatorError, match="no 'plan'; simulators in it: \\['plant'\\]"):
         load_simulator(f"{folder / 'plant.py'}:plan")
-    with pytest.raises(SimulatorError, match="write file.py:name"):
+    with pytest.raises(SimulatorError, match=r"write file\.py:name"):
         load_simulator("plant")
 
 

@@ -40,7 +40,7 @@ NESTED = {
 }
 NESTED_SHARE = 5e-4
 #: Most effects named at once.
-MOST_EFFECTS = 3
+MOST_EFFECTS = 4
 
 
 @dataclass
