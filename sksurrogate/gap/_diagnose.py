@@ -167,9 +167,10 @@ class GapDiagnoser(BaseEstimator):
         search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
         questions = _Questions(self, problem, search, runs, seed)
         try:
-            search.fit_null()
-            search.run()
-            questions.ask()
+            with np.errstate(all="ignore"):  # rivals that run away are met everywhere with finite checks
+                search.fit_null()
+                search.run()
+                questions.ask()
         except KeyboardInterrupt:
             warnings.warn(
                 "interrupted: the report holds what was known by then (report_.complete is False)",
@@ -177,7 +178,8 @@ class GapDiagnoser(BaseEstimator):
                 stacklevel=2,
             )
             questions.complete = False
-        self.report_ = questions.answer(time.perf_counter() - begun)
+        with np.errstate(all="ignore"):
+            self.report_ = questions.answer(time.perf_counter() - begun)
         self.augmented_ = questions.augmented()
         final = questions.final
         self.initial_states_ = final.fit.x[: len(plant.states), record.starts].T.copy()

@@ -35,8 +35,11 @@ def _profile(
     if len(G) == 1:
         return base, np.zeros(0), np.zeros((0, 0))
     H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    step = np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0] / scale
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+    normal, right = H / np.outer(scale, scale), g / scale
+    if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
+        return -np.inf, np.zeros(len(g)), H
+    step = np.linalg.lstsq(normal, right, rcond=1e-10)[0] / scale
     return base + 0.5 * float(g @ step), step, H
 
 

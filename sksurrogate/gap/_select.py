@@ -39,6 +39,8 @@ NESTED = {
     "hidden_relaxation": ("linear_loss",),
 }
 NESTED_SHARE = 5e-4
+#: Samples of a structural error that count as one.
+CORRELATED = 10.0
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
@@ -91,6 +93,17 @@ class Search:
         """Log likelihood less ``k/2 ln N``: a form with more parameters must earn them."""
         return rival.log_likelihood - 0.5 * rival.n_parameters * np.log(self.n_values)
 
+    def size_score(self, rival: Rival) -> float:
+        """Evidence by size: white errors with one independent value in :data:`CORRELATED`, less ``k/2 ln N``.
+
+        Far from the data no noise model holds, and the force that it allows would hide which rival comes nearer.
+        """
+        return -0.5 * self.n_values / CORRELATED * np.log(rival.fit.cost) - 0.5 * rival.n_parameters * np.log(self.n_values)
+
+    def order(self, rivals: Sequence[Rival]) -> Callable[[Rival], float]:
+        """By size where all are far from the data, by likelihood where one comes near."""
+        return self.size_score if all(self.is_far(rival) for rival in rivals) else self.score
+
     # ---- the search -------------------------------------------------------------------------------------------------
     def fit_null(self) -> Rival:
         """No effect: initial states and free parameters only."""
@@ -140,7 +153,7 @@ class Search:
             trial.extend(self.ranked(self.expand(base, 6, 3), base))
         if not trial:
             return None
-        top = self.best_polished(sorted(trial, key=self.score, reverse=True))
+        top = self.best_polished(sorted(trial, key=self.order(trial), reverse=True))
         if not self.passes(top, best, passed):
             return None
         top = self.simplify(self.swap(top))
@@ -170,6 +183,8 @@ class Search:
         if removed < SMALLEST_SHARE * (self.null.fit.cost - self.n_values):
             return False
         extra = 2.0 * (rival.log_likelihood - best.log_likelihood)
+        if self.is_far(rival):
+            extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
         return extra > self.bar(max(rival.n_parameters - best.n_parameters, 1)) + EXTRA
 
     def beam(self, best: Rival) -> list[Rival]:
@@ -193,9 +208,12 @@ class Search:
                 if base is None:
                     continue
                 trial = self.ranked(self.expand(base, 6, 3), base)
-                if trial and self.score(trial[0]) > self.score(rival) + 1.0:
+                if not trial:
+                    continue
+                worth = self.order([trial[0], rival])
+                if worth(trial[0]) > worth(rival) + 1.0:
                     swapped = self.polish(trial[0])
-                    rival = swapped if self.score(swapped) > self.score(rival) else rival
+                    rival = swapped if worth(swapped) > worth(rival) else rival
             if rival is start:
                 break
         return rival
@@ -284,14 +302,15 @@ class Search:
         for rival in rivals[:6]:
             if self.score(rival) > self.score(rivals[0]) - 30.0 and rival.noise is None:
                 estimate_noise(problem, rival, cheapest.noise, cheapest.curvature, max_iterations=8)
-        rivals.sort(key=self.score, reverse=True)
+        rivals.sort(key=self.order(rivals), reverse=True)
         return rivals
 
     def best_polished(self, rivals: Sequence[Rival], most: int = 4) -> Rival:
         """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them."""
         least = min(rival.fit.cost for rival in rivals[:most])
         near = [rival for rival in rivals[:most] if rival is rivals[0] or rival.fit.cost < 3.0 * least + 50.0]
-        return max((self.polish(rival) for rival in near), key=self.score)
+        polished = [self.polish(rival) for rival in near]
+        return max(polished, key=self.order(polished))
 
     def is_far(self, rival: Rival) -> bool:
         """Whether a rival is so far from the data that finer numerics cannot matter."""
@@ -349,7 +368,10 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
     for start in starts:
         theta = np.concatenate([base.fit.theta[:split], start.theta, base.fit.theta[split:]])
         n = len(problem.plant.states)
-        rival = problem.fit((*base.effects, start.effect), theta, start.x, best=best, fallback=base.fit.x[:n])
+        try:
+            rival = problem.fit((*base.effects, start.effect), theta, start.x, best=best, fallback=base.fit.x[:n])
+        except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+            continue
         if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
             found = rival
     if found is not None and found.fit.cost < 30.0 * best:

@@ -281,8 +281,11 @@ def fit_noise(
         if k:
             H = G[1:, 1:] + (np.diag(precision) if precision is not None else 0.0)
             g = G[1:, 0] + (pull if pull is not None else 0.0)
-            scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-            value -= 0.5 * float((g / scale) @ np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0])
+            scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+            normal, right = H / np.outer(scale, scale), g / scale
+            if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
+                return np.inf
+            value -= 0.5 * float(right @ np.linalg.lstsq(normal, right, rcond=1e-10)[0])
         return float(value) if np.isfinite(value) else np.inf
 
     eta, value, inverse = _quasi_newton(
@@ -313,6 +316,8 @@ def _quasi_newton(objective, eta, low, high, max_iterations, inverse):
 
     g = gradient(eta, value)
     for _ in range(max_iterations):
+        if not np.all(np.isfinite(g)):
+            break
         stuck = ((eta <= low + 1e-9) & (g > 0)) | ((eta >= high - 1e-9) & (g < 0))
         free = ~stuck
         if not free.any():
