@@ -256,18 +256,18 @@ class Problem:
 
 
 def scanned(problem: Problem, rival: Rival) -> Rival:
-    """Fit again from values nearby where the prediction of an effect jumps with them (quantizations)."""
-    for i, effect in enumerate(rival.effects):
-        for _ in range(3):
-            before = rival.fit.cost
-            for values in effect.scan(tuple(rival.theta_of(i))):
-                theta = rival.fit.theta.copy()
-                theta[rival.model.slice_of(i)] = values
-                other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
-                if other is not None and other.fit.cost < rival.fit.cost:
-                    rival = other
-            if rival.fit.cost > before - 1.0:
-                break
+    """Fit again from values nearby where the prediction of the last effect jumps with them (quantizations)."""
+    place = rival.model.slice_of(len(rival.effects) - 1)
+    for _ in range(3):
+        before = rival.fit.cost
+        for values in rival.effects[-1].scan(rival.fit.theta[place]):
+            theta = rival.fit.theta.copy()
+            theta[place] = values
+            other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
+            if other is not None and other.fit.cost < rival.fit.cost:
+                rival = other
+        if rival.fit.cost > before - 1.0:
+            break
     return rival
 
 
