@@ -260,7 +260,7 @@ def scanned(problem: Problem, rival: Rival) -> Rival:
     place = rival.model.slice_of(len(rival.effects) - 1)
     for _ in range(3):
         before = rival.fit.cost
-        for values in rival.effects[-1].scan(rival.fit.theta[place]):
+        for values in rival.effects[-1].scan(tuple(rival.fit.theta[place])):
             theta = rival.fit.theta.copy()
             theta[place] = values
             other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)

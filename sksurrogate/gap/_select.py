@@ -98,7 +98,9 @@ class Search:
 
         Far from the data no noise model holds, and the force that it allows would hide which rival comes nearer.
         """
-        return -0.5 * self.n_values / CORRELATED * np.log(rival.fit.cost) - 0.5 * rival.n_parameters * np.log(self.n_values)
+        return -0.5 * self.n_values / CORRELATED * np.log(rival.fit.cost) - 0.5 * rival.n_parameters * np.log(
+            self.n_values
+        )
 
     def order(self, rivals: Sequence[Rival]) -> Callable[[Rival], float]:
         """By size where all are far from the data, by likelihood where one comes near."""
