@@ -18,7 +18,7 @@ from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "scanned"]
+__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "fit_last", "scanned"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
@@ -26,6 +26,8 @@ PRIOR = 0.10
 LOCAL_ERROR = 2e-5
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
+#: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
+SOFT = 4.0
 #: A parameter further than this factor (log) from nominal is out of the question.
 FARTHEST = 4.0
 
@@ -253,6 +255,23 @@ class Problem:
     def force_unit(self) -> np.ndarray:
         """RMS of dx/dt of every balance."""
         return self.rate[[self.plant.states.index(name) for name in self.balances]]
+
+
+def fit_last(
+    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, run: np.ndarray, best: float
+) -> Rival | None:
+    """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from a free run ``run``.
+
+    A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps.
+    """
+    last = effects[-1]
+    place = problem.augmented(effects).slice_of(len(effects) - 1)
+    if last.kind != "output" or not last.scan(list(theta[place])):
+        return problem.fit(effects, theta, x, best=best, fallback=run)
+    soft = replace(problem, sharpness=SOFT).fit(effects, theta, run, open_steps=0, max_steps=8)
+    if soft is None:
+        return None
+    return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
 
 
 def scanned(problem: Problem, rival: Rival) -> Rival:

@@ -10,7 +10,7 @@ from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
-from sksurrogate.gap._problem import Problem, Rival, scanned
+from sksurrogate.gap._problem import Problem, Rival, fit_last, scanned
 from sksurrogate.gap._screen import Start, screen
 
 __all__ = ["Search"]
@@ -371,7 +371,7 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
         theta = np.concatenate([base.fit.theta[:split], start.theta, base.fit.theta[split:]])
         n = len(problem.plant.states)
         try:
-            rival = problem.fit((*base.effects, start.effect), theta, start.x, best=best, fallback=base.fit.x[:n])
+            rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit.x[:n], best)
         except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
             continue
         if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
