@@ -10,7 +10,8 @@ from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
-from sksurrogate.gap._problem import Problem, Rival, fit_last, scanned
+from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, mean_start, open_null
+from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._screen import Start, screen
 
 __all__ = ["Search"]
@@ -23,8 +24,6 @@ SMALLEST_SHARE = 1e-3
 FAR = 5.0
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
-#: A rival whose screen leaves this many times more than the best's is not fitted.
-HOPELESS = 40.0
 #: Forms that contain a simpler one; it is named where the richer form removes hardly more of the gap's power.
 NESTED = {
     "stribeck_friction": ("coulomb_friction",),
@@ -114,10 +113,10 @@ class Search:
         if tries[0] is None:
             # Strong noise in the first sample alone can send a plant into divergence.
             for n_mean in (4, 9):
-                tries.append(problem.fit((), theta, _mean_start(self.x, problem.record.starts, n_mean)))
+                tries.append(problem.fit((), theta, mean_start(self.x, problem.record.starts, n_mean)))
         found = [rival for rival in tries if rival is not None]
         if not found:
-            found = [_open_null(problem, theta, self.x)]
+            found = [open_null(problem, theta, self.x)]
         self.null = min(found, key=lambda rival: rival.fit.cost)
         estimate_noise(problem, self.null, problem.first_noise())
         self.final = self.null
@@ -262,7 +261,7 @@ class Search:
         starts = screen(problem, candidates, base, guess, base.noise)
         if not base.effects and among is None:
             self.first_screen = starts
-        chosen = _best_starts(starts, n_white, n_forced, self.problem.record.y.size)
+        chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
         rivals = self.fit_all(problem, base, chosen)
         for rival in rivals:
@@ -283,7 +282,7 @@ class Search:
             return out
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
-        parts = Parallel(n_jobs=self.n_jobs)(delayed(_fit_chunk)(problem, base, chunk) for chunk in chunks)
+        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk) for chunk in chunks)
         return [rival for part in parts for rival in part if rival is not None]
 
     def ranked(self, rivals: Iterable[Rival], base: Rival) -> list[Rival]:
@@ -363,57 +362,6 @@ def left(rival: Rival) -> float:
     return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / rival.noise.sigma))
 
 
-def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
-    """Fit a base with one effect more, from the best of several starts."""
-    found: Rival | None = None
-    split = base.n_parameters
-    for start in starts:
-        theta = np.concatenate([base.fit.theta[:split], start.theta, base.fit.theta[split:]])
-        n = len(problem.plant.states)
-        try:
-            rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit.x[:n], best)
-        except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
-            continue
-        if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
-            found = rival
-    if found is not None and found.fit.cost < 30.0 * best:
-        found = scanned(problem, found)
-    return found
-
-
-def _fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:
-    """One worker's share."""
-    return [fit_added(problem, base, starts, base.fit.cost) for starts in chunk]
-
-
-def _best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:
-    """The best rivals by either score, hopeless ones left out; for each its best starts (two where it is not linear)."""
-    by_key: dict = {}
-    if not starts:
-        return []
-    for start in starts:
-        by_key.setdefault(start.effect.key, []).append(start)
-    for group in by_key.values():
-        group.sort(key=lambda s: -s.white)
-    order_white = sorted(by_key, key=lambda key: -by_key[key][0].white)
-    order_forced = sorted(by_key, key=lambda key: -max(s.forced for s in by_key[key]))
-    least = max(min(s.left for s in starts), 1.0 * n_values)
-    hopeful = [
-        key for rank, key in enumerate(order_white[:n_white]) if rank < 6 or by_key[key][0].left < HOPELESS * least
-    ]
-    chosen = list(dict.fromkeys([*hopeful, *order_forced[:n_forced]]))
-    out = []
-    for key in chosen:
-        group = by_key[key]
-        n = 1 if group[0].effect.linear else 2
-        picked = group[:n]
-        first = max(group, key=lambda s: s.forced)
-        if not group[0].effect.linear and all(first is not p for p in picked):
-            picked.append(first)
-        out.append(picked)
-    return out
-
-
 def _numerics_matter(finer: Problem, rival: Rival) -> bool:
     """Whether shorter steps and sharper kinks move the free run by more than a twentieth of the noise."""
     from sksurrogate.gap._evidence import frozen_fit
@@ -423,21 +371,3 @@ def _numerics_matter(finer: Problem, rival: Rival) -> bool:
         return False
     change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))
     return bool(change > 0.03)
-
-
-def _mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
-    """Trajectory whose first rows are the mean of the first n."""
-    out = x.copy()
-    for a in starts:
-        out[:, a] = x[:, a : a + n].mean(axis=1)
-    return out
-
-
-def _open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Rival:
-    """A null that has no finite free run: the output stays at its mean, so that anything finite is better."""
-    from sksurrogate.kernels.output_error import Fit
-
-    model = problem.augmented(())
-    y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
-    cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
-    return Rival((), model, Fit(theta, x, y, cost, 0, False, None))

@@ -1,0 +1,83 @@
+"""How rivals are fitted from the starts that the screen found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sksurrogate.gap._problem import Problem, Rival, fit_last, scanned
+from sksurrogate.gap._screen import Start
+from sksurrogate.kernels.output_error import Fit
+
+__all__ = ["best_starts", "fit_added", "fit_chunk", "mean_start", "open_null"]
+
+#: A rival whose screen leaves this many times more than the best's is not fitted.
+HOPELESS = 40.0
+
+
+def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
+    """Fit a base with one effect more, from the best of several starts."""
+    found: Rival | None = None
+    split = base.n_parameters
+    for start in starts:
+        theta = np.concatenate([base.fit.theta[:split], start.theta, base.fit.theta[split:]])
+        n = len(problem.plant.states)
+        try:
+            rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit.x[:n], best)
+        except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+            continue
+        if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
+            found = rival
+    if found is not None and found.fit.cost < 30.0 * best:
+        found = scanned(problem, found)
+    return found
+
+
+def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:
+    """One worker's share."""
+    return [fit_added(problem, base, starts, base.fit.cost) for starts in chunk]
+
+
+def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:
+    """The best rivals by either score, hopeless ones left out; for each its best starts (two where it is not linear)."""
+    by_key: dict = {}
+    if not starts:
+        return []
+    for start in starts:
+        by_key.setdefault(start.effect.key, []).append(start)
+    for group in by_key.values():
+        group.sort(key=lambda s: -s.white)
+    order_white = sorted(by_key, key=lambda key: -by_key[key][0].white)
+    order_forced = sorted(by_key, key=lambda key: -max(s.forced for s in by_key[key]))
+    least = max(min(s.left for s in starts), 1.0 * n_values)
+    hopeful = [
+        key for rank, key in enumerate(order_white[:n_white]) if rank < 6 or by_key[key][0].left < HOPELESS * least
+    ]
+    chosen = list(dict.fromkeys([*hopeful, *order_forced[:n_forced]]))
+    out = []
+    for key in chosen:
+        group = by_key[key]
+        n = 1 if group[0].effect.linear else 2
+        picked = group[:n]
+        first = max(group, key=lambda s: s.forced)
+        if not group[0].effect.linear and all(first is not p for p in picked):
+            picked.append(first)
+        out.append(picked)
+    return out
+
+
+def mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
+    """Trajectory whose first rows are the mean of the first n."""
+    out = x.copy()
+    for a in starts:
+        out[:, a] = x[:, a : a + n].mean(axis=1)
+    return out
+
+
+def open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Rival:
+    """A null that has no finite free run: the output stays at its mean, so that anything finite is better."""
+    model = problem.augmented(())
+    y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
+    cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
+    return Rival((), model, Fit(theta, x, y, cost, 0, False, None))
