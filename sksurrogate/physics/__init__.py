@@ -1,6 +1,15 @@
 """Simulators: the protocol, wrappers, calibration."""
 
+from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator
+from sksurrogate.physics._wrappers import CallableSimulator, StepSimulator, TableSimulator
 
-__all__ = ["BaseSimulator", "ODESimulator"]
+__all__ = [
+    "BaseSimulator",
+    "CallableSimulator",
+    "ControlSimulator",
+    "ODESimulator",
+    "StepSimulator",
+    "TableSimulator",
+]

@@ -1,0 +1,291 @@
+"""Simulators from what people have: a table of simulated outputs, a function or fitted estimator, a step function."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._free_run import raise_if_diverged
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._params import ParametricSimulator
+from sksurrogate.physics._simulator import BaseSimulator, describe
+from sksurrogate.runs import unstack_runs
+
+__all__ = ["CallableSimulator", "StepSimulator", "TableSimulator"]
+
+
+def _inputs(U: Any, names: Sequence[str] | None = None) -> np.ndarray:
+    """(n_samples, n_inputs) as float."""
+    inputs = np.asarray(U, dtype=float)
+    if inputs.ndim == 1:
+        inputs = inputs[:, None]
+    if inputs.ndim != 2 or (names is not None and inputs.shape[1] != len(names)):
+        width = "n_inputs" if names is None else str(len(names))
+        raise SimulatorError(
+            f"U has shape {inputs.shape}, expected (n_samples, {width}): one row a sample, one column an input."
+        )
+    return inputs
+
+
+class TableSimulator(BaseSimulator):
+    """Outputs that another tool has simulated, looked up by their inputs.
+
+    Parameters
+    ----------
+    U : array-like (n_samples, n_inputs), optional
+        Inputs that were simulated, runs stacked.
+    Y : array-like (n_samples,) or (n_samples, n_outputs), optional
+        Simulated outputs of these rows.
+    groups : array-like (n_samples,), optional
+        Run of each row; one run by default.
+    columns : list of int, optional
+        In place of U and Y: columns of the inputs that already hold the simulated outputs.
+    inputs, outputs : list of str, optional
+        Names.
+    dt : float, default=1.0
+        Sample time.
+
+    Notes
+    -----
+    A run, or a piece of one, is found again by equal inputs; where several differ in their outputs, ``x0`` (first outputs)
+    decides. Inputs that were never simulated are an error.
+
+    Examples
+    --------
+    >>> from sksurrogate.physics import TableSimulator
+    >>> table = TableSimulator([[0.0], [1.0], [2.0]], [5.0, 6.0, 7.0])
+    >>> table.simulate([[1.0], [2.0]]).ravel()
+    array([6., 7.])
+    """
+
+    def __init__(
+        self,
+        U: Any = None,
+        Y: Any = None,
+        *,
+        groups: Any = None,
+        columns: Sequence[int] | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        dt: float = 1.0,
+    ):
+        self.U = U
+        self.Y = Y
+        self.groups = groups
+        self.columns = columns
+        self.inputs = inputs
+        self.outputs = outputs
+        self.dt = dt
+
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Simulated outputs (n_samples, n_outputs) of inputs that are in the table."""
+        inputs = _inputs(U)
+        if self.columns is not None:
+            wrong = [c for c in self.columns if not -inputs.shape[1] <= c < inputs.shape[1]]
+            if wrong:
+                raise SimulatorError(
+                    f"columns={list(self.columns)}: U has {inputs.shape[1]} columns, none is number {wrong[0]}."
+                )
+            return inputs[:, list(self.columns)]
+        if self.U is None or self.Y is None:
+            raise SimulatorError(
+                "TableSimulator needs U and Y (what was simulated), or columns (where U holds the outputs)."
+            )
+        table, outputs = _inputs(self.U), np.asarray(self.Y, dtype=float)
+        outputs = outputs.reshape(len(outputs), -1)
+        if len(table) != len(outputs):
+            raise SimulatorError(
+                f"U has {len(table)} rows and Y has {len(outputs)}: the table needs one row a sample in both."
+            )
+        if table.shape[1] != inputs.shape[1]:
+            raise SimulatorError(f"U has {inputs.shape[1]} columns, the table {table.shape[1]} inputs.")
+        labels = np.zeros(len(table), int) if self.groups is None else np.asarray(self.groups)
+        found = []
+        for u, y in zip(unstack_runs(table, labels), unstack_runs(outputs, labels)):
+            found += [y[k : k + len(inputs)] for k in _places(u, inputs)]
+        if not found:
+            raise SimulatorError(
+                f"U ({len(inputs)} rows, first row {inputs[0].tolist()}) is not in the table of simulated inputs: "
+                "simulate this run with your tool and add its rows to U and Y."
+            )
+        if x0 is not None:
+            first = np.asarray(x0, dtype=float).reshape(-1)
+            found.sort(key=lambda y: float(np.sum((y[0] - first) ** 2)) if y.shape[1] == len(first) else 0.0)
+        elif any(not np.array_equal(found[0], y) for y in found[1:]):
+            raise SimulatorError(
+                f"U fits {len(found)} places of the table with different outputs: give x0, the outputs of the first row."
+            )
+        return found[0].copy()
+
+
+def _places(table: np.ndarray, inputs: np.ndarray) -> list[int]:
+    """Rows at which ``inputs`` occur in ``table``."""
+    last = len(table) - len(inputs)
+    if last < 0:
+        return []
+    starts = np.flatnonzero(np.all(np.isclose(table[: last + 1], inputs[0], rtol=1e-9, atol=1e-12), axis=1))
+    return [int(k) for k in starts if np.allclose(table[k : k + len(inputs)], inputs, rtol=1e-9, atol=1e-12)]
+
+
+class CallableSimulator(ParametricSimulator):
+    """A function, or a fitted estimator, as a simulator.
+
+    Parameters
+    ----------
+    function : callable, or object with ``predict``
+        ``function(U)`` returns the outputs of one run; arguments called ``x0``, ``t``, ``p`` (or ``params``) are
+        handed over where it has them. A fitted estimator is asked by ``predict(U)`` and stays as it is in a clone.
+    inputs, outputs : list of str, optional
+        Names.
+    params : dict of float, optional
+        Parameters, for functions with an argument ``p``.
+    dt : float, default=1.0
+        Sample time.
+    x0 : array-like, optional
+        Handed over where ``simulate`` gets none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.physics import CallableSimulator
+    >>> CallableSimulator(lambda U, p: p["gain"] * U, params={"gain": 2.0}).simulate([[1.0], [3.0]]).ravel()
+    array([2., 6.])
+    """
+
+    def __init__(
+        self,
+        function: Any,
+        *,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        params: Mapping[str, float] | None = None,
+        dt: float = 1.0,
+        x0: Any = None,
+    ):
+        self.function = function
+        self.inputs = inputs
+        self.outputs = outputs
+        self.params = params
+        self.dt = dt
+        self.x0 = x0
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Constructor arguments and ``params__<name>``."""
+        return super().get_params(deep=deep)
+
+    def __sklearn_clone__(self) -> CallableSimulator:
+        """A fitted estimator is data here: a clone keeps it fitted."""
+        kept = self.get_params(deep=False)
+        if kept["params"] is not None:
+            kept["params"] = dict(kept["params"])
+        return type(self)(kept.pop("function"), **kept)
+
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run: (n_samples, n_outputs)."""
+        inputs = _inputs(U, self.inputs)
+        if hasattr(self.function, "predict"):
+            out = self.function.predict(inputs)
+        elif callable(self.function):
+            start = self.x0 if x0 is None else x0
+            offered = {"x0": start, "t": self.dt * np.arange(len(inputs)) if t is None else t}
+            offered["p"] = offered["params"] = dict(self.params or {})
+            wanted = inspect.signature(self.function).parameters
+            out = self.function(inputs, **{name: value for name, value in offered.items() if name in list(wanted)[1:]})
+        else:
+            raise SimulatorError(f"function={self.function!r} is neither callable nor an estimator with predict.")
+        outputs = np.asarray(out, dtype=float)
+        if outputs.ndim == 1:
+            outputs = outputs[:, None]
+        if (
+            outputs.ndim != 2
+            or len(outputs) != len(inputs)
+            or (self.outputs is not None and outputs.shape[1] != len(self.outputs))
+        ):
+            width = "n_outputs" if self.outputs is None else str(len(self.outputs))
+            raise SimulatorError(
+                f"function returned shape {np.shape(out)}, expected ({len(inputs)}, {width}): one row for each row of U."
+            )
+        names = tuple(self.outputs or (f"y{k}" for k in range(outputs.shape[1])))
+        raise_if_diverged(outputs[None], np.asarray(self.dt * np.arange(len(inputs)) if t is None else t), names)
+        return outputs
+
+
+class StepSimulator(ParametricSimulator):
+    """Simulator of ``x[k+1] = step(t, x, u, p, dt)``.
+
+    Parameters
+    ----------
+    step : callable ``step(t, x, u, p, dt)``
+        x (n_states, *s), u (n_inputs, *s) -> the states one sample later; one that branches on values is called point
+        by point, with a warning.
+    states, inputs, outputs : list of str
+        Names. Outputs are states by name, unless ``output`` is given.
+    params : dict of float, optional
+    dt : float, default=1.0
+        Sample time.
+    output : callable ``output(t, x, u, p)``, optional
+    x0 : array-like (n_states,), optional
+        Initial state; zeros by default.
+
+    Examples
+    --------
+    >>> from sksurrogate.physics import StepSimulator
+    >>> tank = StepSimulator(lambda t, x, u, p, dt: [x[0] + dt * u[0]], states=["level"], inputs=["flow"], outputs=["level"])
+    >>> tank.simulate([[1.0], [1.0], [1.0]]).ravel()
+    array([0., 1., 2.])
+    """
+
+    def __init__(
+        self,
+        step: Callable[..., Any],
+        *,
+        states: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        params: Mapping[str, float] | None = None,
+        dt: float = 1.0,
+        output: Callable[..., Any] | None = None,
+        x0: Any = None,
+    ):
+        self.step = step
+        self.states = states
+        self.inputs = inputs
+        self.outputs = outputs
+        self.params = params
+        self.dt = dt
+        self.output = output
+        self.x0 = x0
+
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run: (n_samples, n_outputs); row 0 is the output at ``x0``."""
+        inputs = _inputs(U, self.inputs)
+        return self.simulate_batch(
+            inputs[None], None if x0 is None else np.reshape(np.asarray(x0, dtype=float), (1, -1)), t
+        )[0]
+
+    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
+        """Free runs of equal length, all abreast: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
+        inputs = np.asarray(U, dtype=float)
+        plant = describe(self)
+        if inputs.ndim != 3 or inputs.shape[2] != len(plant.inputs):
+            raise SimulatorError(f"U has shape {inputs.shape}, expected (n_runs, n_samples, {len(plant.inputs)}).")
+        start = plant.x0 if X0 is None else np.asarray(X0, dtype=float)
+        if start.shape[-1:] != (len(plant.states),):
+            raise SimulatorError(
+                f"x0 has shape {start.shape}, expected {len(plant.states)} values: one for each of states={list(plant.states)}."
+            )
+        times = plant.dt * np.arange(inputs.shape[1]) if t is None else np.asarray(t, dtype=float)
+        widths = np.diff(times, append=times[-1] + plant.dt)
+        model = PlantModel(plant)
+        model.probe(inputs[0, 0])
+        X = np.empty((len(plant.states), *inputs.shape[:2]))
+        X[:, :, 0] = np.broadcast_to(start, (len(inputs), len(plant.states))).T
+        with np.errstate(all="ignore"):
+            for k in range(inputs.shape[1] - 1):
+                X[:, :, k + 1] = model.step(times[k], X[:, :, k], inputs[:, k].T, float(widths[k]))
+        raise_if_diverged(X.transpose(1, 2, 0), times, plant.states)
+        return model.output(times, X, inputs.transpose(2, 0, 1)).transpose(1, 2, 0)
