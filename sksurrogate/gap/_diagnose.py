@@ -33,6 +33,8 @@ from sksurrogate.runs import Runs, resolve_runs
 __all__ = ["GapDiagnoser"]
 
 _NAN = float("nan")
+#: Share of the gap (amplitude) that named effects must close on runs left out.
+CERTIFICATE = 0.15
 #: What is known of the shrink after an early interrupt.
 NO_SHRINK = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
 
@@ -242,6 +244,7 @@ class _Questions:
         self.diagnoser, self.problem, self.search, self.runs, self.seed = diagnoser, problem, search, runs, seed
         self.found = _Found([])
         self.complete = True
+        self.uncertified = ""
 
     @property
     def final(self) -> Rival:
@@ -268,11 +271,29 @@ class _Questions:
         correction = generic_correction(self.diagnoser.simulator, self.diagnoser.correction, problem.plant.outputs)
         found.held = held_out(problem, final, null, correction)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
+        if final.effects and not certified(found.shrink):
+            self.say_uncertified()
+            final = self.final
         if final.effects:
             found.shares = shares(problem, final, found.shrink.fraction_power)
         if final.effects or problem.free:
             found.bounds = intervals(at, final)
         found.experiment = next_experiment(problem, final, found.slots)
+
+    def say_uncertified(self) -> None:
+        """The named effects close too little on runs left out: no name is given; the null stands."""
+        found, search = self.found, self.search
+        null = search.null
+        assert null is not None and found.held is not None
+        names = ", ".join(effect.name for effect in self.final.effects)
+        self.uncertified = f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
+        search.final, found.slots = null, []
+        found.latent = latent_force(search.at(null), null)
+        found.law = law_of(search.at(null), found.latent, self.seed)
+        held = found.held
+        after = held.before if not self.problem.free else held.retuned
+        found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
+        found.shrink = measure(found.held, self.floor(), self.problem.plant.outputs, self.seed)
 
     def floor(self) -> np.ndarray:
         """Sensor noise: that of the final fit, or of the latent force where a fit is wrong."""
@@ -435,6 +456,8 @@ class _Questions:
         notes = []
         if not self.complete:
             notes.append("The diagnosis was interrupted: questions after that point are not answered.")
+        if self.uncertified:
+            notes.append(self.uncertified)
         found = self.found
         if verdict == "none" and found.shrink is not None and found.shrink.measurable:
             notes.append(
@@ -479,6 +502,11 @@ class _Questions:
             for i, name in enumerate(self.problem.free)
         }
         return AugmentedSimulator(plant.simulator, list(final.effects), values, tuned or None, scale=self.problem.scale)
+
+
+def certified(shrink: Shrink) -> bool:
+    """Whether the effects close a practical share of the gap on runs left out."""
+    return not np.isfinite(shrink.fraction) or shrink.fraction > CERTIFICATE
 
 
 def accused(found: list[Place]) -> tuple[str, str]:

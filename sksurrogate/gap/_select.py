@@ -13,6 +13,7 @@ from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
 from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, mean_start, open_null
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._screen import Start, screen
+from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["Search"]
 
@@ -118,9 +119,22 @@ class Search:
         if not found:
             found = [open_null(problem, theta, self.x)]
         self.null = min(found, key=lambda rival: rival.fit.cost)
-        estimate_noise(problem, self.null, problem.first_noise())
+        self.estimate_null(problem.first_noise())
         self.final = self.null
         return self.null
+
+    def estimate_null(self, *starts: Noise) -> None:
+        """Noise of the null from several starts: what it misses there would count for every rival."""
+        null, problem = self.null, self.problem
+        assert null is not None
+        sensor = [replace(s, coloured=1.0 * s.sigma, force=0.01 * s.force) for s in starts]
+        force = [replace(s, coloured=0.05 * s.sigma, force=10.0 * s.force) for s in starts]
+        best = (null.log_likelihood, null.noise, null.curvature)
+        for start in [*starts, *sensor, *force]:
+            estimate_noise(problem, null, start, max_iterations=25)
+            if null.log_likelihood > best[0]:
+                best = (null.log_likelihood, null.noise, null.curvature)
+        null.log_likelihood, null.noise, null.curvature = best
 
     def run(self) -> Rival:
         """The whole search; returns the final rival (the null where nothing passes)."""
@@ -129,6 +143,8 @@ class Search:
         if not self.first_round:
             return null
         best = self.simplify(self.best_polished(self.first_round))
+        if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
+            self.estimate_null(best.noise)  # a weak gain must not be what the null's noise fit left on the table
         passed = self.gain(best) > self.bar(best.n_parameters)
         if passed:
             self.final = best

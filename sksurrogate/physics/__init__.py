@@ -1,5 +1,6 @@
 """Simulators: the protocol, wrappers, calibration."""
 
+from sksurrogate.physics._calibrate import CalibratedSimulator
 from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator
@@ -7,6 +8,7 @@ from sksurrogate.physics._wrappers import CallableSimulator, StepSimulator, Tabl
 
 __all__ = [
     "BaseSimulator",
+    "CalibratedSimulator",
     "CallableSimulator",
     "ControlSimulator",
     "ODESimulator",

@@ -1,0 +1,190 @@
+"""Lagged columns that never cross a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import (
+    _check_feature_names,
+    _check_feature_names_in,
+    _check_n_features,
+    check_is_fitted,
+    validate_data,
+)
+
+from sksurrogate.exceptions import DataError
+from sksurrogate.runs import resolve_runs
+
+__all__ = ["LagEmbedding", "lag_columns", "lag_list"]
+
+
+def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
+    """The lags that an int (``first..lags``) or a list stands for, sorted."""
+    given = range(first, int(lags) + 1) if isinstance(lags, (int, np.integer)) else lags
+    out = sorted({int(k) for k in given})
+    if any(k < first for k in out):
+        raise DataError(f"{name}={lags!r}: every lag must be at least {first}; give an int or a list of ints.")
+    return out
+
+
+def lag_columns(values: np.ndarray, columns: Sequence[tuple[int, int]], fill: str | float = "edge") -> np.ndarray:
+    """Lagged columns of one run: ``out[t, i] = values[t - lag_i, column_i]``.
+
+    Parameters
+    ----------
+    values : ndarray (n_samples, n_columns)
+    columns : sequence of (column, lag)
+    fill : "edge", "nan" or float
+        Before the first row: its value, nan, or a number.
+
+    Returns
+    -------
+    ndarray (n_samples, len(columns))
+    """
+    out = np.empty((len(values), len(columns)), order="F")
+    for i, (column, lag) in enumerate(columns):
+        k = min(lag, len(values))
+        out[k:, i] = values[: len(values) - k, column]
+        out[:k, i] = values[0, column] if fill == "edge" else (np.nan if fill == "nan" else fill)
+    return out
+
+
+class LagEmbedding(TransformerMixin, BaseEstimator):
+    """Columns of X and their past, within each run.
+
+    Parameters
+    ----------
+    lags : int, list of int, or dict of column -> int or list, default=1
+        An int n means 0, 1, ..., n. A dict (by name for frames, else by position) leaves out columns it does not name.
+    run : None, column name, int or "index"
+        Where X says which run a row belongs to; ``groups`` wins.
+    fill : "edge", "nan" or float, default="edge"
+        What stands where a run has no past yet.
+    keep_run : bool, default=False
+        Whether the run column is handed on as the last column (its values must be numbers).
+
+    Attributes
+    ----------
+    columns_ : list of (int, int)
+        Column of X (run column left out) and lag of every feature.
+    max_lag_ : int
+    n_features_in_ : int
+
+    References
+    ----------
+    Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), section 2.6, Eq. (7).
+
+    Examples
+    --------
+    >>> from sksurrogate.features import LagEmbedding
+    >>> LagEmbedding(lags=[0, 1]).fit_transform([[1.0], [2.0], [5.0]], groups=[0, 0, 1])
+    array([[1., 1.],
+           [2., 1.],
+           [5., 5.]])
+    """
+
+    __metadata_request__fit = {"groups": True}
+    __metadata_request__transform = {"groups": True}
+
+    def __init__(self, lags: Any = 1, *, run: Any = None, fill: str | float = "edge", keep_run: bool = False):
+        self.lags = lags
+        self.run = run
+        self.fill = fill
+        self.keep_run = keep_run
+
+    def fit(self, X: Any, y: Any = None, groups: Any = None) -> LagEmbedding:
+        """Learn the columns and their lags.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_columns)
+        y : ignored
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        if isinstance(self.fill, str) and self.fill not in ("edge", "nan"):
+            raise DataError(f'fill={self.fill!r} must be "edge", "nan" or a number.')
+        runs = self._resolve(X, groups, reset=True)
+        names = runs.input_names or tuple(f"x{j}" for j in range(runs[0].X.shape[1]))
+        if isinstance(self.lags, Mapping):
+            wanted = [(self._position(key, names), lag_list(k)) for key, k in self.lags.items()]
+        else:
+            wanted = [(j, lag_list(self.lags)) for j in range(len(names))]
+        self.columns_ = [(j, k) for j, ks in wanted for k in ks]
+        if not self.columns_:
+            raise DataError(f"lags={self.lags!r} asks for no column at all: name at least one lag.")
+        self.max_lag_ = max(k for _, k in self.columns_)
+        self._names = names
+        return self
+
+    def transform(self, X: Any, groups: Any = None) -> np.ndarray:
+        """Lagged columns; as many rows as X.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_columns)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray (n_samples, n_features_out)
+        """
+        check_is_fitted(self, "columns_")
+        runs = self._resolve(X, groups, reset=False)
+        out = runs.stack([lag_columns(run.X, self.columns_, self.fill) for run in runs])
+        if not self._keeps:
+            return out
+        labels = np.full((len(out), 1), np.nan)
+        for run in runs:
+            labels[run.start : run.stop] = float(run.label)
+        return np.hstack([out, labels])
+
+    def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> np.ndarray:
+        """Fit, then transform the same data."""
+        return self.fit(X, y, groups=groups).transform(X, groups=groups)
+
+    def complete(self, X: Any, groups: Any = None) -> np.ndarray:
+        """Mask of the rows whose whole past was measured, bool (n_samples,)."""
+        check_is_fitted(self, "columns_")
+        runs = self._resolve(X, groups, reset=False)
+        out = np.zeros(runs.n_samples, bool)
+        for run in runs:
+            out[run.start + self.max_lag_ : run.stop] = True
+        return out
+
+    def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
+        """Names such as ``u_lag2``."""
+        check_is_fitted(self, "columns_")
+        names = list(self._names)
+        if input_features is not None or not hasattr(self, "feature_names_in_"):
+            given = [str(name) for name in _check_feature_names_in(self, input_features)]
+            names = given if len(given) == len(names) else names
+        out = [f"{names[j]}_lag{k}" for j, k in self.columns_]
+        return np.asarray([*out, str(self.run)] if self._keeps else out, dtype=object)
+
+    @property
+    def _keeps(self) -> bool:
+        return bool(self.keep_run) and self.run is not None
+
+    def _position(self, key: Any, names: Sequence[str]) -> int:
+        """Column of a key of ``lags``."""
+        if isinstance(key, str) and key in names:
+            return list(names).index(key)
+        if isinstance(key, (int, np.integer)) and 0 <= key < len(names):
+            return int(key)
+        raise DataError(f"lags names the column {key!r}, but the inputs are {list(names)}.")
+
+    def _resolve(self, X: Any, groups: Any, reset: bool) -> Any:
+        """Checks that scikit-learn asks for, then runs."""
+        if hasattr(X, "columns"):
+            _check_feature_names(self, X, reset=reset)
+            _check_n_features(self, X, reset=reset)
+        else:
+            X = validate_data(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
+        return resolve_runs(X, groups=groups, run=self.run)

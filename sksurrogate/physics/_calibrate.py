@@ -1,0 +1,342 @@
+"""Calibration: the named parameters of a simulator fitted to free runs with unknown initial states."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.metrics import r2_score
+from sklearn.utils.validation import check_is_fitted
+
+from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import noise_of_differences, smooth
+from sksurrogate.physics._fit_model import FitModel
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant, describe
+from sksurrogate.runs import Runs, resolve_runs
+
+__all__ = ["CalibratedSimulator"]
+
+#: A direction of the parameters whose singular value is below this share of the largest is not fixed by the data.
+_WEAK = 1e-6
+#: Substeps are doubled until one sample differs by less than this share of the size of a state.
+_LOCAL_ERROR = 1e-6
+
+
+class CalibratedSimulator(RegressorMixin, BaseEstimator):
+    """Fit parameters of a simulator through its free run (output error), initial states unknown or known.
+
+    Parameters
+    ----------
+    simulator : simulator with a right-hand side or a step
+        For instance :class:`ODESimulator` or :class:`StepSimulator`; never written.
+    params : list of str, optional
+        Names of the parameters to fit; all by default.
+    bounds : dict of (low, high), optional
+        By name; unbounded where a name is missing.
+    fit_x0 : bool, default=True
+        Whether the initial state of each run is unknown; else it is ``x0`` of ``fit``, or that of the simulator.
+    confidence : float, default=0.9
+        Of ``intervals_``.
+    max_iter : int, default=50
+        Iterations.
+    run : None, column name, int or "index"
+        Where X says which run a row belongs to; ``groups`` wins.
+
+    Attributes
+    ----------
+    simulator_ : simulator
+        With the fitted parameters.
+    params_ : dict of float
+    intervals_ : dict of (low, high)
+        Linearised; infinite where the data do not fix the parameter.
+    identifiable_ : dict of bool
+    unidentified_ : list of dict
+        Combinations of relative changes (or of changes, for parameters at 0) that leave the outputs as they are.
+    covariance_ : ndarray (n_params, n_params)
+        Of the parameters; nan where the data do not fix all of them.
+    x0_ : ndarray (n_runs, n_states)
+        Initial states.
+    noise_ : ndarray (n_outputs,)
+        RMS of what is left.
+    method_ : {"lifted", "single shooting"}
+        The second is the fall-back, with a warning.
+    n_iter_ : int
+    converged_ : bool
+    n_features_in_ : int
+
+    References
+    ----------
+    Bock, *Numerical treatment of inverse problems in chemical reaction kinetics* (1981); Ljung, *System Identification*
+    (1999), section 3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.physics import CalibratedSimulator, ODESimulator
+    >>> def rhs(t, x, u, p):
+    ...     return (u[0] - p["k"] * x[0],)
+    >>> plant = ODESimulator(rhs, states=["x"], inputs=["u"], outputs=["x"], params={"k": 1.0}, dt=0.1)
+    >>> U = np.sin(np.arange(100) / 5)[:, None]
+    >>> y = plant.set_params(params__k=1.7).simulate(U, x0=[0.4])[:, 0]
+    >>> fitted = CalibratedSimulator(plant.set_params(params__k=1.0), params=["k"]).fit(U, y)
+    >>> round(fitted.params_["k"], 4)
+    1.7
+    """
+
+    __metadata_request__fit = {"groups": True, "x0": True}
+    __metadata_request__predict = {"groups": True, "y0": True, "x0": True}
+    __metadata_request__score = {"groups": True}
+
+    def __init__(
+        self,
+        simulator: Any,
+        params: Sequence[str] | None = None,
+        *,
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+        fit_x0: bool = True,
+        confidence: float = 0.9,
+        max_iter: int = 50,
+        run: Any = None,
+    ):
+        self.simulator = simulator
+        self.params = params
+        self.bounds = bounds
+        self.fit_x0 = fit_x0
+        self.confidence = confidence
+        self.max_iter = max_iter
+        self.run = run
+
+    def fit(self, X: Any, y: Any, groups: Any = None, x0: Any = None) -> CalibratedSimulator:
+        """Fit.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        groups : array-like (n_samples,), optional
+        x0 : array-like (n_states,) or (n_runs, n_states), optional
+            Known initial states (``fit_x0=False``), or where the fit starts.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        SimulatorError
+            The simulator gives trajectories only, or a name in ``params`` is unknown.
+        DataError
+            X or y do not keep the data convention.
+        """
+        runs = self._resolve(X, y, groups)
+        plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
+        names = self._names(plant)
+        record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], plant.dt)
+        starts = np.broadcast_to(
+            plant.x0 if x0 is None else np.asarray(x0, dtype=float), (len(runs), len(plant.states))
+        ).copy()
+        theta = np.array([float(plant.params[name]) for name in names])
+        low, high = self._bounds(names)
+        theta = np.clip(theta, low, high)
+        unit = np.where(theta != 0, np.abs(theta), 1.0)
+        with np.errstate(all="ignore"):
+            model, guess = _prepared(plant, record, names, theta, starts, x0 is not None, self.fit_x0)
+            sd = noise_of_differences(record.y, record.starts)
+            fit, self.method_ = self._fitted(model, theta, guess, sd, unit, (low, high))
+            if fit is None:
+                raise SimulatorError(
+                    f"no finite free run was found near params={dict(zip(names, theta.tolist()))}: give starting values nearer "
+                    "to the plant (set_params(params__name=...)), bounds, or x0."
+                )
+            lin = linearise(model, fit.theta, fit.x, unit)
+        self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
+        self.x0_ = fit.x[:, record.starts].T.copy()
+        residual = record.y - fit.y
+        self.noise_ = np.sqrt(np.mean(residual**2, axis=1))
+        self.n_iter_, self.converged_ = fit.n_iterations, fit.converged
+        self._uncertainty(lin.J_theta, lin.J_x if self.fit_x0 else lin.J_x[:, :0], record, unit, names)
+        self.simulator_ = clone(self.simulator).set_params(**{f"params__{k}": v for k, v in self.params_.items()})
+        self.n_features_in_, self.y_is_1d_ = runs[0].X.shape[1], runs.y_is_1d
+        return self
+
+    def predict(self, X: Any, y0: Any = None, groups: Any = None, x0: Any = None) -> np.ndarray:
+        """Free run with the fitted parameters.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y0 : array-like (n_lags, n_outputs) or (n_runs, n_lags, n_outputs), optional
+            Outputs at the first rows; measured states start at the first of them.
+        groups : array-like (n_samples,), optional
+        x0 : array-like (n_states,) or (n_runs, n_states), optional
+            Initial states; win over y0. By default that of the simulator.
+
+        Returns
+        -------
+        ndarray (n_samples,) or (n_samples, n_outputs)
+        """
+        check_is_fitted(self, "simulator_")
+        runs = self._resolve(X, None, groups)
+        plant = describe(self.simulator_)
+        starts = np.broadcast_to(
+            plant.x0 if x0 is None else np.asarray(x0, dtype=float), (len(runs), len(plant.states))
+        ).copy()
+        if x0 is None and y0 is not None and plant.output_states is not None:
+            first = np.asarray(y0, dtype=float).reshape(-1, 1) if np.ndim(y0) == 1 else np.asarray(y0, dtype=float)
+            starts[:, list(plant.output_states)] = first[0] if first.ndim == 2 else first[:, 0]
+        stacked = runs.stack([self.simulator_.simulate(run.X, start) for run, start in zip(runs, starts)])
+        return stacked[:, 0] if self.y_is_1d_ else stacked
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+        """R2 of the free run; initial states are estimated from y with the parameters held."""
+        check_is_fitted(self, "simulator_")
+        runs = self._resolve(X, y, groups)
+        held = replace_params(self, self.simulator_).fit(X, y, groups=groups)
+        truth = runs.stack([run.y for run in runs])
+        predicted = self.predict(X, groups=groups, x0=held.x0_).reshape(truth.shape)
+        keep = np.isfinite(truth).all(axis=1)
+        weight = None if sample_weight is None else np.asarray(sample_weight)[keep]
+        return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
+
+    # ---- parts ------------------------------------------------------------------------------------------------------
+    def _resolve(self, X: Any, y: Any, groups: Any) -> Runs:
+        return resolve_runs(
+            X,
+            y,
+            groups=groups,
+            run=self.run,
+            dt=getattr(self.simulator, "dt", None),
+            min_rows=2 if y is not None else 1,
+        )
+
+    def _names(self, plant: Plant) -> list[str]:
+        """Names to fit."""
+        if plant.access == "trajectory":
+            raise SimulatorError(
+                f"CalibratedSimulator needs a simulator with rhs or step and states; {type(self.simulator).__name__} gives trajectories only: "
+                "fit its parameters with GridSearchCV over simulator__params__<name>."
+            )
+        names = list(plant.params) if self.params is None else list(self.params)
+        unknown = [name for name in names if name not in plant.params]
+        if unknown:
+            raise SimulatorError(
+                f"params={names}: the simulator has no parameter {unknown[0]!r}; it has {sorted(plant.params)}."
+            )
+        return names
+
+    def _bounds(self, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
+        """(low, high) of every name."""
+        given = dict(self.bounds or {})
+        unknown = sorted(set(given) - set(names))
+        if unknown:
+            raise DataError(f"bounds names {unknown[0]!r}, which is not fitted; params are {names}.")
+        pairs = [given.get(name, (-np.inf, np.inf)) for name in names]
+        wrong = [name for name, (a, b) in zip(names, pairs) if not a < b]
+        if wrong:
+            raise DataError(f"bounds[{wrong[0]!r}]={given[wrong[0]]}: expected (low, high) with low < high.")
+        return np.array([a for a, _ in pairs], dtype=float), np.array([b for _, b in pairs], dtype=float)
+
+    def _fitted(
+        self, model: FitModel, theta: np.ndarray, x: np.ndarray, sd: np.ndarray, unit: np.ndarray, bounds: tuple
+    ) -> tuple[Fit | None, str]:
+        """The lifted fit, and single shooting from the nominal free run where it fails."""
+        options: dict[str, Any] = {
+            "unit": unit,
+            "bounds": bounds,
+            "best": np.inf,
+            "max_steps": self.max_iter,
+            "fit_start": self.fit_x0,
+        }
+        fit = output_error(model, theta, x, sd, open_steps=6, **options)
+        if fit is not None and fit.converged:
+            return fit, "lifted"
+        shot = free_run(model, theta, x[:, model.record.starts])
+        other = output_error(model, theta, shot, sd, open_steps=0, **options) if np.all(np.isfinite(shot)) else None
+        if other is None or (fit is not None and fit.cost <= other.cost):
+            if fit is not None:
+                warnings.warn(
+                    f"the fit stopped after {fit.n_iterations} iterations without converging: raise max_iter.",
+                    ConvergenceWarning,
+                    stacklevel=3,
+                )
+            return fit, "lifted"
+        warnings.warn(
+            "the lifted fit did not converge; parameters are those of single shooting.",
+            ConvergenceWarning,
+            stacklevel=3,
+        )
+        return other, "single shooting"
+
+    def _uncertainty(self, Jt: np.ndarray, Jx: np.ndarray, record: Record, unit: np.ndarray, names: list[str]) -> None:
+        """Intervals and null directions, initial states projected out run by run."""
+        spread = np.maximum(self.noise_, 1e-300)[:, None, None]
+        J = np.concatenate([Jt, Jx], axis=1) / spread
+        blocks, k = [], len(names)
+        edges = np.r_[record.starts, record.n_samples]
+        for a, b in zip(edges[:-1], edges[1:]):
+            rows = J[:, :, a:b].transpose(0, 2, 1).reshape(-1, J.shape[1])
+            shared, own = rows[:, :k] * unit, rows[:, k:]
+            if own.shape[1]:
+                U, s, _ = np.linalg.svd(own, full_matrices=False)
+                U = U[:, s > 1e-10 * max(s[0], 1e-300)]
+                shared = shared - U @ (U.T @ shared)
+            blocks.append(shared)
+        R = np.linalg.qr(np.concatenate(blocks), mode="r") if k else np.zeros((0, 0))
+        _, s, Vt = np.linalg.svd(R) if k else (None, np.zeros(0), np.zeros((0, 0)))
+        s = np.r_[s, np.zeros(k - len(s))]
+        weak = s <= _WEAK * max(s[0] if k else 0.0, 1e-300)
+        null = Vt[weak]
+        loose = np.sqrt(np.sum(null**2, axis=0)) > 1e-3 if len(null) else np.zeros(k, bool)
+        safe = np.where(weak, np.inf, s)
+        covariance = (Vt.T / safe**2) @ Vt * np.outer(unit, unit)
+        width = float(norm.ppf(0.5 + self.confidence / 2)) * np.sqrt(np.diag(covariance))
+        width = np.where(loose, np.inf, width)
+        self.covariance_ = np.full_like(covariance, np.nan) if weak.any() else covariance
+        self.intervals_ = {n: (self.params_[n] - float(w), self.params_[n] + float(w)) for n, w in zip(names, width)}
+        self.identifiable_ = {n: not bool(flag) for n, flag in zip(names, loose)}
+        self.unidentified_ = [{n: float(v) for n, v in zip(names, row) if abs(v) > 1e-3} for row in null]
+
+
+def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:
+    """The same estimator with no parameter free: only initial states are fitted."""
+    return CalibratedSimulator(simulator, [], fit_x0=True, max_iter=estimator.max_iter, run=estimator.run)
+
+
+def _prepared(
+    plant: Plant, record: Record, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool, fit_x0: bool
+) -> tuple[FitModel, np.ndarray]:
+    """The model with substeps that its error asks for, and a trajectory to start from."""
+    inner = PlantModel(plant)
+    inner.probe(record.u[:, 0])
+    n = len(plant.states)
+    places = plant.output_states
+    if places is not None and fit_x0 and not given:
+        starts[:, list(places)] = record.y[:, record.starts].T
+    model = FitModel(inner, names, record, 2, np.ones(n))
+    run = free_run(model, theta, starts.T)
+    guess = np.where(np.isfinite(run), run, np.repeat(starts.T, record.lengths, axis=1))
+    if places is not None:
+        guess[list(places)] = record.y
+    size = np.maximum(np.std(guess, axis=1), 0.02 * np.sqrt(np.mean(guess**2, axis=1)))
+    model = FitModel(inner, names, record, 2, np.where(size > 0, size, 1.0))
+    sd = noise_of_differences(record.y, record.starts)
+    smoothed = smooth(model.bind(theta[:, None]), record.y, record.starts, sd, guess, model.scale).x
+    guess = smoothed if np.all(np.isfinite(smoothed)) else guess
+    if not fit_x0:
+        guess[:, record.starts] = starts.T
+    for _ in range(5):
+        finer = replace(model, n_sub=2 * model.n_sub)
+        error = np.abs(model.bind(theta[:, None])(guess[:, None]) - finer.bind(theta[:, None])(guess[:, None]))[:, 0]
+        if plant.access == "step" or np.nanquantile(np.max(error / model.scale[:, None], axis=0), 0.98) < _LOCAL_ERROR:
+            break
+        model = finer
+    return model, guess
