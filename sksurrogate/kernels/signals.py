@@ -76,10 +76,10 @@ def _by_substep(values: np.ndarray, n_sub: int) -> np.ndarray:
 
 def _over_columns(one: Callable[..., tuple[np.ndarray, np.ndarray]], signal: Signal, size: np.ndarray) -> Signal:
     """Apply ``one(mean, half, size)`` to every column; equal sizes on equal signals are computed once."""
-    n_sub, n_given, _ = signal.mean.shape
+    given, rise = np.broadcast_arrays(signal.mean, np.zeros_like(signal.mean) if signal.half is None else signal.half)
+    n_sub, n_given, _ = given.shape
     size = np.ravel(size)
-    mean = _by_time(signal.mean)
-    half = _by_time(signal.half) if signal.half is not None else np.zeros_like(mean)
+    mean, half = _by_time(given), _by_time(rise)
     n_columns = max(n_given, len(size))
     out_mean, out_half = np.empty((n_columns, mean.shape[1])), np.empty((n_columns, mean.shape[1]))
     known: dict[tuple[float, int], int] = {}

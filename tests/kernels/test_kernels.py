@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from sksurrogate.kernels.banded import BlockTridiagonal, first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import close, march, rk4
-from sksurrogate.kernels.signals import delay, hold, lag, play, rate_limit
+from sksurrogate.kernels.signals import Signal, delay, hold, lag, play, rate_limit
 from sksurrogate.kernels.smoother import noise_of_differences
 
 STARTS = np.array([0, 40])
@@ -109,6 +109,14 @@ def test_lag_solves_its_equation():
             mean = u[k] + (w - u[k]) * tau / h * (1 - np.exp(-h / tau))
             assert smooth.mean[s, 0, k] == pytest.approx(mean)
             w = u[k] + (w - u[k]) * np.exp(-h / tau)
+
+
+def test_columns_of_a_shifted_ramp_share_its_slope():
+    ramp = hold(np.arange(100.0), 2, 1, STARTS)
+    shifted = Signal(ramp.mean + np.array([0.0, 1.0])[:, None], ramp.half)
+    late = delay(shifted, np.array([0.0]), 0.05, STARTS)
+    np.testing.assert_allclose(late.mean[:, 1] - late.mean[:, 0], 1.0)
+    np.testing.assert_allclose(late.half, np.broadcast_to(ramp.half, late.half.shape))
 
 
 def test_play_and_rate_limit_equal_their_recursions():
