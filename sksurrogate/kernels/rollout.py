@@ -197,7 +197,9 @@ def newton_in_time(net: Net, sums: np.ndarray, first: np.ndarray, lags: Sequence
     while start < len(y):
         stop = min(start + CHUNK, len(y))
         if not _newton_chunk(net, past, sums, y, lags, start, stop):
-            chunk = _abreast(net, past, sums[:stop, None][start - max(lags) :], y[start - max(lags) : start, None, None], lags)
+            chunk = _abreast(
+                net, past, sums[:stop, None][start - max(lags) :], y[start - max(lags) : start, None, None], lags
+            )
             y[start:stop] = chunk[max(lags) :, 0, 0]
             if not np.isfinite(y[stop - 1]):
                 y[stop:] = np.nan
@@ -237,9 +239,7 @@ def _newton_chunk(
     return False
 
 
-def free_run_jacobian(
-    net: Net, known: np.ndarray, y: np.ndarray, n_first: int, lags: Sequence[int]
-) -> np.ndarray:
+def free_run_jacobian(net: Net, known: np.ndarray, y: np.ndarray, n_first: int, lags: Sequence[int]) -> np.ndarray:
     """Slopes of a free run by the weights: one banded triangular solve a run with n_theta right-hand sides.
 
     Parameters
