@@ -1,5 +1,6 @@
 """Checks for extensions: does a simulator, does an effect keep its contract? Our own classes pass them too."""
 
 from sksurrogate.effects._check import check_effect
+from sksurrogate.physics._check import check_simulator
 
-__all__ = ["check_effect"]
+__all__ = ["check_effect", "check_simulator"]

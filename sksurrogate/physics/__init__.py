@@ -2,6 +2,7 @@
 
 from sksurrogate.physics._calibrate import CalibratedSimulator
 from sksurrogate.physics._control import ControlSimulator
+from sksurrogate.physics._fmu import FMUSimulator
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator
 from sksurrogate.physics._wrappers import CallableSimulator, StepSimulator, TableSimulator
@@ -11,6 +12,7 @@ __all__ = [
     "CalibratedSimulator",
     "CallableSimulator",
     "ControlSimulator",
+    "FMUSimulator",
     "ODESimulator",
     "StepSimulator",
     "TableSimulator",

@@ -1,0 +1,234 @@
+"""FMUs as simulators, through FMPy."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._free_run import raise_if_diverged
+from sksurrogate.physics._params import ParametricSimulator
+
+__all__ = ["FMUSimulator"]
+
+#: Largest size of an unpacked unit, bytes.
+_LARGEST = 2_000_000_000
+#: (process, file, time of change) -> folder it was unpacked to; shared by all simulators of a process.
+_UNPACKED: dict[tuple[int, str, int], str] = {}
+
+
+def _unpack(path: str) -> str:
+    """Unpack once a process; members that would leave the folder or fill the disk are refused."""
+    file = Path(path)
+    if not file.is_file():
+        raise SimulatorError(f"path={path!r} is not a file: give the path of an .fmu.")
+    key = (os.getpid(), str(file.resolve()), file.stat().st_mtime_ns)
+    if key in _UNPACKED:
+        return _UNPACKED[key]
+    folder = Path(tempfile.mkdtemp(prefix="sksurrogate-fmu-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+            size = sum(member.file_size for member in members)
+            if size > _LARGEST:
+                raise SimulatorError(f"path={path!r} would unpack to {size} bytes, more than the {_LARGEST} allowed.")
+            for member in members:
+                if not (folder / member.filename).resolve().is_relative_to(folder.resolve()):
+                    raise SimulatorError(
+                        f"path={path!r} holds {member.filename!r}, which leaves its folder: this unit is not safe."
+                    )
+            archive.extractall(folder)
+    except zipfile.BadZipFile as error:
+        raise SimulatorError(f"path={path!r} is not a unit: an .fmu is a zip archive ({error}).") from error
+    _UNPACKED[key] = str(folder)
+    return str(folder)
+
+
+class FMUSimulator(ParametricSimulator):
+    """A functional mock-up unit, co-simulation or model exchange, FMI 2 or 3.
+
+    Parameters
+    ----------
+    path : str or path
+        The ``.fmu`` file.
+    inputs, outputs : list of str, optional
+        Variables; those of causality input and output by default.
+    initial : list of str, optional
+        Variables that ``x0`` sets, in its order. (They are not called states: a unit gives no access to a right-hand
+        side, so only its trajectories are used.)
+    params : dict of float, optional
+        Start values of parameters.
+    dt : float, default=1.0
+        Sample time.
+    x0 : array-like, optional
+        Values of ``initial`` where ``simulate`` gets none; those of the unit by default.
+    fmi_type : {"CoSimulation", "ModelExchange"}, optional
+        First that the unit offers by default.
+
+    Raises
+    ------
+    MissingExtraError
+        FMPy is not installed.
+    SimulatorError
+        The file is no safe unit, or a variable is unknown.
+
+    Notes
+    -----
+    Inputs are held over a sample. The unit is unpacked once a process; one instance is reused and reset between runs;
+    pickle and clone leave it behind and open their own.
+
+    Examples
+    --------
+    >>> from sksurrogate.physics import FMUSimulator
+    >>> FMUSimulator("reactor.fmu", inputs=["u"], outputs=["y"], initial=["y"], dt=0.1).dt
+    0.1
+    """
+
+    def __init__(
+        self,
+        path: Any,
+        *,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        initial: Sequence[str] | None = None,
+        params: Mapping[str, float] | None = None,
+        dt: float = 1.0,
+        x0: Any = None,
+        fmi_type: str | None = None,
+    ):
+        self.path = path
+        self.inputs = inputs
+        self.outputs = outputs
+        self.initial = initial
+        self.params = params
+        self.dt = dt
+        self.x0 = x0
+        self.fmi_type = fmi_type
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Handles stay behind."""
+        return {key: value for key, value in super().__getstate__().items() if key != "_handle"}
+
+    def close(self) -> None:
+        """Free the unit; the next simulation opens it again."""
+        handle = self.__dict__.pop("_handle", None)
+        if handle is not None:
+            handle[1].freeInstance()
+
+    def _opened(self) -> tuple[Any, Any, str, str]:
+        """Model description, instance, folder, kind; opened on first use and after a change of file or process."""
+        fmpy = require("fmpy", "fmu")
+        folder = _unpack(os.fspath(self.path))
+        handle = self.__dict__.get("_handle")
+        if handle is not None and handle[2] == folder and handle[4] == (os.getpid(), self.fmi_type):
+            return handle[:4]
+        description = fmpy.read_model_description(folder)
+        offered = [
+            k
+            for k, has in (("CoSimulation", description.coSimulation), ("ModelExchange", description.modelExchange))
+            if has
+        ]
+        kind = self.fmi_type or (offered[0] if offered else "")
+        if kind not in offered:
+            raise SimulatorError(f"fmi_type={self.fmi_type!r}: the unit {self.path!s} offers {offered}.")
+        instance = fmpy.simulation.instantiate_fmu(folder, description, fmi_type=kind)
+        self._handle = (description, instance, folder, kind, (os.getpid(), self.fmi_type))
+        return self._handle[:4]
+
+    def _variables(self, description: Any, given: Sequence[str] | None, causality: str) -> list[str]:
+        """Names as given, else by causality."""
+        known = {variable.name: variable for variable in description.modelVariables}
+        names = (
+            [v.name for v in description.modelVariables if v.causality == causality] if given is None else list(given)
+        )
+        unknown = [name for name in names if name not in known]
+        if unknown:
+            raise SimulatorError(f"the unit {self.path!s} has no variable {unknown[0]!r}; it has {sorted(known)[:30]}.")
+        return names
+
+    def _check_settable(self, description: Any, names: list[str]) -> None:
+        """A unit ignores start values of what it calculates itself: that must not pass in silence."""
+        for variable in description.modelVariables:
+            if (
+                variable.name in names
+                and variable.causality in ("output", "local")
+                and variable.initial not in ("exact", "approx")
+            ):
+                raise SimulatorError(
+                    f"variable {variable.name!r} cannot be set: the unit {self.path!s} calculates it. Name in initial=[...] a start parameter "
+                    'or a variable with initial="exact".'
+                )
+
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run: (n_samples, n_outputs)."""
+        description, instance, folder, kind = self._opened()
+        inputs, outputs = (
+            self._variables(description, self.inputs, "input"),
+            self._variables(description, self.outputs, "output"),
+        )
+        initial = self._variables(description, self.initial or (), "local")
+        rows = np.asarray(U, dtype=float)
+        rows = rows[:, None] if rows.ndim == 1 else rows
+        if rows.ndim != 2 or rows.shape[1] != len(inputs):
+            raise SimulatorError(
+                f"U has shape {rows.shape}, expected (n_samples, {len(inputs)}): one column for each of {inputs}."
+            )
+        times = self.dt * np.arange(len(rows)) if t is None else np.asarray(t, dtype=float)
+        values = dict(self.params or {})
+        self._variables(description, list(values), "parameter")
+        start = self.x0 if x0 is None else x0
+        if start is not None:
+            given = np.asarray(start, dtype=float).reshape(-1)
+            if len(given) != len(initial):
+                raise SimulatorError(
+                    f"x0 has {len(given)} values, expected {len(initial)}: name the variables that it sets, initial=[...]."
+                )
+            values |= dict(zip(initial, given.tolist()))
+        self._check_settable(description, list(values))
+        found = self._run(instance, folder, description, kind, rows, times, values, inputs, outputs)
+        raise_if_diverged(found[None], times, tuple(outputs))
+        return found
+
+    def _run(
+        self, instance: Any, folder: str, description: Any, kind: str, rows: np.ndarray, times: np.ndarray,
+        values: dict[str, float], inputs: list[str], outputs: list[str],
+    ) -> np.ndarray:  # fmt: skip
+        """One run; inputs are held by stating each both at its first and just before the next sample."""
+        fmpy = require("fmpy", "fmu")
+        if len(rows) == 1:
+            rows, times, single = np.repeat(rows, 2, axis=0), np.array([times[0], times[0] + self.dt]), True
+        else:
+            single = False
+        doubled = np.repeat(times, 2)[1:-1] if kind == "ModelExchange" else times
+        held = np.repeat(rows[:-1], 2, axis=0) if kind == "ModelExchange" else rows
+        signal = None
+        if inputs:
+            signal = np.array(
+                [(a, *b) for a, b in zip(doubled, held)], dtype=[("time", float), *((name, float) for name in inputs)]
+            )
+        step = float(times[1] - times[0])
+        try:
+            instance.reset()
+            result = fmpy.simulate_fmu(
+                folder, model_description=description, fmu_instance=instance, fmi_type=kind, start_time=times[0], stop_time=times[-1],
+                step_size=step, output_interval=step, start_values=values, input=signal, output=outputs, relative_tolerance=1e-8,
+                validate=False,
+            )  # fmt: skip
+        except Exception as error:
+            self.__dict__.pop("_handle", None)
+            raise SimulatorError(f"the unit {self.path!s} stopped: {type(error).__name__}: {error}.") from error
+        clock = np.asarray(result["time"], dtype=float)
+        rows_at = np.searchsorted(clock, times - 1e-9 * step, side="left")
+        if rows_at.max() >= len(clock):
+            raise SimulatorError(f"the unit {self.path!s} ended at t = {clock[-1]:g}, before t = {times[-1]:g}.")
+        found = np.stack([np.asarray(result[name], dtype=float)[rows_at] for name in outputs], axis=1)
+        return found[:1] if single else found
