@@ -36,6 +36,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         Learns the correction from (n_samples, n_lags * n_outputs + (n_lags + 1) * n_inputs + n_outputs) features: past
         deviations, inputs, and the simulator's own output. Default: ridge on polynomials, degree and penalty chosen by
         the free run on the training runs.
+    form : {"output", "static", "series"}, default="output"
+        "output": past deviations are features, as in the paper. "static": only inputs (with their lags) and the
+        simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
     n_lags : int, default=5
         Past deviations and inputs.
     run : None, column name, int or "index"
@@ -73,9 +76,10 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     __metadata_request__predict = {"groups": True, "y0": True}
     __metadata_request__score = {"groups": True}
 
-    def __init__(self, simulator: Any, residual: Any = None, *, n_lags: int = 5, run: Any = None):
+    def __init__(self, simulator: Any, residual: Any = None, form: str = "output", *, n_lags: int = 5, run: Any = None):
         self.simulator = simulator
         self.residual = residual
+        self.form = form
         self.n_lags = n_lags
         self.run = run
 
@@ -92,6 +96,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         -------
         self
         """
+        if self.form not in ("output", "static", "series"):
+            raise ValueError(f'form={self.form!r} is unknown: use "output", "static" or "series".')
         if not hasattr(X, "columns"):
             validate_data(self, X, y, multi_output=True, y_numeric=True, ensure_min_samples=2)
         runs = self._resolve(X, y, groups, min_rows=self.n_lags + 2)
@@ -109,8 +115,12 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         candidates = [self.residual] if self.residual is not None else _defaults(Phi.shape[1])
         best = np.inf
         for candidate in candidates:
-            fitted = clone(candidate).fit(Phi, D if D.shape[1] > 1 else D[:, 0])
+            shift = Phi[:, -D.shape[1] :] if self.form == "series" else 0.0
+            target = D + shift
+            fitted = clone(candidate).fit(Phi, target if D.shape[1] > 1 else target[:, 0])
             step = _compiled(fitted)
+            if self.form == "series":
+                step = _Deviation(step, D.shape[1])
             error = self._free_run_error(runs, base, measured, step)
             if error < best or not hasattr(self, "residual_"):
                 best, self.residual_, self._step = error, fitted, step
@@ -210,7 +220,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         n, rows = self.n_lags, len(d)
         past = [d[n - k : rows - k] for k in range(1, n + 1)]
         inputs = [U[n - k : rows - k] for k in range(n + 1)]
-        return np.concatenate([*past, *inputs, base[n:]], axis=1)
+        return np.concatenate([*(past if self.form == "output" else []), *inputs, base[n:]], axis=1)
 
     def _free_run(
         self, U: Sequence[np.ndarray], base: Sequence[np.ndarray], starts: Sequence[np.ndarray], step: Any
@@ -228,7 +238,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
             k = np.maximum(t - np.arange(1, n + 1), 0)
             j = np.maximum(t - np.arange(n + 1), 0)
             past = np.where((t - np.arange(1, n + 1) >= 0)[None, :, None], d[:, k], 0.0)
-            phi = np.concatenate([past.reshape(len(d), -1), Us[:, j].reshape(len(d), -1), Bs[:, t]], axis=1)
+            past = past.reshape(len(d), -1)[:, : None if self.form == "output" else 0]
+            phi = np.concatenate([past, Us[:, j].reshape(len(d), -1), Bs[:, t]], axis=1)
             new = np.clip(step(np.clip(phi, self.low_, self.high_)), -self.bound_, self.bound_)
             d[:, t] = np.where((t >= begun)[:, None], new, d[:, t])
         return [d[r, : len(b)] for r, b in enumerate(base)]
@@ -254,6 +265,16 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
                 "the first rows of each run."
             )
         return list(given)
+
+
+class _Deviation:
+    """A predictor of the output as one of the deviation: what it adds to the simulator's output, the last features."""
+
+    def __init__(self, step: Any, n_outputs: int):
+        self.step, self.n_outputs = step, n_outputs
+
+    def __call__(self, phi: np.ndarray) -> np.ndarray:
+        return self.step(phi) - phi[:, -self.n_outputs :]
 
 
 def _padded(y: np.ndarray, n: int) -> np.ndarray:
