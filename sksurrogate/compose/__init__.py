@@ -1,5 +1,6 @@
 """Estimators around estimators and simulators."""
 
 from sksurrogate.compose._hybrid import HybridRegressor
+from sksurrogate.compose._recursive import RecursivePredictor
 
-__all__ = ["HybridRegressor"]
+__all__ = ["HybridRegressor", "RecursivePredictor"]

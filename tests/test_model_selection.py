@@ -1,0 +1,53 @@
+"""Selection on the free run."""
+
+import numpy as np
+import pytest
+import sklearn
+from sklearn.linear_model import LinearRegression
+from sklearn.model_selection import GridSearchCV, GroupKFold
+
+from sksurrogate.compose import RecursivePredictor
+from sksurrogate.exceptions import DataError
+from sksurrogate.metrics import fit_percent, whiteness_test
+from sksurrogate.model_selection import FreeRunScorer
+
+
+def planted(n_runs=6, n=60):
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(n_runs * n, 1)), rng.normal(size=n_runs * n)
+    for t in range(2, n_runs * n):
+        if t % n > 1:
+            y[t] = 1.2 * y[t - 1] - 0.5 * y[t - 2] + X[t, 0]
+    return X, y, np.repeat(np.arange(n_runs), n)
+
+
+@pytest.mark.parametrize("routing", [True, False])
+def test_a_search_picks_the_true_order(routing):
+    X, y, groups = planted()
+    with sklearn.config_context(enable_metadata_routing=routing):
+        data = X if routing else np.column_stack([groups, X])
+        model = RecursivePredictor(LinearRegression(), 1, run=None if routing else 0)
+        search = GridSearchCV(
+            model, {"output_lags": [1, 2]}, cv=GroupKFold(3), scoring=FreeRunScorer("neg_rmse", n_initial=3)
+        )
+        search.fit(data, y, groups=groups)
+    assert search.best_params_ == {"output_lags": 2} and search.best_score_ > -1e-8
+
+
+def test_scorer_and_score_agree():
+    X, y, groups = planted()
+    model = RecursivePredictor(LinearRegression(), 1, 1).fit(X, y, groups=groups)
+    assert FreeRunScorer()(model, X, y, groups=groups) == pytest.approx(model.score(X, y, groups=groups))
+    with pytest.raises(DataError, match="needs 1 first rows"):
+        FreeRunScorer(n_initial=0).score(model, X, y, groups=groups)
+
+
+def test_fit_percent_and_whiteness_against_closed_forms():
+    assert fit_percent([1.0, 3.0], [2.0, 2.0])[0] == pytest.approx(0.0)
+    e = np.zeros(200)
+    rng = np.random.default_rng(0)
+    for t in range(1, 200):
+        e[t] = 0.8 * e[t - 1] + rng.normal()
+    assert whiteness_test(e).p_value < 1e-6
+    false_alarms = [whiteness_test(rng.normal(size=400)).p_value < 0.05 for _ in range(400)]
+    assert 0.02 < np.mean(false_alarms) < 0.09  # 5 % +- 3.5 standard errors
