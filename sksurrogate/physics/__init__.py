@@ -3,6 +3,7 @@
 from sksurrogate.physics._calibrate import CalibratedSimulator
 from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._fmu import FMUSimulator
+from sksurrogate.physics._linearise import Linearisation, linearise, steady_state
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator
 from sksurrogate.physics._wrappers import CallableSimulator, StepSimulator, TableSimulator
@@ -13,7 +14,10 @@ __all__ = [
     "CallableSimulator",
     "ControlSimulator",
     "FMUSimulator",
+    "Linearisation",
     "ODESimulator",
     "StepSimulator",
     "TableSimulator",
+    "linearise",
+    "steady_state",
 ]

@@ -1,0 +1,135 @@
+"""Steady state and linearisation of a simulator at a point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import root
+
+from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+__all__ = ["Linearisation", "linearise", "steady_state"]
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """``dx/dt`` (or the next x) ``= f + A (x - x0) + B (u - u0)``, ``y = y0 + C (x - x0) + D (u - u0)``.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+    x0, u0, y0, f : ndarray
+        The point; f is 0 at a steady state of a right-hand side.
+    dt : float
+        0 for a right-hand side (continuous time), the sample time for a step.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    x0: np.ndarray
+    u0: np.ndarray
+    y0: np.ndarray
+    f: np.ndarray
+    dt: float
+
+    def to_control(self) -> Any:
+        """The deviation model as ``control.StateSpace``."""
+        return require("control", "control").ss(self.A, self.B, self.C, self.D, self.dt)
+
+
+def _point(simulator: Any) -> tuple[Any, PlantModel]:
+    plant = describe(simulator)
+    if plant.access == "trajectory":
+        raise SimulatorError(
+            f"{type(simulator).__name__} gives trajectories only: a linearisation needs rhs or step, and states."
+        )
+    return plant, PlantModel(plant)
+
+
+def _value(plant: Any, model: PlantModel, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
+    """dx/dt or the next states at columns of x and u."""
+    times = np.full(x.shape[1], t)
+    return model.derivative(times, x, u) if plant.access == "rhs" else model.step(times, x, u, plant.dt)
+
+
+def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation:
+    """Linearise a simulator with a right-hand side or a step, by central differences of it.
+
+    Parameters
+    ----------
+    simulator : simulator with ``rhs`` or ``step``
+    x0 : array-like (n_states,)
+    u0 : array-like (n_inputs,)
+    t : float, default=0.0
+
+    Returns
+    -------
+    Linearisation
+
+    Raises
+    ------
+    SimulatorError
+        The simulator gives trajectories only.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor
+    >>> from sksurrogate.physics import linearise, steady_state
+    >>> x = steady_state(make_reactor(), [0.15], x0=[5.0])
+    >>> linearise(make_reactor(), x, [0.15]).A.shape
+    (1, 1)
+    """
+    plant, model = _point(simulator)
+    x, u = np.asarray(x0, dtype=float).reshape(-1), np.asarray(u0, dtype=float).reshape(-1)
+    n, z = len(x), np.r_[x, u]
+    h = 6e-6 * np.maximum(np.abs(z), 1e-2)
+    columns = np.concatenate([z[:, None] + np.diag(h), z[:, None] - np.diag(h), z[:, None]], axis=1)
+    width = (2 * h)[None]
+
+    def slopes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return (values[:, : len(z)] - values[:, len(z) : -1]) / width, values[:, -1]
+
+    J, f = slopes(_value(plant, model, columns[:n], columns[n:], t))
+    G, y = slopes(np.asarray(model.output(np.full(columns.shape[1], t), columns[:n], columns[n:])))
+    return Linearisation(J[:, :n], J[:, n:], G[:, :n], G[:, n:], x, u, y, f, 0.0 if plant.access == "rhs" else plant.dt)
+
+
+def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
+    """States at which nothing moves under a constant input.
+
+    Parameters
+    ----------
+    simulator : simulator with ``rhs`` or ``step``
+    u0 : array-like (n_inputs,)
+    x0 : array-like (n_states,), optional
+        Where the search starts; the simulator's initial state by default.
+
+    Returns
+    -------
+    ndarray (n_states,)
+
+    Raises
+    ------
+    SimulatorError
+        None was found from ``x0``.
+    """
+    plant, model = _point(simulator)
+    u = np.asarray(u0, dtype=float).reshape(-1, 1)
+    start = plant.x0 if x0 is None else np.asarray(x0, dtype=float).reshape(-1)
+
+    def moves(x: np.ndarray) -> np.ndarray:
+        value = _value(plant, model, x[:, None], u, 0.0)[:, 0]
+        return value if plant.access == "rhs" else value - x
+
+    found = root(moves, start, tol=1e-12)
+    if not np.max(np.abs(moves(found.x))) <= 1e-6 * (1.0 + np.max(np.abs(found.x))):
+        raise SimulatorError(
+            f"no steady state was found from x0={start.tolist()} at u0={u[:, 0].tolist()}: {found.message} Try another x0."
+        )
+    return found.x
