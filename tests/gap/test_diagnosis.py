@@ -111,12 +111,12 @@ def test_retuning_alone_is_reported_as_parameter_error():
 
 
 def test_an_interrupt_keeps_what_is_known(monkeypatch):
-    from sksurrogate.gap import _diagnose
+    from sksurrogate.gap import _questions
 
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_diagnose, "equivalents", interrupted)
+    monkeypatch.setattr(_questions, "equivalents", interrupted)
     X, y, runs = measure(lambda q, v, u: -8 * q**3)
     with pytest.warns(UserWarning, match="interrupted"):
         report = GapDiagnoser(oscillator(), random_state=0).fit(X, y, groups=runs).report_
