@@ -16,6 +16,8 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["HeldOut", "blocked", "held_out", "measure", "shares"]
 
+#: The generic correction is learned on this many parts only: it takes most of the time of a diagnosis.
+CORRECTION_FOLDS = 2
 #: Runs are put into at most this many folds.
 MOST_FOLDS = 6
 
@@ -227,6 +229,7 @@ def generic_correction(
         model = HybridRegressor(simulator) if correction is None else correction
         row_of = record.run_of_row
         out = np.full(record.y.shape, np.nan)
+        fold = np.asarray(fold) % CORRECTION_FOLDS
         for k in np.unique(fold):
             test = np.isin(row_of, np.flatnonzero(fold == k))
             try:
