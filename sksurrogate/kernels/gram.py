@@ -1,0 +1,406 @@
+"""Least squares from second moments: features come in blocks, are used once and are gone.
+
+Every linear fit of the package needs of the data only the mean and the scatter of ``z = [phi(x), y]``
+(:class:`Moments`), at most its triangular factor (:func:`triangle`) where squaring the condition number would cost the
+solution. Both are gathered block by block, so that a million rows of features never stand in memory at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+from scipy.linalg import lapack
+
+__all__ = [
+    "CONDITION_LIMIT",
+    "Moments",
+    "Quadratic",
+    "gcv_path",
+    "lag_moments",
+    "solve_normal",
+    "solve_rows",
+    "triangle",
+]
+
+#: Above this condition number of the (column-scaled) features, the Gram has lost the solution: eps * 1e14 = 1e-2.
+CONDITION_LIMIT = 1e7
+_EPS = float(np.finfo(float).eps)
+#: Below this share of non-zeros the product of sparse blocks is quicker than that of dense ones.
+_SPARSE_BELOW = 0.1
+
+
+@dataclass(eq=False)
+class Moments:
+    """Weighted mean and scatter of rows, gathered block by block (Chan, Golub and LeVeque 1983).
+
+    Attributes
+    ----------
+    n_rows : int
+        Rows of positive weight.
+    weight : float
+        Sum of the weights.
+    mean : ndarray (n_columns,)
+    scatter : ndarray (n_columns, n_columns)
+        Sum of ``w (z - mean)(z - mean)^T``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Z = np.arange(6.0).reshape(3, 2)
+    >>> m = Moments.zeros(2).add(Z[:1]).add(Z[1:])
+    >>> m.mean, m.scatter
+    (array([2., 3.]), array([[8., 8.], [8., 8.]]))
+    """
+
+    n_rows: int
+    weight: float
+    mean: np.ndarray
+    scatter: np.ndarray
+    _buffer: Any = field(default=None, repr=False)
+
+    @classmethod
+    def zeros(cls, n_columns: int) -> Moments:
+        """Moments of no rows."""
+        return cls(0, 0.0, np.zeros(n_columns), np.zeros((n_columns, n_columns)))
+
+    def add(self, block: Any, targets: np.ndarray | None = None, weights: np.ndarray | None = None) -> Moments:
+        """Take in rows.
+
+        Parameters
+        ----------
+        block : ndarray or CSR matrix (n_samples, n_features)
+        targets : ndarray (n_samples, n_outputs), optional
+            Further columns, to the right of ``block``.
+        weights : ndarray (n_samples,), optional
+            Not negative; a weight of 2 counts as the row twice.
+        """
+        n, p = block.shape
+        if n == 0:
+            return self
+        if hasattr(block, "toarray") and block.nnz < _SPARSE_BELOW * n * p:
+            return self._merge(*_sparse_moments(block, targets, weights))
+        if self._buffer is None or len(self._buffer) < n:
+            self._buffer = np.empty((n, len(self.mean)))
+        Z = self._buffer[:n]
+        _write_dense(block, Z[:, :p])
+        if targets is not None:
+            Z[:, p:] = targets
+        if weights is None:
+            mean = Z.mean(axis=0)
+            Z -= mean
+            return self._merge(n, float(n), mean, Z.T @ Z)
+        total = float(weights.sum())
+        if total == 0:
+            return self
+        mean = weights @ Z / total
+        Z -= mean
+        Z *= np.sqrt(weights)[:, None]
+        return self._merge(int(np.count_nonzero(weights)), total, mean, Z.T @ Z)
+
+    def _merge(self, n_rows: int, weight: float, mean: np.ndarray, scatter: np.ndarray) -> Moments:
+        """Join two sets of rows: the scatter grows by that between their means."""
+        if weight <= 0:
+            return self
+        total = self.weight + weight
+        step = mean - self.mean
+        self.scatter += scatter
+        self.scatter += np.outer(step, step) * (self.weight * weight / total)
+        self.mean += step * (weight / total)
+        self.weight = total
+        self.n_rows += n_rows
+        return self
+
+    def merge(self, other: Moments) -> Moments:
+        """Take in the rows of other moments."""
+        return self._merge(other.n_rows, other.weight, other.mean, other.scatter)
+
+    def select(self, columns: Sequence[int] | np.ndarray) -> Moments:
+        """Moments of some of the columns, in the order given."""
+        index = np.asarray(columns)
+        return Moments(self.n_rows, self.weight, self.mean[index], self.scatter[np.ix_(index, index)])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_buffer": None}
+
+    def release(self) -> Moments:
+        """Let go of the working memory."""
+        self._buffer = None
+        return self
+
+
+def _write_dense(block: Any, out: np.ndarray) -> None:
+    """Copy a dense or sparse block into ``out``."""
+    if not hasattr(block, "toarray"):
+        out[...] = block
+        return
+    out[...] = 0.0
+    csr = block.tocsr()
+    if not csr.has_canonical_format:
+        csr = csr.copy()
+        csr.sum_duplicates()
+    rows = np.repeat(np.arange(csr.shape[0]), np.diff(csr.indptr))
+    out[rows, csr.indices] = csr.data
+
+
+def _sparse_moments(block: Any, targets: np.ndarray | None, weights: np.ndarray | None) -> tuple:
+    """Count, weight, mean and scatter of a block with few non-zeros."""
+    from scipy import sparse
+
+    Z = block.tocsr() if targets is None else sparse.hstack([block, sparse.csr_array(targets)], format="csr")
+    w = np.ones(Z.shape[0]) if weights is None else weights
+    total = float(w.sum())
+    if total == 0:
+        return 0, 0.0, np.zeros(Z.shape[1]), np.zeros((Z.shape[1],) * 2)
+    mean = np.asarray(Z.T @ w).ravel() / total
+    scaled = sparse.csr_array(Z.multiply(np.sqrt(w)[:, None]))
+    scatter = (scaled.T @ scaled).toarray() - total * np.outer(mean, mean)
+    return int(np.count_nonzero(w)), total, mean, scatter
+
+
+def triangle(blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]]) -> np.ndarray:
+    """Triangular factor R of ``sqrt(w) [1, Phi, Y]`` over all blocks, by QR from block to block.
+
+    Its first column belongs to the constant; ``R[1:, 1:]`` is the factor of the centred data.
+
+    Parameters
+    ----------
+    blocks : iterable of (block, targets, weights or None)
+
+    Returns
+    -------
+    ndarray (1 + n_features + n_outputs,) * 2
+    """
+    R: np.ndarray | None = None
+    for block, targets, weights in blocks:
+        n, p = block.shape
+        if R is None:
+            R = np.zeros((0, 1 + p + targets.shape[1]))
+        Z = np.empty((len(R) + n, R.shape[1]), order="F")
+        Z[: len(R)] = R
+        Z[len(R) :, 0] = 1.0
+        _write_dense(block, Z[len(R) :, 1 : 1 + p])
+        Z[len(R) :, 1 + p :] = targets
+        if weights is not None:
+            Z[len(R) :] *= np.sqrt(weights)[:, None]
+        R = np.triu(lapack.dgeqrf(Z, overwrite_a=True)[0][: min(Z.shape)])
+    assert R is not None
+    return np.vstack([R, np.zeros((R.shape[1] - len(R), R.shape[1]))])
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """The loss ``theta^T H theta - 2 theta^T g + c`` of each output.
+
+    Attributes
+    ----------
+    H : ndarray (n_params, n_params)
+    g : ndarray (n_params, n_outputs)
+    c : ndarray (n_outputs,)
+    """
+
+    H: np.ndarray
+    g: np.ndarray
+    c: np.ndarray
+
+    def plus(self, rows: np.ndarray, targets: np.ndarray, weight: float = 1.0) -> Quadratic:
+        """Add ``weight * |rows theta - targets|^2``."""
+        return Quadratic(
+            self.H + weight * (rows.T @ rows),
+            self.g + weight * (rows.T @ targets),
+            self.c + weight * np.sum(targets**2, axis=0),
+        )
+
+    def loss(self, theta: np.ndarray) -> np.ndarray:
+        """Loss of each output, not below zero."""
+        value = np.sum(theta * (self.H @ theta - 2 * self.g), axis=0) + self.c
+        return np.maximum(value, 0.0)
+
+
+def solve_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """Minimum-norm solution of the normal equations ``H theta = g`` (paper, Eq. 5).
+
+    Columns are scaled to unit diagonal first, so that units do not count as bad condition. A Cholesky factor where H
+    allows it; else eigenvectors, those of vanishing eigenvalue left out, and the null space projected out in the units
+    given.
+
+    Returns
+    -------
+    theta : ndarray (n_params, n_outputs)
+    condition : float
+        Of the scaled features (square root of that of H); infinite where a null space was left out.
+    doubtful : bool
+        Whether eigenvalues lie between "certain" and "rounding": H has lost digits that a QR route would keep.
+    """
+    d = np.sqrt(np.maximum(np.diag(H), 0.0))
+    keep = d > 0
+    theta = np.zeros_like(g)
+    if not keep.any():
+        return theta, np.inf, False
+    d = d[keep]
+    S = H[np.ix_(keep, keep)] / np.outer(d, d)
+    b = g[keep] / d[:, None]
+    L, info = lapack.dpotrf(S, lower=True)
+    if info == 0:
+        rcond = lapack.dpocon(L, float(np.abs(S).sum(axis=0).max()), uplo="L")[0]
+        if rcond > CONDITION_LIMIT**-2:
+            theta[keep] = linalg.cho_solve((L, True), b) / d[:, None]
+            return theta, float(rcond**-0.5), False
+    values, V = linalg.eigh(S)
+    noise = 10 * max(len(values), 10) * _EPS * values[-1]
+    alive = values > noise
+    doubtful = bool(np.any(values[alive] < CONDITION_LIMIT**-2 * values[-1] * 100))
+    scaled = V[:, alive] @ ((V[:, alive].T @ b) / values[alive][:, None])
+    theta[keep] = _least_norm(scaled / d[:, None], V[:, ~alive] / d[:, None])
+    condition = np.inf if not alive.all() else float(np.sqrt(values[-1] / values[0]))
+    return theta, condition, doubtful
+
+
+def solve_rows(A: np.ndarray, B: np.ndarray, n_rows: int | None = None) -> tuple[np.ndarray, float]:
+    """Minimum-norm least squares ``min |A theta - B|`` by singular values of the column-scaled A.
+
+    Parameters
+    ----------
+    A : ndarray (n_rows, n_params)
+        The features or their triangular factor.
+    B : ndarray (n_rows, n_outputs)
+    n_rows : int, optional
+        Rows that a triangular factor stands for: sets what counts as rounding.
+
+    Returns
+    -------
+    theta : ndarray (n_params, n_outputs)
+    condition : float
+    """
+    d = np.linalg.norm(A, axis=0)
+    keep = d > 0
+    theta = np.zeros((A.shape[1], B.shape[1]))
+    if not keep.any():
+        return theta, np.inf
+    d = d[keep]
+    U, s, Vt = linalg.svd(A[:, keep] / d, full_matrices=True, lapack_driver="gesvd")
+    rank = int(np.sum(s > 10 * max(len(d), np.sqrt(n_rows or len(A))) * _EPS * s[0]))
+    scaled = Vt[:rank].T @ ((U[:, :rank].T @ B) / s[:rank, None])
+    theta[keep] = _least_norm(scaled / d[:, None], Vt[rank:].T / d[:, None])
+    return theta, float(s[0] / s[-1]) if rank == len(d) else np.inf
+
+
+def _least_norm(theta: np.ndarray, null: np.ndarray) -> np.ndarray:
+    """Project out the null space: of all solutions the shortest."""
+    if not null.shape[1]:
+        return theta
+    Q = linalg.qr(null, mode="economic")[0]
+    return theta - Q @ (Q.T @ theta)
+
+
+def gcv_path(
+    data: Quadratic, penalty: Quadratic, alphas: np.ndarray, weight: float, spare: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Generalised cross-validation of ``data + alpha * penalty`` for all alphas from one factorisation.
+
+    Both forms are made diagonal at once: in coordinates where ``H_data = 1 - mu`` and ``H_penalty = mu``, every alpha
+    costs one division a coordinate. ``GCV = N |Y - Y_hat|^2 / (N - df)^2``, summed over outputs.
+
+    Parameters
+    ----------
+    data, penalty : Quadratic
+    alphas : ndarray (n_alphas,)
+    weight : float
+        N, the sum of the weights.
+    spare : float, default=0
+        Degrees of freedom used beside those of the parameters.
+
+    Returns
+    -------
+    scores : ndarray (n_alphas,)
+        Infinite where no degree of freedom is left.
+    dof : ndarray (n_alphas,)
+
+    References
+    ----------
+    Golub, Heath and Wahba, Technometrics 21 (1979).
+    """
+    scale = max(float(np.trace(data.H)), _EPS) / max(float(np.trace(penalty.H)), _EPS)
+    total = data.H + scale * penalty.H
+    values, V = linalg.eigh(total)
+    V = V[:, values > 10 * len(values) * _EPS * values[-1]] if values[-1] > 0 else V[:, :0]
+    V = V / np.sqrt(np.einsum("ij,ij->j", V, total @ V))
+    mu, U = linalg.eigh(scale * (V.T @ penalty.H @ V))
+    mu = np.clip(mu, 0.0, 1.0)
+    T = V @ U
+    b, q = T.T @ data.g, scale * (T.T @ penalty.g)
+    a = np.asarray(alphas, float)[:, None] / scale
+    denominator = np.maximum((1 - mu) + a * mu, _EPS)
+    theta = (b + a[:, :, None] * q) / denominator[:, :, None]
+    rss = data.c - np.sum(theta * (2 * b - (1 - mu)[:, None] * theta), axis=1)
+    dof = np.sum((1 - mu) / denominator, axis=1) + spare
+    free = weight - dof
+    loss = np.maximum(rss, _EPS * data.c).sum(axis=1)
+    scores = np.full(len(a), np.inf)
+    # within a whisker of interpolation the quotient is rounding over rounding
+    ok = free > 1e-6 * weight
+    scores[ok] = weight * loss[ok] / free[ok] ** 2
+    return scores, dof
+
+
+def lag_moments(runs: Sequence[np.ndarray], max_lag: int) -> Moments:
+    """Moments of the lag matrix of several runs without the matrix, by shift recursion.
+
+    Row t of the lag matrix is ``[z(t), z(t-1), ..., z(t-max_lag)]``. The products of two lags obey
+    ``G[i+1, j+1] = G[i, j] + z(p-1-i) z(p-1-j)^T - z(n-1-i) z(n-1-j)^T`` within a run (p = max_lag): only the first row
+    of blocks is summed over the data. Rows whose past would reach into another run are not counted.
+
+    Parameters
+    ----------
+    runs : sequence of ndarray (n_steps, n_channels)
+        Runs with no more than ``max_lag`` rows contribute nothing.
+    max_lag : int
+
+    Returns
+    -------
+    Moments
+        Column ``i * n_channels + c`` is channel c at lag i.
+    """
+    m, p = runs[0].shape[1], max_lag
+    moments = Moments.zeros((p + 1) * m)
+    for run in runs:
+        n = len(run)
+        if n <= p:
+            continue
+        # about the mean of the run: no digits lost on large offsets
+        centre = np.mean(run, axis=0)
+        sums, G = _lag_sums(np.ascontiguousarray(run.T, dtype=float), centre, p)
+        mean = sums.ravel() / (n - p)
+        scatter = G.transpose(0, 2, 1, 3).reshape((p + 1) * m, -1) - (n - p) * np.outer(mean, mean)
+        moments._merge(n - p, float(n - p), mean + np.tile(centre, p + 1), scatter)
+    return moments
+
+
+def _lag_sums(z: np.ndarray, centre: np.ndarray, p: int, chunk: int = 8192) -> tuple[np.ndarray, np.ndarray]:
+    """Sums (p+1, m) of the lagged channels of one run and of their products (p+1, p+1, m, m)."""
+    m, n = z.shape
+    first = np.zeros((p + 1, m, m))
+    total = np.zeros(m)
+    for a in range(p, n, chunk):
+        b = min(a + chunk, n)
+        piece = z[:, a - p : b] - centre[:, None]
+        now = piece[:, p:]
+        total += now.sum(axis=1)
+        for c in range(m):
+            for e in range(m):
+                # np.correlate slides over the p + 1 shifts in C: shift p is lag 0
+                first[:, c, e] += np.correlate(piece[e], now[c], mode="valid")[::-1]
+    head = z[:, :p][:, ::-1].T - centre
+    tail = z[:, n - p :][:, ::-1].T - centre
+    G = np.empty((p + 1, p + 1, m, m))
+    for k in range(p + 1):
+        steps = head[: p - k, :, None] * head[k:, None, :] - tail[: p - k, :, None] * tail[k:, None, :]
+        along = first[k] + np.concatenate([np.zeros((1, m, m)), np.cumsum(steps, axis=0)])
+        index = np.arange(p + 1 - k)
+        G[index, index + k] = along
+        G[index + k, index] = along.transpose(0, 2, 1)
+    sums = total + np.concatenate([np.zeros((1, m)), np.cumsum(head - tail, axis=0)])
+    return sums, G
