@@ -1,0 +1,420 @@
+"""Basis functions of Lie (2019), sections 2.1 and 2.2: values and derivatives, arrays in and arrays out.
+
+A spline of order 0 is a pulse between two knots, of order 1 a saw tooth, and higher orders follow by recursion. At any x
+only ``degree + 1`` splines differ from zero; everything here works on these *local weights*, and a matrix in compressed
+rows is filled with them directly. On equidistant knots they are fixed polynomials of the place within the interval, so
+that one small matrix product gives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from math import factorial, prod
+
+import numpy as np
+import scipy.sparse as sp
+
+__all__ = [
+    "Spline",
+    "cardinal_coefficients",
+    "fourier",
+    "gaussians",
+    "radial",
+    "spline_at_data",
+    "spline_csr",
+    "spline_on",
+    "spline_weights",
+    "steps",
+    "tensor",
+]
+
+#: Rows that are worked on at a time: their weights stay in the second-level cache.
+BLOCK = 2048
+
+
+@lru_cache(maxsize=64)
+def cardinal_coefficients(degree: int, derivative: int = 0) -> np.ndarray:
+    """Polynomials of the splines on equidistant knots of distance 1.
+
+    With s in [0, 1) the place within the interval, the r-th of the ``degree + 1`` splines that live there is
+    ``sum_k C[k, r] s**k``. The recursion (de Boor 1978, chapter IX) is done in whole fractions, so that C is exact to rounding.
+
+    Returns
+    -------
+    ndarray (degree + 1, degree + 1)
+
+    Examples
+    --------
+    >>> cardinal_coefficients(1)  # 1 - s and s
+    array([[ 1.,  0.],
+           [-1.,  1.]])
+    """
+    table = [[Fraction(1)]]
+    for k in range(1, degree + 1):
+        higher = [[Fraction(0)] * (k + 1) for _ in range(k + 1)]
+        for r, polynomial in enumerate(table):
+            for power, c in enumerate(polynomial):
+                higher[r][power] += c * Fraction(r + 1, k)
+                higher[r][power + 1] -= c / k
+                higher[r + 1][power] += c * Fraction(k - 1 - r, k)
+                higher[r + 1][power + 1] += c / k
+        table = higher
+    out = np.zeros((degree + 1, degree + 1))
+    for r, polynomial in enumerate(table):
+        for power in range(derivative, degree + 1):
+            falling = Fraction(factorial(power), factorial(power - derivative))
+            out[power - derivative, r] = float(polynomial[power] * falling)
+    out.setflags(write=False)
+    return out
+
+
+def spline_weights(
+    x: np.ndarray, interval: np.ndarray, knots: np.ndarray, degree: int, derivative: int = 0
+) -> np.ndarray:
+    """Local weights on any knots by the recursion of Cox and de Boor.
+
+    Parameters
+    ----------
+    x : ndarray (n_samples,)
+        May lie outside its interval: the polynomial of the interval is continued.
+    interval : ndarray of int (n_samples,)
+        Index j with ``knots[j] < knots[j + 1]``: the interval whose polynomials are meant.
+    knots : ndarray
+        Whole knot sequence, in rising order.
+    degree, derivative : int
+
+    Returns
+    -------
+    ndarray (n_samples, degree + 1)
+        Column r belongs to spline ``interval - degree + r``.
+    """
+    weights = np.zeros((degree + 1, len(x)))
+    if derivative > degree:
+        return weights.T
+    weights[0] = 1.0
+    for k in range(1, degree + 1):
+        below = weights[:k].copy()
+        weights[: k + 1] = 0.0
+        for r in range(k):
+            left, right = knots[interval + 1 + r - k], knots[interval + 1 + r]
+            share = below[r] / (right - left)
+            if k > degree - derivative:  # B'_k = k (B_{k-1, left} / width - B_{k-1, right} / width)
+                weights[r] -= k * share
+                weights[r + 1] += k * share
+            else:
+                weights[r] += (right - x) * share
+                weights[r + 1] += (x - left) * share
+    return weights.T
+
+
+@dataclass(frozen=True, eq=False)
+class Spline:
+    """The splines of one input.
+
+    Attributes
+    ----------
+    knots : ndarray (n_breaks + 2 * degree,)
+        Whole knot sequence; the splines sum to one between ``low`` and ``high``.
+    degree : int
+    extrapolation : {"constant", "linear", "continue", "periodic", "zero", "error"}
+        What holds outside; "error" is up to the caller and counts as "constant" here.
+    uniform : bool
+        Whether the knots are equidistant (the fast path).
+    """
+
+    knots: np.ndarray
+    degree: int
+    extrapolation: str = "constant"
+    uniform: bool = False
+
+    @property
+    def low(self) -> float:
+        """Left end of the range."""
+        return float(self.knots[self.degree])
+
+    @property
+    def high(self) -> float:
+        """Right end of the range."""
+        return float(self.knots[len(self.knots) - self.degree - 1])
+
+    @property
+    def n_intervals(self) -> int:
+        """Intervals between ``low`` and ``high``."""
+        return len(self.knots) - 2 * self.degree - 1
+
+    @property
+    def n_splines(self) -> int:
+        """Number of basis functions."""
+        return self.n_intervals + (0 if self.extrapolation == "periodic" else self.degree)
+
+    def local(self, x: np.ndarray, derivative: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """First spline that lives at x, int (n_samples,), and the weights (n_samples, degree + 1)."""
+        span = self.high - self.low
+        inside = self.low + np.mod(x - self.low, span) if self.extrapolation == "periodic" else x
+        inside = np.clip(inside, self.low, self.high)
+        first, weights = self._within(inside, inside, derivative)
+        outside = (x < self.low) | (x > self.high)
+        if self.extrapolation == "periodic" or not outside.any():
+            return first, weights
+        if self.extrapolation == "zero" or (derivative > 0 and self.extrapolation in ("constant", "error")):
+            weights[outside] = 0.0
+        elif self.extrapolation == "continue":
+            weights[outside] = self._within(inside[outside], x[outside], derivative)[1]
+        elif self.extrapolation == "linear":
+            slope = self._within(inside[outside], inside[outside], 1)[1]
+            if derivative:
+                weights[outside] = slope if derivative == 1 else 0.0
+            else:
+                weights[outside] += (x - inside)[outside, None] * slope
+        return first, weights
+
+    def _within(self, place: np.ndarray, x: np.ndarray, derivative: int) -> tuple[np.ndarray, np.ndarray]:
+        """Weights at x by the polynomials of the interval in which ``place`` lies."""
+        n = self.n_intervals
+        if self.uniform:
+            pitch = (self.high - self.low) / n
+            first = np.minimum((place - self.low) / pitch, n - 1).astype(np.int32)
+            powers = ((x - self.low) / pitch - first)[:, None] ** np.arange(self.degree + 1)
+            return first, powers @ (cardinal_coefficients(self.degree, derivative) / pitch**derivative)
+        breaks = self.knots[self.degree : self.degree + n + 1]
+        first = np.clip(np.searchsorted(breaks, place, side="right") - 1, 0, n - 1).astype(np.int32)
+        return first, spline_weights(x, first + self.degree, self.knots, self.degree, derivative)
+
+
+def spline_on(breaks: np.ndarray, degree: int, extrapolation: str = "constant") -> Spline:
+    """Splines on given break points.
+
+    Beyond the ends the knots go on at the distance of the last two (periodic: as they do at the other end).
+
+    Parameters
+    ----------
+    breaks : ndarray (n_breaks,)
+        Strictly rising, at least two.
+    degree, extrapolation : int, str
+
+    Returns
+    -------
+    Spline
+        With ``n_breaks - 1 + degree`` splines, or ``n_breaks - 1`` periodic ones.
+
+    Examples
+    --------
+    >>> spline_on(np.array([0.0, 1.0, 2.0]), degree=3).n_splines
+    5
+    """
+    widths = np.diff(breaks)
+    if extrapolation == "periodic":
+        cycle = np.resize(widths, degree + len(widths))  # wide enough where degree exceeds the number of intervals
+        left = breaks[0] - np.cumsum(np.resize(widths[::-1], degree))[::-1]
+        right = breaks[-1] + np.cumsum(cycle[:degree])
+    else:
+        left = breaks[0] - widths[0] * np.arange(degree, 0, -1)
+        right = breaks[-1] + widths[-1] * np.arange(1, degree + 1)
+    uniform = bool(np.allclose(widths, widths.mean(), rtol=1e-9, atol=0.0))
+    return Spline(np.r_[left, breaks, right].astype(float), degree, extrapolation, uniform)
+
+
+def spline_at_data(x: np.ndarray, degree: int, extrapolation: str = "constant") -> Spline:
+    """One spline for each distinct data point, centred there: least squares with them interpolates (section 2.2, Figure 1).
+
+    Order 0 has its knots half-way between the data, order 1 at the data. Higher orders have them alternately so, without
+    the ones next to the ends ("not a knot"): the splines still sum to one up to the ends.
+
+    Parameters
+    ----------
+    x : ndarray (n_samples,)
+    degree : int
+        Lowered where there are fewer than ``degree + 1`` distinct points.
+
+    Returns
+    -------
+    Spline
+        With as many splines as distinct points.
+
+    Examples
+    --------
+    >>> spline_at_data(np.array([0.0, 1.0, 2.0]), degree=0).knots
+    array([-0.5,  0.5,  1.5,  2.5])
+    """
+    sites = np.unique(x).astype(float)
+    n = len(sites)
+    k = min(degree, n - 1)
+    middles = (sites[1:] + sites[:-1]) / 2
+    if k == 0:
+        first, last = (sites[1] - sites[0], sites[-1] - sites[-2]) if n > 1 else (1.0, 1.0)
+        knots = np.r_[sites[0] - first / 2, middles, sites[-1] + last / 2]
+        return Spline(
+            knots, 0, extrapolation, bool(np.allclose(np.diff(knots), np.diff(knots).mean(), rtol=1e-9, atol=0))
+        )
+    inner = sites[(k + 1) // 2 : n - (k + 1) // 2] if k % 2 else middles[k // 2 : n - 1 - k // 2]
+    return Spline(np.r_[[sites[0]] * (k + 1), inner, [sites[-1]] * (k + 1)], k, extrapolation)
+
+
+def spline_csr(
+    X: np.ndarray, splines: Sequence[Spline], product: bool = False, derivatives: Sequence[int] | None = None
+) -> sp.csr_array:
+    """Spline features in compressed rows, written without any intermediate matrix.
+
+    Parameters
+    ----------
+    X : ndarray (n_samples, n_inputs)
+    splines : sequence of Spline
+        One for each input.
+    product : bool, default=False
+        False: the splines of the inputs side by side. True: all their products (last input fastest, as ``numpy.kron``).
+    derivatives : sequence of int, optional
+        Order of the derivative for each input.
+
+    Returns
+    -------
+    scipy.sparse.csr_array (n_samples, n_features)
+
+    Examples
+    --------
+    >>> saw = spline_on(np.array([0.0, 1.0, 2.0]), degree=1)
+    >>> spline_csr(np.array([[0.25], [2.0]]), [saw]).toarray()
+    array([[0.75, 0.25, 0.  ],
+           [0.  , 0.  , 1.  ]])
+    """
+    n_samples = len(X)
+    orders = [0] * len(splines) if derivatives is None else list(derivatives)
+    sizes = [spline.n_splines for spline in splines]
+    widths = [spline.degree + 1 for spline in splines]
+    n_features, width = (prod(sizes), prod(widths)) if product else (sum(sizes), sum(widths))
+    index = np.int32 if max(n_samples * width, n_features) < np.iinfo(np.int32).max else np.int64
+    data = np.empty((n_samples, width))
+    columns = np.empty((n_samples, width), dtype=index)
+    lean = not product and not any(orders) and _all_alike(splines)
+    for a in range(0, n_samples, BLOCK):
+        rows = slice(a, min(a + BLOCK, n_samples))
+        if lean:
+            _fill_uniform(X[rows], splines, data[rows], columns[rows])
+        else:
+            _fill(X[rows], splines, orders, product, data[rows], columns[rows])
+    starts = np.arange(0, n_samples * width + 1, width, dtype=index)
+    out = sp.csr_array((data.reshape(-1), columns.reshape(-1), starts), shape=(n_samples, n_features), copy=False)
+    if any(spline.extrapolation == "periodic" for spline in splines):
+        out.sum_duplicates()
+    return out
+
+
+def _all_alike(splines: Sequence[Spline]) -> bool:
+    """Whether all inputs have equidistant knots, the same degree, and nothing special outside."""
+    plain = ("constant", "error")
+    return all(s.uniform and s.degree == splines[0].degree and s.extrapolation in plain for s in splines)
+
+
+def _fill_uniform(X: np.ndarray, splines: Sequence[Spline], data: np.ndarray, columns: np.ndarray) -> None:
+    """Write a block of rows: the powers of the place within the interval times a constant matrix."""
+    rows, n_inputs = X.shape
+    width = splines[0].degree + 1
+    low = np.array([spline.low for spline in splines])
+    n = np.array([spline.n_intervals for spline in splines])
+    s = (X - low) * (n / (np.array([spline.high for spline in splines]) - low))
+    np.clip(s, 0, n, out=s)
+    first = np.minimum(s, n - 1).astype(np.int32)
+    s -= first
+    first += np.r_[0, np.cumsum([spline.n_splines for spline in splines])[:-1]].astype(np.int32)
+    powers = np.empty((rows, n_inputs, width))
+    powers[..., 0] = 1.0
+    for k in range(1, width):
+        np.multiply(powers[..., k - 1], s, out=powers[..., k])
+    np.matmul(powers.reshape(-1, width), cardinal_coefficients(width - 1), out=data.reshape(-1, width))
+    np.add(first[..., None], np.arange(width, dtype=np.int32), out=columns.reshape(rows, n_inputs, width))
+
+
+def _fill(
+    X: np.ndarray,
+    splines: Sequence[Spline],
+    orders: Sequence[int],
+    product: bool,
+    data: np.ndarray,
+    columns: np.ndarray,
+) -> None:
+    """Write a block of rows for any splines, side by side or multiplied."""
+    rows = len(X)
+    values, places = np.ones((rows, 1)), np.zeros((rows, 1), dtype=columns.dtype)
+    at = offset = 0
+    for x, spline, order in zip(X.T, splines, orders):
+        first, weights = spline.local(x, order)
+        place = first[:, None].astype(columns.dtype) + np.arange(spline.degree + 1)
+        if spline.extrapolation == "periodic":
+            place %= spline.n_splines
+        if product:
+            values = (values[:, :, None] * weights[:, None, :]).reshape(rows, -1)
+            places = (places[:, :, None] * spline.n_splines + place[:, None, :]).reshape(rows, -1)
+            continue
+        stop = at + spline.degree + 1
+        data[:, at:stop], columns[:, at:stop] = weights, place + offset
+        at, offset = stop, offset + spline.n_splines
+    if product:
+        data[:], columns[:] = values, places
+
+
+def steps(x: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+    """Unit steps H(x - threshold), 1 from the threshold on (Remark 1): (n_samples, n_thresholds).
+
+    Examples
+    --------
+    >>> steps(np.array([0.0, 1.0]), np.array([0.5, 1.0]))
+    array([[0., 0.],
+           [1., 1.]])
+    """
+    return (x[:, None] >= thresholds).astype(float)
+
+
+def fourier(x: np.ndarray, wavelengths: np.ndarray, constant: bool = True, derivative: int = 0) -> np.ndarray:
+    """1, sin(2 pi x / w_1), cos(2 pi x / w_1), sin(2 pi x / w_2), ... (section 2.1, iii) or their derivatives.
+
+    Parameters
+    ----------
+    x : ndarray (n_samples,)
+    wavelengths : ndarray (n,)
+    constant : bool, default=True
+    derivative : int, default=0
+
+    Returns
+    -------
+    ndarray (n_samples, constant + 2 n)
+    """
+    rate = 2 * np.pi / wavelengths
+    # d/dx turns the phase by a quarter of the wave and multiplies by the rate
+    turn = rate * x[:, None] + derivative * np.pi / 2
+    out = np.empty((len(x), int(constant) + 2 * len(wavelengths)))
+    if constant:
+        out[:, 0] = 0.0 if derivative else 1.0
+    out[:, int(constant) :: 2] = np.sin(turn) * rate**derivative
+    out[:, int(constant) + 1 :: 2] = np.cos(turn) * rate**derivative
+    return out
+
+
+def gaussians(x: np.ndarray, centers: np.ndarray, width: float | np.ndarray, derivative: int = 0) -> np.ndarray:
+    """exp(-(x - c)^2 / (2 width^2)) for each centre, or the first derivative: (n_samples, n_centers)."""
+    z = (x[:, None] - centers) / width
+    values = np.exp(-0.5 * z * z)
+    return values if derivative == 0 else -z / width * values
+
+
+def radial(X: np.ndarray, centers: np.ndarray, width: float) -> np.ndarray:
+    """exp(-|x - c|^2 / (2 width^2)) for centres (n_centers, n_inputs): (n_samples, n_centers)."""
+    squares = np.zeros((len(X), len(centers)))
+    for x, c in zip(X.T, centers.T):
+        squares += (x[:, None] - c) ** 2
+    return np.exp(squares / (-2 * width**2))
+
+
+def tensor(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    """All products of one column of each block, row by row (the last block fastest, as ``numpy.kron``).
+
+    Examples
+    --------
+    >>> tensor([np.array([[1.0, 2.0]]), np.array([[3.0, 5.0]])])
+    array([[ 3.,  5.,  6., 10.]])
+    """
+    out = blocks[0]
+    for block in blocks[1:]:
+        out = (out[:, :, None] * block[:, None, :]).reshape(len(out), -1)
+    return out
