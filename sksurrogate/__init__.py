@@ -38,6 +38,7 @@ _HOME = {
     "model_selection": "",
     "physics": "",
     "runs": "",
+    "simulate_experiments": "datasets",
     "stack_runs": "runs",
     "testing": "",
     "unstack_runs": "runs",

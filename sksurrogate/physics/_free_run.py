@@ -16,6 +16,8 @@ __all__ = ["free_run", "hold_inputs", "raise_if_diverged"]
 
 #: Largest local error of a sample, relative to the size of the state, that the choice of substeps accepts.
 TOLERANCE = 1e-8
+#: Evaluations of the right-hand side in a stretch, beside 2000 a sample, after which the integrator counts as stuck.
+MOST_EVALUATIONS = 20_000
 #: More substeps than this and the plant counts as stiff.
 MOST_SUBSTEPS = 48
 
@@ -126,24 +128,35 @@ def _adaptive(
         edges = np.r_[0, changes, len(t) - 1].astype(int)
         stretches = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:]) if b > a]
 
+    spent, budget = 0, 0
+
     def rhs(now: float, x: np.ndarray, a: int) -> np.ndarray:
+        nonlocal spent
+        spent += 1
+        if spent > budget:  # steps that shrink to nothing before a pole would never end
+            raise _Stuck(now)
         u = U[a] if order == 0 else np.array([np.interp(now, t, column) for column in U.T])
         return derivative(now, x[:, None], u[:, None])[:, 0]
 
-    for a, b in stretches:
+    def solve(a: int, b: int) -> Any:
+        nonlocal spent, budget
+        spent, budget = 0, MOST_EVALUATIONS + 2_000 * (b - a)
         longest = np.inf if order == 0 else float(np.max(np.diff(t)))
+        span, rows = (t[a], t[b]), t[a : b + 1]
+        return solve_ivp(
+            rhs, span, X[a], method=method, t_eval=rows, args=(a,), rtol=1e-8, atol=1e-10, max_step=longest
+        )
+
+    for a, b in stretches:
         try:
-            solution = solve_ivp(
-                rhs,
-                (t[a], t[b]),
-                X[a],
-                method=method,
-                t_eval=t[a : b + 1],
-                args=(a,),
-                rtol=1e-8,
-                atol=1e-10,
-                max_step=longest,
-            )
+            try:
+                solution = solve(a, b)
+            except _Stuck as stuck:
+                reached = int(np.searchsorted(t, stuck.args[0])) - 1
+                if reached > a:
+                    solution = solve(a, reached)
+                    X[a : reached + 1] = solution.y.T
+                return X
         except ValueError as error:
             if "method" in str(error):
                 raise SimulatorError(
@@ -155,6 +168,10 @@ def _adaptive(
             X[a + solution.y.shape[1] :] = np.nan
             return X
     return X
+
+
+class _Stuck(ArithmeticError):
+    """The integrator no longer moves; its argument is the time."""
 
 
 def raise_if_diverged(

@@ -122,3 +122,13 @@ def test_clone_pickle_and_repr_keep_the_simulator(make):
     for other in (clone(plant), pickle.loads(pickle.dumps(plant))):
         np.testing.assert_array_equal(other.simulate(U), plant.simulate(U))
         assert repr(other) == repr(plant)
+
+
+def test_a_pole_stops_the_stiff_integrator_at_its_row():
+    def explode(t, x, u, p):
+        return [x[0] ** 2]
+
+    plant = ODESimulator(explode, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+    with pytest.raises(SimulationDiverged) as error:
+        plant.simulate(np.zeros((10, 1)), x0=[1.5])  # x = 1 / (1 / 1.5 - t)
+    assert error.value.row == 7

@@ -1,0 +1,347 @@
+"""From simulator to data: space-filling experiments over initial states and inputs."""
+
+from __future__ import annotations
+
+import hashlib
+import marshal
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from joblib import Parallel, delayed
+from scipy.stats import qmc
+from sklearn.base import clone
+from sklearn.utils import check_random_state
+
+from sksurrogate.exceptions import DataError, SimulationDiverged
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant, describe
+
+__all__ = ["Experiments", "simulate_experiments"]
+
+#: Sines of a multisine, and rows that a level of "levels" and a bit of "prbs" are held at least and at most.
+SINES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Experiments:
+    """Stacked runs of a simulator in the data convention.
+
+    Attributes
+    ----------
+    X : ndarray (n_samples, n_inputs)
+    y : ndarray (n_samples,) or (n_samples, n_outputs)
+    groups : ndarray of int (n_samples,)
+        Number of the run in the design; runs that failed are not there.
+    dydt : ndarray, shape of y, or None
+        The simulator's own derivatives where the outputs are states; None otherwise.
+    states, dxdt : ndarray (n_samples, n_states) or None
+        Where the simulator tells them.
+    x0 : ndarray (n_runs, n_states)
+        Initial states of the design.
+    failed : tuple of int
+        Runs that diverged and were left out.
+    """
+
+    X: np.ndarray
+    y: np.ndarray
+    groups: np.ndarray
+    dydt: np.ndarray | None
+    states: np.ndarray | None
+    dxdt: np.ndarray | None
+    x0: np.ndarray
+    failed: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        told = "with" if self.dydt is not None else "without"
+        return (
+            f"Experiments: {len(np.unique(self.groups))} runs, {len(self.X)} rows, {self.X.shape[1]} inputs, {told} "
+            f"derivatives, {len(self.failed)} runs failed"
+        )
+
+
+def simulate_experiments(
+    simulator: Any,
+    x0_ranges: Any = None,
+    input_ranges: Any = None,
+    *,
+    design: str | Callable[..., Any] | np.ndarray = "levels",
+    n_runs: int = 64,
+    n_samples: int = 200,
+    hold: tuple[int, int] = (10, 40),
+    sampling: str = "lhs",
+    noise: Any = 0.0,
+    cache: str | Path | None = None,
+    batch_size: int = 128,
+    n_jobs: int | None = None,
+    random_state: Any = None,
+) -> Experiments:
+    """Run a simulator over a space-filling design of initial states and inputs (paper, abstract and section 4.2).
+
+    A real plant starts where it is, so that its data cover a fraction of (y, u); a simulator can start anywhere.
+
+    Parameters
+    ----------
+    simulator : simulator
+        Anything with ``simulate``; ``simulate_batch`` and ``simulate_states`` are used where present.
+    x0_ranges : dict of state -> (low, high), or sequence of pairs, optional
+        Ranges of the initial states; a state without one starts at the simulator's ``x0``.
+    input_ranges : dict of input -> (low, high), or sequence of pairs
+        Needed unless ``design`` is an array or a function.
+    design : {"levels", "multisine", "prbs"}, callable or array, default="levels"
+        "levels": random levels, each held for a while. "multisine": 8 sines with random phases that fill the range.
+        "prbs": random switching between two levels, which differ from run to run. A callable
+        ``design(rng, n_samples)`` returns the input of one run; an array (n_samples, n_inputs) is the input of every
+        run, (n_runs, n_samples, n_inputs) that of each.
+    n_runs, n_samples : int, default=64, 200
+        Rows are samples of the simulator's ``dt``.
+    hold : (int, int), default=(10, 40)
+        Fewest and most rows that a level is held.
+    sampling : {"lhs", "sobol", "random"}, default="lhs"
+        Spreads initial states, levels and phases jointly over the runs.
+    noise : float or array (n_outputs,), default=0
+        Standard deviation of white noise on y, units of y.
+    cache : path, optional
+        Folder of finished batches: a call that was interrupted goes on where it stopped. Batches are named after
+        simulator, design and initial states, so that others do not mix.
+    batch_size : int, default=128
+        Runs that are simulated abreast, and kept together in the cache.
+    n_jobs : int, optional
+        Batches in parallel through joblib.
+    random_state : int, RandomState or None
+
+    Returns
+    -------
+    Experiments
+        ``X, y, groups, dydt``, and the states where the simulator tells them.
+
+    Raises
+    ------
+    DataError
+        A range or the design does not fit the simulator, or every run failed.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor, simulate_experiments
+    >>> data = simulate_experiments(make_reactor(), {"y": (0.5, 15)}, {"u": (0.05, 0.25)}, n_runs=4, n_samples=50,
+    ...                             random_state=0)
+    >>> data
+    Experiments: 4 runs, 200 rows, 1 inputs, with derivatives, 0 runs failed
+    """
+    if n_runs < 1 or n_samples < 2 or batch_size < 1:
+        raise DataError(
+            f"n_runs={n_runs}, n_samples={n_samples}, batch_size={batch_size}: at least 1 run, 2 rows, 1 run a batch."
+        )
+    plant = describe(simulator)
+    rng = check_random_state(random_state)
+    X0, U = _design(plant, x0_ranges, input_ranges, design, n_runs, n_samples, hold, sampling, rng)
+    folder = None if cache is None else Path(cache)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    batches = [slice(a, min(a + batch_size, n_runs)) for a in range(0, n_runs, batch_size)]
+    parts = Parallel(n_jobs=n_jobs)(delayed(_cached)(simulator, U[b], X0[b], folder) for b in batches)
+    runs = [run for part in parts for run in part]
+    failed = tuple(r for r, run in enumerate(runs) if run is None)
+    if failed:
+        warnings.warn(
+            f"{len(failed)} of {n_runs} runs diverged and were left out, the first is run {failed[0]} from "
+            f"x0={X0[failed[0]].tolist()}: narrow x0_ranges or input_ranges, or give the simulator a smaller dt.",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    kept = [r for r in range(n_runs) if runs[r] is not None]
+    if not kept:
+        raise DataError("every run diverged: narrow x0_ranges or input_ranges, or give the simulator a smaller dt.")
+    columns = [None if runs[kept[0]][i] is None else np.concatenate([runs[r][i] for r in kept]) for i in range(3)]
+    y, states, dxdt = columns
+    assert y is not None
+    positions = plant.output_states if dxdt is not None else None
+    dydt = None if positions is None or dxdt is None else dxdt[:, list(positions)]
+    sigma = np.broadcast_to(np.asarray(noise, float), (y.shape[1],))
+    if np.any(sigma > 0):
+        y = y + sigma * rng.normal(size=y.shape)
+    if y.shape[1] == 1:
+        y, dydt = y[:, 0], None if dydt is None else dydt[:, 0]
+    groups = np.repeat(kept, n_samples)
+    return Experiments(np.concatenate([U[r] for r in kept]), y, groups, dydt, states, dxdt, X0, failed)
+
+
+def _design(
+    plant: Plant,
+    x0_ranges: Any,
+    input_ranges: Any,
+    design: Any,
+    n_runs: int,
+    n_samples: int,
+    hold: tuple[int, int],
+    sampling: str,
+    rng: np.random.RandomState,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Initial states (n_runs, n_states) and inputs (n_runs, n_samples, n_inputs)."""
+    starts = _ranges(x0_ranges, plant.states, "x0_ranges", plant.x0)
+    if isinstance(design, str):
+        if design not in ("levels", "multisine", "prbs"):
+            raise DataError(f'design={design!r} must be "levels", "multisine", "prbs", a callable or an array.')
+        if not 1 <= hold[0] <= hold[1]:
+            raise DataError(f"hold={hold!r}: fewest and most rows of a level, at least 1 and in this order.")
+        bounds = _ranges(input_ranges, plant.inputs, "input_ranges", None)
+        each = {"levels": n_samples // hold[0] + 2, "multisine": SINES, "prbs": 2}[design]
+        unit = _unit(n_runs, len(starts) + each * len(bounds), sampling, rng)
+        shares = unit[:, len(starts) :].reshape(n_runs, len(bounds), each)
+        shape = {"levels": _levels, "multisine": _multisine, "prbs": _prbs}[design]
+        U = np.empty((n_runs, n_samples, len(bounds)))
+        for r in range(n_runs):
+            for i, (low, high) in enumerate(bounds):
+                U[r, :, i] = low + (high - low) * shape(shares[r, i], n_samples, hold, rng)
+    else:
+        unit = _unit(n_runs, len(starts), sampling, rng)
+        given = (
+            np.stack([_column(design(rng, n_samples)) for _ in range(n_runs)])
+            if callable(design)
+            else np.asarray(design, float)
+        )
+        if given.ndim <= 2:
+            given = np.repeat(_column(given)[None], n_runs, axis=0)
+        if given.shape != (n_runs, n_samples, len(plant.inputs) or given.shape[-1]):
+            raise DataError(
+                f"design has shape {given.shape}, expected (n_runs={n_runs}, n_samples={n_samples}, "
+                f"{len(plant.inputs)}) or one run of it; set n_runs and n_samples to those of the array."
+            )
+        U = given
+    low, high = starts[:, 0], starts[:, 1]
+    return low + (high - low) * unit[:, : len(starts)], U
+
+
+def _column(values: Any) -> np.ndarray:
+    rows = np.asarray(values, float)
+    return rows[:, None] if rows.ndim == 1 else rows
+
+
+def _ranges(given: Any, names: Sequence[str], argument: str, nominal: np.ndarray | None) -> np.ndarray:
+    """(n, 2) low and high; a name without a range stays at its nominal value."""
+    if isinstance(given, Mapping):
+        unknown = sorted(set(given) - set(names))
+        if unknown:
+            raise DataError(f"{argument} names {unknown[0]!r}, but the simulator has {list(names)}.")
+        pairs: list[Any] = [given.get(name) for name in names]
+    elif given is None:
+        pairs = [None] * len(names)
+    else:
+        pairs = np.atleast_2d(np.asarray(given, float)).tolist()
+        if names and len(pairs) != len(names):
+            raise DataError(f"{argument} has {len(pairs)} pairs, expected {len(names)}: one for each of {list(names)}.")
+    out = []
+    for k, pair in enumerate(pairs):
+        if pair is None and nominal is None:
+            raise DataError(f"{argument}: give {names[k]!r} a range, e.g. {argument}={{{names[k]!r}: (0.0, 1.0)}}.")
+        low, high = (nominal[k], nominal[k]) if pair is None and nominal is not None else pair
+        if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+            raise DataError(f"{argument}: ({low}, {high}) must be finite, low before high.")
+        out.append((float(low), float(high)))
+    return np.asarray(out, float).reshape(len(out), 2)
+
+
+def _unit(n: int, d: int, sampling: str, rng: np.random.RandomState) -> np.ndarray:
+    """n points in the unit cube of d dimensions."""
+    if sampling not in ("lhs", "sobol", "random"):
+        raise DataError(f'sampling={sampling!r} must be "lhs", "sobol" or "random".')
+    if d == 0 or sampling == "random":
+        return rng.uniform(size=(n, d))
+    generator = np.random.default_rng(rng.randint(2**31))
+    if sampling == "lhs":
+        return qmc.LatinHypercube(d, seed=generator).random(n)
+    # a power of two keeps the balance of the sequence; what is beyond n is dropped
+    return qmc.Sobol(d, seed=generator).random_base2(max(0, int(np.ceil(np.log2(n)))))[:n]
+
+
+def _levels(share: np.ndarray, n: int, hold: tuple[int, int], rng: np.random.RandomState) -> np.ndarray:
+    """Levels held ``hold`` rows, in [0, 1]."""
+    return np.repeat(share, rng.randint(hold[0], hold[1] + 1, len(share)))[:n]
+
+
+def _multisine(share: np.ndarray, n: int, hold: tuple[int, int], rng: np.random.RandomState) -> np.ndarray:
+    """Sines with the given phases from one period a run to one period in ``2 hold[0]`` rows, in [0, 1]."""
+    periods = np.unique(np.round(np.geomspace(1, max(2, n / (2 * hold[0])), len(share))))
+    waves = np.cos(2 * np.pi * (np.arange(n)[:, None] * periods / n + share[: len(periods)]))
+    total = waves.sum(axis=1)
+    return (total - total.min()) / max(np.ptp(total), 1e-12)
+
+
+def _prbs(share: np.ndarray, n: int, hold: tuple[int, int], rng: np.random.RandomState) -> np.ndarray:
+    """Random switching between two levels, bits held ``hold[0]`` rows, in [0, 1]."""
+    bits = rng.randint(2, size=n // hold[0] + 1)
+    return share[np.repeat(bits, hold[0])[:n]]
+
+
+def _cached(simulator: Any, U: np.ndarray, X0: np.ndarray, folder: Path | None) -> list[Any]:
+    """One batch, from the folder where it is there already."""
+    if folder is None:
+        return _simulate(simulator, U, X0)
+    path = folder / f"batch_{_fingerprint(simulator, U, X0)}.joblib"
+    if path.exists():
+        return joblib.load(path)
+    runs = _simulate(simulator, U, X0)
+    partial = path.with_suffix(".part")  # an interrupt while writing must not leave half a batch behind
+    joblib.dump(runs, partial)
+    partial.replace(path)
+    return runs
+
+
+def _fingerprint(simulator: Any, U: np.ndarray, X0: np.ndarray) -> str:
+    """Of the simulator's settings, the code of its functions and the design."""
+    settings = simulator.get_params(deep=False) if hasattr(simulator, "get_params") else vars(simulator)
+    digest = hashlib.sha256(type(simulator).__qualname__.encode())
+    for name in sorted(settings):
+        value = settings[name]
+        code = getattr(value, "__code__", None)
+        digest.update(name.encode() + (marshal.dumps(code) if code is not None else joblib.hash(value).encode()))
+    digest.update(np.ascontiguousarray(U).tobytes() + np.ascontiguousarray(X0).tobytes())
+    return digest.hexdigest()[:24]
+
+
+def _simulate(simulator: Any, U: np.ndarray, X0: np.ndarray) -> list[Any]:
+    """(y, states, dxdt) of every run; None where it diverged."""
+    if isinstance(simulator, ODESimulator):
+        try:
+            return _abreast(simulator, U, X0)
+        except SimulationDiverged:
+            return [_alone(simulator, U[r], X0[r]) for r in range(len(U))]
+    plain = not callable(getattr(simulator, "simulate_states", None))
+    if plain and callable(getattr(simulator, "simulate_batch", None)):
+        try:
+            return [(np.asarray(y), None, None) for y in simulator.simulate_batch(U, X0 if X0.shape[1] else None)]
+        except SimulationDiverged:
+            return [_alone(simulator, U[r], X0[r]) for r in range(len(U))]
+    return [_alone(simulator, U[r], X0[r]) for r in range(len(U))]
+
+
+def _abreast(simulator: ODESimulator, U: np.ndarray, X0: np.ndarray) -> list[Any]:
+    """All runs of a right-hand side abreast; states, outputs and derivatives from one pass."""
+    open_ = clone(simulator).set_params(outputs=list(describe(simulator).states), output=None)
+    X = open_.simulate_batch(U, X0)
+    model = PlantModel(describe(simulator))
+    model.probe(U[0, 0])
+    times = float(simulator.dt) * np.arange(U.shape[1])
+    x, u = X.transpose(2, 0, 1), U.transpose(2, 0, 1)
+    t = np.broadcast_to(times, x.shape[1:])
+    Y = model.output(t, x, u).transpose(1, 2, 0)
+    D = model.derivative(t, x, u).transpose(1, 2, 0)
+    return list(zip(Y, X, D))
+
+
+def _alone(simulator: Any, U: np.ndarray, x0: np.ndarray) -> Any:
+    """One run, its states and derivatives where the simulator tells them."""
+    start = x0 if len(x0) else None
+    try:
+        y = np.asarray(simulator.simulate(U, start), float).reshape(len(U), -1)
+        if not callable(getattr(simulator, "simulate_states", None)):
+            return y, None, None
+        states, dxdt = simulator.simulate_states(U, start)
+        return y, np.asarray(states), np.asarray(dxdt)
+    except SimulationDiverged:
+        return None

@@ -1,0 +1,90 @@
+"""Experiments by design: what is simulated, how it is spread, and that a cut call goes on."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from sksurrogate.datasets import make_reactor, reactor_rhs, simulate_experiments
+from sksurrogate.exceptions import DataError, SimulationDiverged
+from sksurrogate.physics import CallableSimulator, ODESimulator
+
+RANGES = {"y": (0.5, 15.0)}, {"u": (0.05, 0.25)}
+
+
+@pytest.mark.parametrize("sampling", ["lhs", "sobol", "random"])
+@pytest.mark.parametrize("design", ["levels", "multisine", "prbs"])
+def test_runs_are_those_of_the_simulator_and_stay_in_their_ranges(design, sampling):
+    data = simulate_experiments(
+        make_reactor(), *RANGES, design=design, n_runs=5, n_samples=80, sampling=sampling, random_state=1
+    )
+    X, y = data.X[data.groups == 3], data.y[data.groups == 3]
+    np.testing.assert_allclose(make_reactor().simulate(X, x0=data.x0[3])[:, 0], y, rtol=1e-6)
+    np.testing.assert_allclose(data.dydt, reactor_rhs(0, [data.y], [data.X[:, 0]], make_reactor().params)[0])
+    assert data.X.min() >= 0.05 and data.X.max() <= 0.25 and np.ptp(X) > 0
+
+
+def test_a_latin_hypercube_has_one_start_in_each_slice():
+    data = simulate_experiments(make_reactor(), *RANGES, n_runs=32, n_samples=3, random_state=0)
+    slices = np.floor((data.x0[:, 0] - 0.5) / 14.5 * 32).astype(int)
+    assert sorted(slices) == list(range(32))
+
+
+def test_a_sobol_start_is_more_even_than_chance():
+    data = simulate_experiments(make_reactor(), *RANGES, n_runs=60, n_samples=3, sampling="sobol", random_state=0)
+    assert kstest(data.x0[:, 0], "uniform", args=(0.5, 14.5)).statistic < 0.06  # chance: about 0.11
+
+
+def test_a_cut_call_goes_on_and_gives_the_same(tmp_path):
+    kwargs = {"n_runs": 6, "n_samples": 30, "batch_size": 2, "random_state": 3, "cache": tmp_path}
+    whole = simulate_experiments(make_reactor(), *RANGES, **kwargs)
+    files = sorted(tmp_path.iterdir())
+    files[0].unlink()
+    kept = {path: path.stat().st_mtime_ns for path in files[1:]}
+    again = simulate_experiments(make_reactor(), *RANGES, **kwargs, n_jobs=2)
+    np.testing.assert_array_equal(whole.y, again.y)
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in kept.items()) and len(files) == 3
+    simulate_experiments(make_reactor(flow=3.0), *RANGES, **kwargs)
+    assert len(list(tmp_path.iterdir())) == 6  # another simulator does not mix
+
+
+def explode(t, x, u, p):
+    return [x[0] ** 2 + u[0]]
+
+
+def test_runs_that_diverge_are_left_out_and_said_so():
+    plant = ODESimulator(explode, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+    with pytest.warns(RuntimeWarning, match=r"runs diverged and were left out, the first is run \d"):
+        data = simulate_experiments(
+            plant, {"x": (-1.0, 2.0)}, {"u": (-0.1, 0.0)}, n_runs=4, n_samples=15, random_state=0
+        )
+    assert data.failed and set(data.groups) == set(range(4)) - set(data.failed) and np.all(np.isfinite(data.y))
+
+
+def test_a_simulator_that_gives_outputs_only_has_no_derivatives():
+    def integrate(U, x0=None, t=None):
+        return np.cumsum(U, axis=0)
+
+    plant = CallableSimulator(integrate, inputs=["u"], outputs=["y"], dt=1.0)
+    data = simulate_experiments(plant, None, {"u": (-1, 1)}, n_runs=3, n_samples=20, noise=0.1, random_state=0)
+    assert data.dydt is None and data.y.shape == (60,)
+
+
+def test_one_input_for_all_runs_and_wrong_designs():
+    u = np.linspace(0.05, 0.25, 30)
+    data = simulate_experiments(make_reactor(), RANGES[0], design=u, n_runs=3, n_samples=30, random_state=0)
+    np.testing.assert_array_equal(data.X.reshape(3, 30), np.tile(u, (3, 1)))
+    with pytest.raises(DataError, match="set n_runs and n_samples"):
+        simulate_experiments(make_reactor(), RANGES[0], design=u, n_runs=3, n_samples=31)
+    with pytest.raises(DataError, match="x0_ranges names 'z'"):
+        simulate_experiments(make_reactor(), {"z": (0, 1)}, RANGES[1])
+    with pytest.raises(DataError, match="give 'u' a range"):
+        simulate_experiments(make_reactor(), RANGES[0])
+
+
+def test_all_runs_lost_is_an_error():
+    class Never:
+        def simulate(self, U, x0=None, t=None):
+            raise SimulationDiverged("left the finite numbers")
+
+    with pytest.warns(RuntimeWarning), pytest.raises(DataError, match="every run diverged"):
+        simulate_experiments(Never(), None, [(0, 1)], n_runs=2, n_samples=5)
