@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib.util
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -165,6 +164,7 @@ def _number(text: str, column: str, file: str, line: int) -> float:
 
 
 def _diagnose(arguments: argparse.Namespace) -> int:
+    from sksurrogate.effects import save_augmented
     from sksurrogate.gap import GapDiagnoser
     from sksurrogate.physics._simulator import describe
     from sksurrogate.runs import resolve_runs
@@ -197,22 +197,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         diagnoser.report_.to_html(arguments.html)
         print(f"\npage: {arguments.html}")
     if arguments.save:
-        Path(arguments.save).write_text(json.dumps(_saved(diagnoser), indent=2) + "\n", encoding="utf-8")
+        save_augmented(diagnoser.augmented_, arguments.save, verdict=diagnoser.report_.verdict)
         print(f"augmented simulator: {arguments.save}")
     return 0
-
-
-def _saved(diagnoser: Any) -> dict[str, Any]:
-    """What rebuilds the augmented simulator beside its nominal one."""
-    augmented = diagnoser.augmented_
-    return {
-        "verdict": diagnoser.report_.verdict,
-        "effects": [
-            {"name": e.name, "location": e.location, "variable": e.variable, "params": dict(v)}
-            for e, v in zip(augmented.effects, augmented.values)
-        ],
-        "params": {name: float(value) for name, value in augmented.params.items()},
-    }
 
 
 def _demo(arguments: argparse.Namespace) -> int:

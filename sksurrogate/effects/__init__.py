@@ -14,6 +14,7 @@ from sksurrogate.effects._effect import (
     SensorPath,
 )
 from sksurrogate.effects._simulator import AugmentedSimulator
+from sksurrogate.effects._store import load_augmented, save_augmented
 
 __all__ = [
     "CATALOGUE",
@@ -29,4 +30,6 @@ __all__ = [
     "SensorEffect",
     "SensorPath",
     "build_effects",
+    "load_augmented",
+    "save_augmented",
 ]

@@ -220,7 +220,7 @@ class StepSimulator(ParametricSimulator):
     Parameters
     ----------
     step : callable ``step(t, x, u, p, dt)``
-        x (n_states, *s), u (n_inputs, *s) -> the states one sample later; one that branches on values is called point
+        x ``(n_states, *s)``, u ``(n_inputs, *s)`` -> the states one sample later; one that branches on values is called point
         by point, with a warning.
     states, inputs, outputs : list of str
         Names. Outputs are states by name, unless ``output`` is given.

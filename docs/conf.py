@@ -1,0 +1,81 @@
+"""Sphinx configuration. ``SKSURROGATE_GALLERY=1`` runs the examples; without it they are shown unrun."""
+
+import os
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE.parent), str(HERE / "_scripts")]
+
+from reference_page import write_reference  # noqa: E402
+
+import sksurrogate  # noqa: E402
+
+write_reference(HERE / "generated")
+
+project = "sksurrogate"
+author = "the sksurrogate developers"
+copyright = author
+version = release = sksurrogate.__version__
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "myst_parser",
+    "numpydoc",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "auto_examples/*.ipynb", "auto_examples/*.py", "auto_examples/*.json", "_scripts"]
+suppress_warnings = ["config.cache"]
+nitpicky = True
+nitpick_ignore_regex = [
+    ("py:.*", r"(?!sksurrogate\.).*")
+]  # other projects' inventories are not fetched: builds are offline
+
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_heading_anchors = 3
+
+autosummary_generate = True
+autodoc_typehints = "none"  # numpydoc's sections say it, with shapes
+numpydoc_show_class_members = False
+templates_path = ["_templates"]
+
+html_theme = "pydata_sphinx_theme"
+html_title = "sksurrogate"
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_toc_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+}
+html_show_sourcelink = False
+html_static_path = ["_static"]
+html_css_files = ["wide_tables.css"]
+
+run_gallery = os.environ.get("SKSURROGATE_GALLERY", "0") == "1"
+sphinx_gallery_conf = {
+    "examples_dirs": [str(HERE.parent / "examples")],
+    "gallery_dirs": ["auto_examples"],
+    "filename_pattern": r"/plot_",
+    "plot_gallery": "True" if run_gallery else "False",
+    "abort_on_example_error": False,
+    "only_warn_on_example_error": False,
+    "show_memory": False,
+    "show_signature": False,
+    "remove_config_comments": True,
+    "download_all_examples": False,
+    "min_reported_time": 1000,
+    "write_computation_times": False,
+    "reset_argv": lambda gallery_conf, script_vars: [],
+}
+
+
+def skip_requests(app, what, name, obj, skip, options):
+    """scikit-learn's generated ``set_*_request`` point into its own glossary."""
+    return True if name.startswith("set_") and name.endswith("_request") else skip
+
+
+def setup(app):
+    app.connect("autodoc-skip-member", skip_requests)
