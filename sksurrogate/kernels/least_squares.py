@@ -1,0 +1,352 @@
+"""Nonlinear least squares: Levenberg-Marquardt, variable projection, several starts.
+
+A problem is a function ``evaluate(theta)`` that returns the sum of squares ``r'r``, ``J'r`` and ``J'J`` of its residual
+``r(theta)``; it may add them up over blocks of rows, so that the Jacobian of a large data set is never whole in memory.
+A value that is not finite says that theta is not admissible, and the step is taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg.lapack import dgeqrf, dorgqr, dposv, dtrtrs
+
+__all__ = [
+    "Evaluate",
+    "LeastSquaresFit",
+    "Separable",
+    "dense",
+    "levenberg_marquardt",
+    "several_starts",
+    "with_memory",
+]
+
+#: theta -> (r'r, J'r, J'J).
+Evaluate = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
+
+#: Largest ratio of the diagonal of R at which a basis still counts as of full rank.
+RANK_RATIO = 1e14
+#: Steps over which the descent is measured before a search counts as settled.
+WINDOW = 20
+#: Part of the column scale that is kept from step to step: between Marquardt's (0) and More's (1) choice. Weights that
+#: run away (a step function) want a short memory, valleys a long one; 0.8 was best over Bishop's four functions.
+SCALE_MEMORY = 0.8
+
+
+@dataclass
+class LeastSquaresFit:
+    """Where a search stands; it can be continued.
+
+    Attributes
+    ----------
+    theta : ndarray (n_theta,)
+    cost : float
+        Sum of squares r'r.
+    gradient, gram : ndarray
+        J'r (n_theta,) and J'J (n_theta, n_theta) at ``theta``.
+    n_iter : int
+        Evaluations since the start, steps taken back included.
+    history : list of float
+        Cost at the start and after every accepted step.
+    done : bool
+        Nothing more to gain: the floor is reached, the descent has settled, or no step helps.
+    message : str
+        Why the search ended, in words.
+    """
+
+    theta: np.ndarray
+    cost: float
+    gradient: np.ndarray
+    gram: np.ndarray
+    damping: float = 1e-2
+    scale: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    n_iter: int = 1
+    history: list[float] = field(default_factory=list)
+    done: bool = False
+    message: str = "the number of iterations is used up"
+
+
+def begin(evaluate: Evaluate, theta: np.ndarray) -> LeastSquaresFit:
+    """A search at its start."""
+    cost, gradient, gram = evaluate(theta)
+    fit = LeastSquaresFit(theta, cost, gradient, gram, history=[cost])
+    if not np.isfinite(cost):
+        fit.cost, fit.done, fit.message = np.inf, True, "the start is not admissible"
+    return fit
+
+
+def levenberg_marquardt(
+    evaluate: Evaluate,
+    start: np.ndarray | LeastSquaresFit,
+    *,
+    max_iter: int = 200,
+    floor: float = 0.0,
+    window: int = WINDOW,
+    least_gain: float = 5e-3,
+    watch: Callable[[LeastSquaresFit], bool] | None = None,
+) -> LeastSquaresFit:
+    """Minimise a sum of squares by Levenberg-Marquardt, the damping steered by the gain ratio (Nielsen 1999).
+
+    Each step solves ``(J'J + damping * diag(scale)) step = -J'r``.
+
+    Parameters
+    ----------
+    evaluate : callable
+        theta -> (r'r, J'r, J'J).
+    start : ndarray (n_theta,) or LeastSquaresFit
+        Where to begin, or the search to go on with (it is changed in place).
+    max_iter : int
+        Evaluations to spend.
+    floor : float
+        Cost at which the search ends.
+    window, least_gain : int, float
+        The search has settled when the last ``window`` accepted steps lowered the cost by less than this share.
+    watch : callable, optional
+        Called after each accepted step; True ends the search (early stopping).
+
+    Returns
+    -------
+    LeastSquaresFit
+
+    References
+    ----------
+    K. Madsen, H. B. Nielsen, O. Tingleff, *Methods for non-linear least squares problems*, 2004, section 3.2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.kernels.least_squares import dense, levenberg_marquardt
+    >>> rosenbrock = dense(lambda t: (np.array([10 * (t[1] - t[0] ** 2), 1 - t[0]]),
+    ...                               np.array([[-20 * t[0], 10.0], [-1.0, 0.0]])))
+    >>> levenberg_marquardt(rosenbrock, np.array([-1.2, 1.0]), floor=1e-24).theta.round(6)
+    array([1., 1.])
+    """
+    fit = start if isinstance(start, LeastSquaresFit) else begin(evaluate, np.asarray(start, dtype=float))
+    last = fit.n_iter + max_iter
+    while fit.n_iter < last and not fit.done:
+        if fit.cost <= floor:
+            return _end(fit, "the sum of squares reached its floor")
+        if not _descend(evaluate, fit, last):
+            break
+        if watch is not None and watch(fit):
+            return _end(fit, "the validation loss no longer falls")
+        if len(fit.history) > window and fit.history[-1] > fit.history[-1 - window] * (1.0 - least_gain):
+            return _end(fit, "the sum of squares has settled")
+    if not fit.done and fit.cost <= floor:
+        return _end(fit, "the sum of squares reached its floor")
+    return fit
+
+
+def _end(fit: LeastSquaresFit, message: str) -> LeastSquaresFit:
+    fit.done, fit.message = True, message
+    return fit
+
+
+def _descend(evaluate: Evaluate, fit: LeastSquaresFit, last: int) -> bool:
+    """One accepted step, with as many trials as that takes; False where none helps."""
+    fit.scale = np.maximum(fit.scale * SCALE_MEMORY, fit.gram.diagonal())
+    growth = 2.0
+    while fit.n_iter < last:
+        damping = fit.damping * fit.scale + 1e-300
+        matrix = fit.gram.copy()
+        matrix.flat[:: len(damping) + 1] += damping
+        _, step, info = dposv(matrix, -fit.gradient)
+        if info == 0:
+            fit.n_iter += 1
+            cost, gradient, gram = evaluate(fit.theta + step)
+            # gain predicted by the quadratic model: s'(damping s - J'r)
+            ratio = (fit.cost - cost) / max(float(step @ (damping * step - fit.gradient)), 1e-300)
+            if np.isfinite(cost) and ratio > 1e-4:
+                fit.theta, fit.cost, fit.gradient, fit.gram = fit.theta + step, cost, gradient, gram
+                fit.damping = max(fit.damping * max(0.1, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-15)
+                fit.history.append(cost)
+                return True
+        fit.damping *= growth
+        growth *= 2.0
+        if fit.damping > 1e10:
+            _end(fit, "no step lowers the sum of squares any more")
+            return False
+    return False
+
+
+def several_starts(
+    evaluate: Evaluate,
+    starts: Iterable[np.ndarray],
+    *,
+    first: int = 60,
+    max_iter: int = 200,
+    solved: float = 0.0,
+    floor: float = 0.0,
+    watch: Callable[[LeastSquaresFit], bool] | None = None,
+) -> tuple[LeastSquaresFit, list[float]]:
+    """Search from several starts a little, then from the best one on: the cure for local minima.
+
+    Parameters
+    ----------
+    evaluate : callable
+        theta -> (r'r, J'r, J'J).
+    starts : iterable of ndarray (n_theta,)
+    first : int
+        Evaluations from each start.
+    max_iter : int
+        Further evaluations from the best one.
+    solved : float
+        A cost so small that no other start is tried, and only a fast descent goes on.
+    floor : float
+        Cost at which a search ends.
+    watch : callable, optional
+        As in :func:`levenberg_marquardt`, for the search from the best start.
+
+    Returns
+    -------
+    fit : LeastSquaresFit
+    costs : list of float
+        Cost after the first evaluations from every start tried.
+    """
+    best: LeastSquaresFit | None = None
+    costs, spent = [], 0
+    for start in starts:
+        fit = levenberg_marquardt(evaluate, start, max_iter=first, floor=floor)
+        costs.append(fit.cost)
+        spent += fit.n_iter
+        if best is None or fit.cost < best.cost:
+            best = fit
+        if best.cost <= solved:
+            break
+    if best is None:
+        raise ValueError("starts is empty: give at least one start.")
+    spent -= best.n_iter
+    if best.cost <= solved:
+        levenberg_marquardt(evaluate, best, max_iter=max_iter, floor=floor, window=5, least_gain=0.9, watch=watch)
+    else:
+        levenberg_marquardt(evaluate, best, max_iter=max_iter, floor=floor, watch=watch)
+    best.n_iter += spent
+    return best, costs
+
+
+def dense(residual: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Evaluate:
+    """A problem from a function ``theta -> (r (n_rows,), J (n_rows, n_theta))``."""
+
+    def evaluate(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        r, jacobian = residual(theta)
+        return float(r @ r), jacobian.T @ r, jacobian.T @ jacobian
+
+    return evaluate
+
+
+def with_memory(evaluate: Evaluate, mean: np.ndarray, information: np.ndarray) -> Evaluate:
+    """Add ``(theta - mean)' information (theta - mean)``: a ridge to a prior, or rows that were seen before."""
+
+    def remembered(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        cost, gradient, gram = evaluate(theta)
+        pull = information @ (theta - mean)
+        return cost + float((theta - mean) @ pull), gradient + pull, gram + information
+
+    return remembered
+
+
+class Separable:
+    """Variable projection: ``y ~ Phi(omega) @ theta`` with theta eliminated by linear least squares.
+
+    The residual is ``(I - Q Q') y`` with ``Phi = Q R``; its Jacobian is taken as Kaufman does, ``-(I - Q Q') (dPhi theta)``,
+    which leaves out a term of the size of the residual. An instance is the ``evaluate`` of a search over omega.
+
+    Parameters
+    ----------
+    basis : callable
+        omega -> (Phi transposed (n_basis, n_rows), anything that ``tangent`` needs).
+    tangent : callable
+        (what basis returned, theta (n_basis, n_outputs)) -> one array (n_omega, n_rows) for each output: the slopes of
+        ``Phi @ theta`` with respect to omega. The arrays are overwritten.
+    y : ndarray (n_rows, n_outputs)
+    root_weights : ndarray (n_rows,), optional
+        Square roots of the weights of the rows.
+    ridge : ndarray (n_basis,), optional
+        Weights of the squares of theta in the cost.
+    ridge_omega : ndarray (n_omega,), optional
+        Weights of the squares of omega in the cost.
+
+    References
+    ----------
+    G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973); L. Kaufman, BIT 15 (1975).
+    """
+
+    def __init__(
+        self,
+        basis: Callable,
+        tangent: Callable,
+        y: np.ndarray,
+        *,
+        root_weights: np.ndarray | None = None,
+        ridge: np.ndarray | None = None,
+        ridge_omega: np.ndarray | None = None,
+    ):
+        self.basis, self.tangent = basis, tangent
+        self.root_weights = root_weights
+        self.ridge, self.ridge_omega = ridge, ridge_omega
+        self.n_rows = len(y)
+        self.targets = np.asarray(y, dtype=float).T  # (n_outputs, n_rows)
+        if root_weights is not None:
+            self.targets = self.targets * root_weights
+        if ridge is not None:
+            self.targets = np.hstack([self.targets, np.zeros((len(self.targets), len(ridge)))])
+        self.targets = np.ascontiguousarray(self.targets)
+
+    def _factor(self, phi: np.ndarray) -> tuple | None:
+        """Orthogonal basis Q (n_rows, n_basis), residuals (n_outputs, n_rows), theta; None without full rank."""
+        if self.root_weights is not None:
+            phi = phi * self.root_weights
+        if self.ridge is not None:
+            phi = np.hstack([phi, np.diag(np.sqrt(self.ridge))])
+        n_basis = len(phi)
+        if phi.shape[1] < n_basis:
+            return None
+        factors, tau, _, _ = dgeqrf(phi.T)
+        upper = factors[:n_basis]
+        size = np.abs(upper.diagonal())
+        if not size.min() * RANK_RATIO > size.max():  # also nan
+            return None
+        q = dorgqr(factors, tau)[0]
+        c = self.targets @ q
+        residual = self.targets - c @ q.T
+        residual -= (residual @ q) @ q.T
+        return q, residual, dtrtrs(upper, c.T)[0]
+
+    def solve(self, omega: np.ndarray) -> np.ndarray:
+        """The best theta (n_basis, n_outputs) for this omega (minimum norm without full rank)."""
+        phi, _ = self.basis(omega)
+        factor = self._factor(phi.copy())
+        if factor is not None:
+            return factor[2]
+        root = np.ones(phi.shape[1]) if self.root_weights is None else self.root_weights
+        return np.linalg.lstsq((phi * root).T, self.targets[:, : self.n_rows].T, rcond=None)[0]
+
+    def __call__(self, omega: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Sum of squares, J'r and J'J of the projected residual."""
+        phi, kept = self.basis(omega)
+        factor = self._factor(phi)
+        n_omega = len(omega)
+        if factor is None:
+            return np.inf, np.zeros(n_omega), np.eye(n_omega)
+        q, residual, theta = factor
+        cost = float(np.vdot(residual, residual))
+        gradient, gram = np.zeros(n_omega), np.zeros((n_omega, n_omega))
+        top = q[: self.n_rows]
+        for r, slopes in zip(residual, self.tangent(kept, theta)):
+            if self.root_weights is not None:
+                slopes *= self.root_weights
+            inside = slopes @ top
+            slopes -= inside @ top.T
+            gradient -= slopes @ r[: self.n_rows]
+            gram += slopes @ slopes.T
+            if self.ridge is not None:
+                below = inside @ q[self.n_rows :].T
+                gradient += below @ r[self.n_rows :]
+                gram += below @ below.T
+        if self.ridge_omega is not None:
+            cost += float(self.ridge_omega @ omega**2)
+            gradient += self.ridge_omega * omega
+            gram.flat[:: n_omega + 1] += self.ridge_omega
+        return cost, gradient, gram
