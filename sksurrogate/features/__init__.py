@@ -1,5 +1,13 @@
-"""Features for surrogate models."""
+"""Features for surrogate models: phi(x) of section 2.1 of the paper, and lags.
 
+The identity and polynomials are scikit-learn's own: pass X as it is (or ``FunctionTransformer()``), and
+``sklearn.preprocessing.PolynomialFeatures``.
+"""
+
+from sksurrogate.features._fourier import FourierFeatures
+from sksurrogate.features._gaussian import GaussianFeatures
+from sksurrogate.features._heaviside import HeavisideFeatures
 from sksurrogate.features._lag import LagEmbedding
+from sksurrogate.features._spline import SplineFeatures
 
-__all__ = ["LagEmbedding"]
+__all__ = ["FourierFeatures", "GaussianFeatures", "HeavisideFeatures", "LagEmbedding", "SplineFeatures"]
