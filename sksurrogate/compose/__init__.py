@@ -1,6 +1,7 @@
 """Estimators around estimators and simulators."""
 
+from sksurrogate.compose._derivative import DerivativeRegressor
 from sksurrogate.compose._hybrid import HybridRegressor
 from sksurrogate.compose._recursive import RecursivePredictor
 
-__all__ = ["HybridRegressor", "RecursivePredictor"]
+__all__ = ["DerivativeRegressor", "HybridRegressor", "RecursivePredictor"]

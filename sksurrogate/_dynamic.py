@@ -1,0 +1,124 @@
+"""What all models of runs share: the border, the start of a run, divergence, the score of the free run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.base import RegressorMixin
+from sklearn.metrics import r2_score
+from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
+
+from sksurrogate.exceptions import DataError, SimulationDiverged
+from sksurrogate.runs import Runs, resolve_runs
+
+__all__ = ["FreeRunMixin", "lengthened"]
+
+#: A free run further than this many spreads from the training mean has diverged.
+FAR = 1e6
+
+
+def lengthened(values: np.ndarray, n: int) -> np.ndarray:
+    """n rows, the last repeated where there are fewer."""
+    return values[np.minimum(np.arange(n), len(values) - 1)]
+
+
+class FreeRunMixin(RegressorMixin):
+    """``score`` and helpers of a regressor whose ``predict(X, y0, groups)`` is a free run.
+
+    The regressor has ``run``, and after ``fit`` ``n_initial_``, ``y_is_1d_``, ``y_mean_`` and ``y_spread_``.
+    """
+
+    run: Any
+    n_initial_: int
+    y_is_1d_: bool
+    y_mean_: np.ndarray
+    y_spread_: np.ndarray
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.target_tags.multi_output = True
+        tags.regressor_tags.poor_score = True  # a free run of unordered rows has nothing to follow
+        return tags
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
+        """R2 of the free run from the first rows of every run, those rows left out.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like (n_samples,), optional
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        float
+        """
+        check_is_fitted(self, "n_initial_")
+        n = self.n_initial_
+        runs = self._resolve(X, y, groups, min_rows=n + 1)
+        first = np.stack([run.y[:n] for run in runs])
+        predicted = self.predict(X, y0=first, groups=groups).reshape(runs.n_samples, -1)  # type: ignore[attr-defined]
+        truth = runs.stack([run.y for run in runs])
+        keep = np.zeros(runs.n_samples, bool)
+        for run in runs:
+            keep[run.start + n : run.stop] = True
+        weight = None if sample_weight is None else np.asarray(sample_weight)[keep]
+        return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
+
+    def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False, min_rows: int = 1) -> Runs:
+        """Checks that scikit-learn asks for, then runs."""
+        if y is None and reset:
+            raise ValueError(f"{type(self).__name__} requires y to be passed, but the target y is None.")
+        if hasattr(X, "columns"):
+            _check_feature_names(self, X, reset=reset)
+            _check_n_features(self, X, reset=reset)
+        elif y is None or groups is not None:
+            X = validate_data(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
+        else:
+            X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
+        runs = resolve_runs(X, y, groups=groups, run=self.run, dt=getattr(self, "dt", None), min_rows=min_rows)
+        if reset:
+            outputs = np.concatenate([run.y for run in runs])
+            self.y_is_1d_ = runs.y_is_1d
+            self.y_mean_, self.y_spread_ = outputs.mean(axis=0), outputs.std(axis=0) + 1e-12
+        return runs
+
+    def _first_rows(self, y0: Any, runs: Runs, name: str = "y0") -> np.ndarray:
+        """Outputs at the first rows of every run, (n_runs, n_initial, n_outputs)."""
+        n, o = self.n_initial_, len(self.y_mean_)
+        given = np.asarray(y0, dtype=float)
+        if given.ndim == 1 and o == 1:
+            given = given[:, None]
+        if given.ndim == 2:
+            given = np.repeat(given[None], len(runs), axis=0)
+        if given.shape != (len(runs), n, o):
+            raise DataError(
+                f"{name} has shape {np.shape(y0)}, expected ({n}, {o}) or ({len(runs)}, {n}, {o}): the outputs at the "
+                f"first {n} rows of each run."
+            )
+        return given
+
+    def _refuse_far(self, runs: Runs, parts: Sequence[np.ndarray], remedy: str) -> None:
+        """A free run that left the training outputs far behind is an error."""
+        bad = []
+        for run, part in zip(runs, parts):
+            with np.errstate(invalid="ignore"):
+                near = np.abs(part - self.y_mean_) <= FAR * (self.y_spread_ + np.abs(self.y_mean_))
+            rows = np.flatnonzero(~near.all(axis=1))
+            if len(rows):
+                bad.append((run, int(rows[0])))
+        if bad:
+            run, row = bad[0]
+            raise SimulationDiverged(
+                f"the free run diverged: run {run.label!r}, step {row}; {len(bad)} of {len(runs)} runs in all. {remedy}",
+                run=run.label,
+                row=row,
+                time=float(run.t[row]),
+            )
+
+    def _shaped(self, runs: Runs, parts: Sequence[np.ndarray]) -> np.ndarray:
+        stacked = runs.stack(parts)
+        return stacked[:, 0] if self.y_is_1d_ else stacked

@@ -1,0 +1,347 @@
+"""Continuous-time models: (y, u) -> dy/dt, run freely through an integrator."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from sklearn.base import BaseEstimator, clone
+from sklearn.utils.validation import check_is_fitted
+
+from sksurrogate._dynamic import FreeRunMixin, lengthened
+from sksurrogate.compose._network import describe_network
+from sksurrogate.compose._weak import WeakForm
+from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.integrate import march
+from sksurrogate.physics._free_run import hold_inputs
+from sksurrogate.runs import Runs
+
+__all__ = ["DerivativeRegressor"]
+
+#: Change of a training run, in spreads, that one more halving of the substep may bring.
+SETTLED = 1e-3
+#: Rounds in which a regressor that is not linear in its parameters is fitted to corrected weak-form targets.
+ROUNDS = 4
+
+
+class DerivativeRegressor(FreeRunMixin, BaseEstimator):
+    """``dy/dt = f(y, u)`` around any regressor f.
+
+    Parameters
+    ----------
+    estimator : regressor
+        Learns f; features are the outputs, then the inputs.
+    dt : float, default=1.0
+        Sample time.
+    hold : {"zoh", "foh"}, default="zoh"
+        Inputs are held from sample to sample, or joined linearly.
+    window : int, default=10
+        Sample intervals of a test function where derivatives are not given: more for more noise, fewer for faster
+        changes. 1 is the plain difference of neighbours.
+    method : {"RK4", "LSODA", "Radau", "BDF"}, default="RK4"
+        Integrator of the free run; the others are scipy's, for stiff models, and go run by run.
+    n_sub : int, optional
+        Substeps of "RK4" in a sample; None: chosen in ``fit`` on the training runs.
+    init : "mean" or array (1, n_outputs), default="mean"
+        First row where ``predict`` gets no ``y0``: mean of the training outputs.
+    run : None, column name, int or "index"
+        Where X says which run a row belongs to; ``groups`` wins.
+
+    Attributes
+    ----------
+    estimator_ : fitted regressor
+    n_initial_ : int
+        1: the first row of a run is its whole past.
+    n_sub_ : int
+    free_run_rmse_ : float
+        On the training runs; inf where one diverges.
+    n_features_in_ : int
+
+    Notes
+    -----
+    With ``dydt`` (measured, or a simulator's own: :func:`~sksurrogate.datasets.simulate_experiments`) f is an ordinary
+    regression. Without, the weak form carries the derivative over to a test function, ``int phi f dt = -int phi' y dt``.
+    A linear model, also behind transformers that make features of (y, u), is fitted to these integrals of its
+    features at once. Any other regressor is fitted at the means of (y, u) under phi, a few times over, each time to
+    the mean of dy/dt less what its own curvature within the window amounts to. All outputs must be states: a plant
+    with more states than outputs asks for :class:`StateSpaceRegressor` or lags.
+
+    References
+    ----------
+    Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), sections 2.6 and 4.3, Figure 5. Messenger, Bortz,
+    *Weak SINDy*, Multiscale Model. Simul. 19 (2021).
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import LinearRegression
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import PolynomialFeatures
+    >>> from sksurrogate.compose import DerivativeRegressor
+    >>> from sksurrogate.datasets import make_reactor_runs
+    >>> X, y, groups = make_reactor_runs(8, 100, u_range=(0.1, 0.15), random_state=0)
+    >>> model = DerivativeRegressor(make_pipeline(PolynomialFeatures(3), LinearRegression()), dt=0.02)
+    >>> round(model.fit(X, y, groups=groups).score(X, y, groups=groups), 2)
+    1.0
+    """
+
+    __metadata_request__fit = {"groups": True, "dydt": True}
+    __metadata_request__predict = {"groups": True, "y0": True}
+    __metadata_request__score = {"groups": True}
+
+    def __init__(
+        self,
+        estimator: Any,
+        dt: float = 1.0,
+        *,
+        hold: str = "zoh",
+        window: int = 10,
+        method: str = "RK4",
+        n_sub: int | None = None,
+        init: Any = "mean",
+        run: Any = None,
+    ):
+        self.estimator = estimator
+        self.dt = dt
+        self.hold = hold
+        self.window = window
+        self.method = method
+        self.n_sub = n_sub
+        self.init = init
+        self.run = run
+
+    def fit(self, X: Any, y: Any, dydt: Any = None, groups: Any = None) -> DerivativeRegressor:
+        """Fit f.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        dydt : array-like, shape of y, optional
+            Derivatives at the rows, with the input that acts from the row on; None: weak form.
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        if self.hold not in ("zoh", "foh"):
+            raise ValueError(f'hold={self.hold!r} must be "zoh" (held) or "foh" (joined linearly).')
+        if self.method not in ("RK4", "LSODA", "Radau", "BDF", "RK45", "DOP853"):
+            raise ValueError(f'method={self.method!r} must be "RK4", "LSODA", "Radau", "BDF", "RK45" or "DOP853".')
+        if self.window < 1 or (self.n_sub is not None and self.n_sub < 1):
+            raise ValueError(f"window={self.window!r}, n_sub={self.n_sub!r}: both must be at least 1.")
+        runs = self._resolve(X, y, groups, reset=True, min_rows=2 if dydt is None else 1)
+        self.n_initial_ = 1
+        if dydt is None:
+            self._fit_weak(WeakForm(runs, self.window, self.hold == "zoh"))
+        else:
+            slopes = np.asarray(dydt, dtype=float).reshape(len(np.asarray(dydt)), -1)
+            if slopes.shape != (runs.n_samples, len(self.y_mean_)):
+                raise DataError(
+                    f"dydt has shape {np.shape(dydt)}, expected that of y, ({runs.n_samples}, {len(self.y_mean_)}): "
+                    "one derivative a row and output."
+                )
+            points = np.concatenate([np.concatenate([run.y, run.X], axis=1) for run in runs])
+            target = np.concatenate(runs.unstack(slopes))
+            if not np.all(np.isfinite(target)):
+                raise DataError(
+                    "dydt is not finite in some rows: leave these rows out, or leave dydt out for the weak form."
+                )
+            self.estimator_ = clone(self.estimator).fit(points, _narrow(target))
+        self._choose_substeps(runs)
+        return self
+
+    def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
+        """Free run through the integrator.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y0 : array-like (1, n_outputs) or (n_runs, 1, n_outputs), optional
+            Outputs at the first row of each run; without it ``init`` decides.
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray (n_samples,) or (n_samples, n_outputs)
+
+        Raises
+        ------
+        SimulationDiverged
+            The free run left the finite numbers or went far beyond the training outputs.
+        """
+        check_is_fitted(self, "estimator_")
+        runs = self._resolve(X, None, groups)
+        if y0 is not None:
+            first = self._first_rows(y0, runs)
+        elif isinstance(self.init, str):
+            if self.init != "mean":
+                raise ValueError(f'init={self.init!r} must be "mean" or an array (1, {len(self.y_mean_)}).')
+            first = np.broadcast_to(self.y_mean_, (len(runs), 1, len(self.y_mean_)))
+        else:
+            first = self._first_rows(self.init, runs, "init")
+        out = self._run_free([run.X for run in runs], first[:, 0], self.n_sub_)
+        self._refuse_far(runs, out, 'Train on more of (y, u), or try method="LSODA" if the model is stiff.')
+        return self._shaped(runs, out)
+
+    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
+        """Row t integrated from the measured row t-1; first rows are nan.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray, shape of y
+        """
+        return self.predict_ahead(X, y, 1, groups=groups)
+
+    def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
+        """Row t integrated from the measured row t-k; rows without that history are nan.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        k : int
+            Steps ahead.
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray, shape of y
+        """
+        check_is_fitted(self, "estimator_")
+        if k < 1:
+            raise ValueError(f"k={k!r} must be at least 1 step ahead.")
+        runs = self._resolve(X, y, groups)
+        parts = []
+        for run in runs:
+            part = np.full(run.y.shape, np.nan)
+            if len(run) > k:
+                windows = np.lib.stride_tricks.sliding_window_view(run.X, k + 1, axis=0).transpose(0, 2, 1)
+                part[k:] = np.stack(self._run_free(list(windows), run.y[:-k], self.n_sub_))[:, -1]
+            parts.append(part)
+        return self._shaped(runs, parts)
+
+    def derivative(self, X: Any, y: Any) -> np.ndarray:
+        """The fitted f at outputs and inputs: dy/dt per time unit, shape of y.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+
+        Returns
+        -------
+        ndarray, shape of y
+        """
+        check_is_fitted(self, "estimator_")
+        rows = np.asarray(y, dtype=float)
+        points = np.concatenate([rows.reshape(len(rows), -1), np.asarray(X, dtype=float)], axis=1)
+        return self._f(points).reshape(rows.shape)
+
+    # ---- parts ------------------------------------------------------------------------------------------------------
+    def _fit_weak(self, weak: WeakForm) -> None:
+        """One linear fit to the integrals of the features, or a few rounds of corrected targets."""
+        found = clone(self.estimator)
+        steps = list(getattr(found, "steps", None) or [("model", found)])
+        model = steps[-1][1]
+        if type(model).__module__.startswith("sklearn.linear_model"):
+            features = weak.points
+            for _, step in steps[:-1]:
+                if step is not None and not isinstance(step, str):
+                    features = step.fit_transform(features)
+            features = features.toarray() if hasattr(features, "toarray") else np.asarray(features)
+            model.fit(weak.mean(features), _narrow(weak.targets))
+            self.estimator_ = found
+            return
+        target = weak.targets
+        for _ in range(ROUNDS):
+            self.estimator_ = clone(self.estimator).fit(weak.centres, _narrow(target))
+            target = weak.targets + self._f(weak.centres) - weak.mean(self._f(weak.points))
+
+    def _f(self, points: np.ndarray) -> np.ndarray:
+        net = describe_network(self.estimator_)
+        values = self.estimator_.predict(points) if net is None else net(points)
+        return np.asarray(values, dtype=float).reshape(len(points), -1)
+
+    def _choose_substeps(self, runs: Runs) -> None:
+        """Double the substeps until the training runs no longer move."""
+        inputs, first = [run.X for run in runs], np.stack([run.y[0] for run in runs])
+        out = self._run_free(inputs, first, self.n_sub or 1)
+        self.n_sub_ = self.n_sub or 1
+        while self.n_sub is None and self.method == "RK4" and self.n_sub_ < 64:
+            finer = self._run_free(inputs, first, 2 * self.n_sub_)
+            moved = max(np.nanmax(np.abs(a - b) / self.y_spread_, initial=0.0) for a, b in zip(out, finer))
+            lost = any(np.isfinite(b).sum() > np.isfinite(a).sum() for a, b in zip(out, finer))
+            if moved <= SETTLED and not lost:
+                break
+            out, self.n_sub_ = finer, 2 * self.n_sub_
+        if self.n_sub_ == 64:
+            warnings.warn(
+                'the fitted model is stiff for its sample time: 64 substeps were taken; try method="LSODA".',
+                RuntimeWarning,
+                stacklevel=3,
+            )
+        error = np.concatenate([a[1:] - run.y[1:] for a, run in zip(out, runs)])
+        mean = np.mean(error**2) if len(error) else np.nan
+        self.free_run_rmse_ = float(np.sqrt(mean)) if np.isfinite(mean) else float("inf")
+
+    def _run_free(self, inputs: list[np.ndarray], first: np.ndarray, n_sub: int) -> list[np.ndarray]:
+        """Free runs of any lengths; nan from where a run has diverged."""
+        order = 0 if self.hold == "zoh" else 1
+        if self.method != "RK4":
+            return [self._adaptive(U, start, order) for U, start in zip(inputs, first)]
+        net = describe_network(self.estimator_)
+        far = 1e7 * (self.y_spread_ + np.abs(self.y_mean_))[:, None]
+
+        def slopes(t: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+            lost = ~(np.abs(x - self.y_mean_[:, None]) <= far).all(axis=0)
+            points = np.concatenate([np.where(lost, self.y_mean_[:, None], x), u]).T
+            values = self.estimator_.predict(points) if net is None else net(points)
+            f = np.asarray(values, dtype=float).reshape(len(points), -1).T
+            return np.where(lost, np.nan, f) if lost.any() else f
+
+        longest = max(len(U) for U in inputs)
+        U = np.stack([lengthened(u, longest) for u in inputs])
+        mean, half = hold_inputs(U, n_sub, order)
+        start = np.asarray(first, dtype=float).T
+        out = march(slopes, start, np.zeros(len(inputs)), mean, half, float(self.dt) / n_sub)
+        return [out[:, r, : len(u)].T for r, u in enumerate(inputs)]
+
+    def _adaptive(self, U: np.ndarray, start: np.ndarray, order: int) -> np.ndarray:
+        """One run by scipy, sample by sample of held input or as a whole."""
+        t, out = float(self.dt) * np.arange(len(U)), np.full((len(U), len(start)), np.nan)
+        out[0] = start
+        edges = np.r_[0, np.flatnonzero(np.any(np.diff(U[:-1], axis=0), axis=1)) + 1, len(U) - 1]
+        edges = np.unique(edges) if order == 0 else np.array([0, len(U) - 1])
+        far = 1e7 * (self.y_spread_ + np.abs(self.y_mean_))
+
+        def f(now: float, x: np.ndarray, a: int) -> np.ndarray:
+            u = U[a] if order == 0 else np.array([np.interp(now, t, column) for column in U.T])
+            if not np.all(np.abs(x - self.y_mean_) <= far):
+                raise ArithmeticError
+            return self._f(np.concatenate([x, u])[None])[0]
+
+        for a, b in zip(edges[:-1].tolist(), edges[1:].tolist()):
+            try:
+                found = solve_ivp(
+                    f, (t[a], t[b]), out[a], method=self.method, t_eval=t[a : b + 1], args=(a,), rtol=1e-6, atol=1e-9
+                )
+            except ArithmeticError:
+                return out
+            out[a : a + found.y.shape[1]] = found.y.T
+            if not found.success:
+                return out
+        return out
+
+
+def _narrow(target: np.ndarray) -> np.ndarray:
+    """One output as scikit-learn's regressors want it."""
+    return target if target.shape[1] > 1 else target[:, 0]

@@ -1,0 +1,77 @@
+"""Derivatives without differentiation: test functions over windows carry the derivative over to themselves.
+
+For a test function with ``phi = 0`` at both ends of a window, ``int phi dy/dt dt = -int phi' y dt``, so that
+
+    int phi f(y, u) dt = -int phi' y dt
+
+is an equation in f that holds without a derivative of the (noisy) y.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.runs import Runs
+
+__all__ = ["WeakForm"]
+
+
+class WeakForm:
+    """The integrals over windows of ``width`` sample intervals, one window wherever it fits into the run.
+
+    ``phi`` is a staircase over the intervals with the values of ``(1 - s^2)^2`` on s in [-1, 1], scaled to sum 1, so
+    that the left-hand side is a sum of differences of y, without error. Integrals of f over an interval go by the
+    trapezoidal rule with the input that acts there: held inputs jump at the samples, and f with them.
+
+    Parameters
+    ----------
+    runs : Runs
+        With y.
+    width : int
+        Intervals of a window; a shorter run has one window.
+    held : bool
+        Inputs are held from sample to sample; otherwise joined linearly.
+
+    Attributes
+    ----------
+    points : ndarray (n_points, n_outputs + n_inputs)
+        (y, u) at the left and the right end of every interval.
+    centres : ndarray (n_windows, n_outputs + n_inputs)
+        Means of (y, u) under phi.
+    targets : ndarray (n_windows, n_outputs)
+        ``-int phi' y dt``: the mean of dy/dt under phi.
+    """
+
+    def __init__(self, runs: Runs, width: int, held: bool):
+        self._runs, points, targets = [], [], []
+        for run in runs:
+            assert run.y is not None
+            intervals = len(run) - 1
+            w = min(width, intervals)
+            middle = (2 * np.arange(w) + 1) / w - 1
+            share = (1 - middle**2) ** 2
+            share /= share.sum()
+            step = np.diff(run.t)[:, None]
+            slopes = np.diff(run.y, axis=0) / step
+            targets.append(_slide(slopes, share))
+            after = run.X[:-1] if held else run.X[1:]
+            points.append(np.concatenate([run.y[:-1], run.X[:-1]], axis=1))
+            points.append(np.concatenate([run.y[1:], after], axis=1))
+            self._runs.append((intervals, share))
+        self.points, self.targets = np.concatenate(points), np.concatenate(targets)
+        self.centres = self.mean(self.points)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Integrals with phi of something given at ``points``, (n_windows, n_columns)."""
+        out, place = [], 0
+        for intervals, share in self._runs:
+            a, b = values[place : place + intervals], values[place + intervals : place + 2 * intervals]
+            out.append(_slide(0.5 * (a + b), share))
+            place += 2 * intervals
+        return np.concatenate(out)
+
+
+def _slide(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Weighted sums over every window of consecutive rows."""
+    windows = np.lib.stride_tricks.sliding_window_view(values, len(weights), axis=0)
+    return windows @ weights

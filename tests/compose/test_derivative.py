@@ -1,0 +1,159 @@
+"""Continuous-time models: exact derivatives against Eq. (9), the weak form, free runs against the simulator."""
+
+import numpy as np
+import pytest
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.linear_model import LinearRegression, Ridge
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, StandardScaler
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from sksurrogate.compose import DerivativeRegressor
+from sksurrogate.compose._weak import WeakForm
+from sksurrogate.datasets import make_reactor_runs, simulate_experiments
+from sksurrogate.exceptions import DataError, SimulationDiverged
+from sksurrogate.physics import ODESimulator
+from sksurrogate.runs import resolve_runs
+
+ORDER = "row order matters to a model of runs"
+EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subset_invariance": ORDER}
+
+
+# a strong penalty: rows in no order have no dynamics, and a slope that is chance may run away
+@parametrize_with_checks(
+    [
+        DerivativeRegressor(Ridge(1e4)),
+        DerivativeRegressor(
+            MLPRegressor(hidden_layer_sizes=(3,), max_iter=20, solver="lbfgs", alpha=1e3, random_state=0), hold="foh"
+        ),
+    ],
+    expected_failed_checks=lambda estimator: EXPECTED,
+)
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning", "ignore:the fitted model is stiff")
+def test_sklearn_contract(estimator, check):
+    check(estimator)
+
+
+def reactor_features(rows):
+    y, u = rows[:, 0], rows[:, 1]
+    rate = np.exp(-1.0 / u)
+    return np.column_stack([4 - y, rate * y**2, rate * y])
+
+
+def true_terms():
+    return make_pipeline(FunctionTransformer(reactor_features), LinearRegression(fit_intercept=False))
+
+
+def test_true_terms_and_true_derivatives_give_equation_9():
+    X, y, groups, dydt = make_reactor_runs(6, 100, return_derivative=True, random_state=0)
+    model = DerivativeRegressor(true_terms(), dt=0.02).fit(X, y, dydt, groups=groups)
+    np.testing.assert_allclose(model.estimator_[-1].coef_, [2.0, -1e2, 1e3], rtol=1e-8)
+    first = np.stack([y[groups == r][:1] for r in range(6)])[:, :, None]
+    free = model.predict(X, y0=first, groups=groups)
+    np.testing.assert_allclose(free, y, atol=2e-3 * y.std())  # n_sub_ is settled to 1e-3 spreads
+    assert model.score(X, y, groups=groups) > 0.99999
+    np.testing.assert_allclose(model.derivative(X, y), dydt, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_the_weak_form_finds_equation_9_without_derivatives(noise):
+    X, y, groups = make_reactor_runs(40, 200, noise=noise, random_state=0)
+    coefs = [
+        DerivativeRegressor(true_terms(), dt=0.02, window=w).fit(X, y, groups=groups).estimator_[-1].coef_
+        for w in (1, 20)
+    ]
+    difference, weak = (np.abs(c / np.array([2.0, -1e2, 1e3]) - 1).max() for c in coefs)
+    # without noise the trapezoidal rule is the only error; with noise, plain differences are far worse
+    assert weak < (0.02 if noise == 0 else 0.1)
+    assert noise == 0 or weak < difference / 2
+
+
+def test_windows_integrate_a_known_derivative():
+    t = np.linspace(0, 3, 301)
+    runs = resolve_runs(np.zeros((301, 1)), np.sin(t), dt=0.01)
+    weak = WeakForm(runs, 20, True)
+    exact = np.cos(t)[:, None]
+    values = np.concatenate([exact[:-1], exact[1:]])
+    np.testing.assert_allclose(weak.mean(values), weak.targets, atol=1e-5)  # trapezoidal rule: dt^2 / 12
+    np.testing.assert_allclose(weak.mean(np.ones((600, 1))), 1.0)
+
+
+def test_rounds_remove_the_curvature_of_a_window():
+    class Cubic(RegressorMixin, BaseEstimator):
+        """Not seen to be linear in its parameters."""
+
+        def fit(self, X, y):
+            self.model_ = make_pipeline(PolynomialFeatures(3), LinearRegression()).fit(X, y)
+            return self
+
+        def predict(self, X):
+            return self.model_.predict(X)
+
+    def rhs(t, x, u, p):
+        return [-2 * x[0] - x[0] ** 3 + 4 * u[0]]
+
+    plant = ODESimulator(rhs, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.02)
+    data = simulate_experiments(plant, {"x": (-2, 2)}, {"u": (-1, 1)}, n_runs=20, random_state=0)
+    errors = []
+    for rounds in (1, 4):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("sksurrogate.compose._derivative.ROUNDS", rounds)
+            model = DerivativeRegressor(Cubic(), 0.02, window=20).fit(data.X, data.y, groups=data.groups)
+        errors.append(np.sqrt(np.mean((model.derivative(data.X, data.y) - data.dydt) ** 2)))
+    assert errors[1] < errors[0] / 4
+
+
+def test_joined_inputs_and_stiff_integrators_agree():
+    def rhs(t, x, u, p):
+        return [x[1], -4 * x[0] - x[1] + u[0]]
+
+    plant = ODESimulator(rhs, states=["x", "v"], inputs=["u"], outputs=["x", "v"], params={}, dt=0.05, hold="foh")
+    data = simulate_experiments(
+        plant, {"x": (-1, 1), "v": (-1, 1)}, {"u": (-1, 1)}, design="multisine", n_runs=4, random_state=0
+    )
+    found = [
+        DerivativeRegressor(LinearRegression(), 0.05, hold="foh", method=method).fit(
+            data.X, data.y, data.dydt, groups=data.groups
+        )
+        for method in ("RK4", "LSODA")
+    ]
+    first = data.x0[:, None, :]
+    runs = [model.predict(data.X, y0=first, groups=data.groups) for model in found]
+    np.testing.assert_allclose(runs[0], data.y, atol=1e-3)
+    np.testing.assert_allclose(runs[1], data.y, atol=1e-4)
+
+
+def test_steps_ahead_join_into_the_free_run():
+    X, y, groups, dydt = make_reactor_runs(3, 60, return_derivative=True, random_state=0)
+    model = DerivativeRegressor(true_terms(), 0.02).fit(X, y, dydt, groups=groups)
+    one = model.predict_one_step(X, y, groups=groups)
+    assert np.isnan(one[[0, 60, 120]]).all() and np.nanmax(np.abs(one - y)) < 0.01
+    last = model.predict_ahead(X[:60], y[:60], 59)
+    free = model.predict(X[:60], y0=y[:1])
+    assert last[59] == pytest.approx(free[59], rel=1e-12) and np.isnan(last[:59]).all()
+
+
+def test_a_network_runs_as_arrays_as_it_does_through_predict():
+    X, y, groups, dydt = make_reactor_runs(4, 60, u_range=(0.05, 0.15), return_derivative=True, random_state=0)
+    net = make_pipeline(
+        StandardScaler(),
+        MLPRegressor(
+            hidden_layer_sizes=(6,), activation="tanh", solver="lbfgs", max_iter=3000, alpha=1e-4, random_state=0
+        ),
+    )
+    model = DerivativeRegressor(net, 0.02).fit(X, y, dydt, groups=groups)
+    points = np.column_stack([y, X])
+    np.testing.assert_allclose(model.derivative(X, y), model.estimator_.predict(points), rtol=1e-10)
+
+
+def test_a_model_that_runs_away_says_run_and_step():
+    X = np.zeros((60, 1))
+    y = np.exp(0.5 * np.arange(60.0))
+    model = DerivativeRegressor(LinearRegression()).fit(X, y, 0.5 * y)
+    with pytest.raises(SimulationDiverged, match=r"run None, step \d+"):
+        model.predict(X, y0=[[1e30]])
+    with pytest.raises(DataError, match="dydt has shape"):
+        DerivativeRegressor(LinearRegression()).fit(X, y, y[:10])
+    with pytest.raises(DataError, match="y0 has shape"):
+        model.predict(X, y0=[1.0, 2.0])
