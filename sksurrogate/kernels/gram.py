@@ -19,6 +19,7 @@ __all__ = [
     "CONDITION_LIMIT",
     "Moments",
     "Quadratic",
+    "factor_normal",
     "gcv_path",
     "lag_moments",
     "solve_normal",
@@ -259,6 +260,16 @@ def solve_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, float, bool]
     return theta, condition, doubtful
 
 
+def factor_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows A, B with ``A^T A = H`` and ``A^T B = g``; directions of vanishing eigenvalue are left out."""
+    d = np.sqrt(np.maximum(np.diag(H), 0.0))
+    d = np.where(d > 0, d, 1.0)
+    values, V = linalg.eigh(H / np.outer(d, d))
+    alive = values > 10 * max(len(values), 10) * _EPS * values[-1]
+    root = np.sqrt(values[alive])[:, None]
+    return root * V[:, alive].T * d, (V[:, alive].T @ (g / d[:, None])) / root
+
+
 def solve_rows(A: np.ndarray, B: np.ndarray, n_rows: int | None = None) -> tuple[np.ndarray, float]:
     """Minimum-norm least squares ``min |A theta - B|`` by singular values of the column-scaled A.
 
@@ -338,7 +349,8 @@ def gcv_path(
     rss = data.c - np.sum(theta * (2 * b - (1 - mu)[:, None] * theta), axis=1)
     dof = np.sum((1 - mu) / denominator, axis=1) + spare
     free = weight - dof
-    loss = np.maximum(rss, _EPS * data.c).sum(axis=1)
+    # below this a residual is rounding, and would choose alpha by chance
+    loss = np.maximum(rss, 1e-12 * data.c).sum(axis=1)
     scores = np.full(len(a), np.inf)
     # within a whisker of interpolation the quotient is rounding over rounding
     ok = free > 1e-6 * weight

@@ -1,1 +1,37 @@
-"""linear."""
+"""Fits that are linear in their parameters."""
+
+from sksurrogate.linear._pcr import PCRRegressor
+from sksurrogate.linear._penalties import (
+    BaseConstraint,
+    BasePenalty,
+    Bounds,
+    CloseTo,
+    Curvature,
+    LinearEquality,
+    LinearInequality,
+    Monotone,
+    OutputBounds,
+    Ridge,
+    RidgeTo,
+    Rows,
+    Slope,
+)
+from sksurrogate.linear._regressor import PenalizedRegressor
+
+__all__ = [
+    "BaseConstraint",
+    "BasePenalty",
+    "Bounds",
+    "CloseTo",
+    "Curvature",
+    "LinearEquality",
+    "LinearInequality",
+    "Monotone",
+    "OutputBounds",
+    "PCRRegressor",
+    "PenalizedRegressor",
+    "Ridge",
+    "RidgeTo",
+    "Rows",
+    "Slope",
+]

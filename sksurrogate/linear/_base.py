@@ -1,0 +1,248 @@
+"""What the linear fits share: the border, features block by block, moments, prediction."""
+
+from __future__ import annotations
+
+import warnings
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from numbers import Integral
+from typing import Any, Self
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import LinAlgWarning
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_context, clone
+from sklearn.utils import get_tags
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter, validate_data
+
+from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.gram import Moments
+
+__all__ = ["BaseBlockedRegressor", "Blocks", "warn_ill_conditioned"]
+
+#: Makes an iterator over (features, targets, weights or None).
+Blocks = Callable[[], Iterator[tuple[Any, np.ndarray, np.ndarray | None]]]
+
+#: Numbers in a block of features: 8 MiB.
+_BLOCK_NUMBERS = 2**20
+
+
+def warn_ill_conditioned(kept_data: bool) -> None:
+    """Say that the Gram has lost digits."""
+    way_out = (
+        'solver="auto" or "qr" goes over the data again without squaring the condition number'
+        if kept_data
+        else 'fit all data at once (solver="qr"), or add a penalty such as Ridge()'
+    )
+    warnings.warn(
+        "The features are nearly dependent (condition number above 1e7) and their Gram matrix has lost the directions "
+        f"in question: they are treated as a null space. {way_out[0].upper()}{way_out[1:]}.",
+        LinAlgWarning,
+        stacklevel=2,
+    )
+
+
+class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    """Base of regressors that see the data once, in blocks, through their moments."""
+
+    _parameter_constraints: dict = {
+        "features": [HasMethods(["fit", "transform"]), None],
+        "block_size": [Interval(Integral, 1, None, closed="left"), None],
+        "solver": [StrOptions({"auto", "gram", "qr"})],
+    }
+
+    features: Any
+    block_size: int | None
+    solver: str
+    _low: np.ndarray
+    _high: np.ndarray
+
+    @abstractmethod
+    def _solve(self, blocks: Blocks | None) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients (n_features, n_outputs) and intercept (n_outputs,) from ``moments_``, or from the blocks again."""
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
+        """Fit.
+
+        Parameters
+        ----------
+        X : array-like or sparse matrix (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like (n_samples,), optional
+            A weight of 2 counts as the row twice.
+
+        Returns
+        -------
+        self
+        """
+        X, Y, weights = self._border(X, y, sample_weight, reset=True)
+        self._begin(X, Y, weights)
+        return self._finish(X, Y, weights, lambda: self._blocks(X, Y, weights))
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
+        """Take in further rows: the same coefficients as one fit of all rows, to rounding.
+
+        The data are not kept, so that there is no way back to them where the features are nearly dependent: a warning
+        says so. ``features`` is fitted on the first rows only.
+
+        Parameters
+        ----------
+        X : array-like or sparse matrix (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        first = not hasattr(self, "moments_")
+        before = None if first else self._n_outputs
+        X, Y, weights = self._border(X, y, sample_weight, reset=first)
+        if first:
+            self._begin(X, Y, weights)
+        elif self._n_outputs != before:
+            raise DataError(f"y has {self._n_outputs} outputs, but the rows before had {before}.")
+        low, high = _range(X)
+        self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
+        return self._finish(X, Y, weights, None)
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict.
+
+        Parameters
+        ----------
+        X : array-like or sparse matrix (n_samples, n_inputs)
+
+        Returns
+        -------
+        ndarray (n_samples,) or (n_samples, n_outputs)
+        """
+        check_is_fitted(self, "coef_")
+        X = validate_data(self, X, accept_sparse=self._accepts, dtype=np.float64, reset=False)
+        coef = self.coef_.T
+        parts = [self._phi(X[rows]) @ coef for rows in self._slices(X.shape[0])]
+        return np.concatenate(parts) + self.intercept_
+
+    def jacobian(self, X: Any) -> np.ndarray:
+        """Derivative of the prediction by the inputs.
+
+        Without ``features`` these are the coefficients, the same in every row. With them, their ``jacobian`` is asked;
+        transformers that have none are differenced.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+
+        Returns
+        -------
+        ndarray (n_samples, n_inputs) or (n_samples, n_outputs, n_inputs)
+        """
+        check_is_fitted(self, "coef_")
+        X = validate_data(self, X, accept_sparse=self._accepts, dtype=np.float64, reset=False)
+        if self.features_ is None:
+            return np.repeat(self.coef_[None], X.shape[0], axis=0)
+        coef = np.atleast_2d(self.coef_)
+        blocks = [np.einsum("npj,qp->nqj", self._gradient(X[rows]), coef) for rows in self._slices(X.shape[0])]
+        out = np.concatenate(blocks)
+        return out[:, 0] if self.coef_.ndim == 1 else out
+
+    def _border(self, X: Any, y: Any, sample_weight: Any, reset: bool) -> tuple[Any, np.ndarray, np.ndarray | None]:
+        """Checked X, y as a table, weights."""
+        X, y = validate_data(
+            self, X, y, accept_sparse=self._accepts, dtype=np.float64, multi_output=True, y_numeric=True, reset=reset
+        )
+        self._flat = y.ndim == 1
+        self._n_outputs = 1 if self._flat else y.shape[1]
+        Y = np.asarray(y, dtype=float).reshape(len(y), -1)
+        if sample_weight is None:
+            return X, Y, None
+        weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        if not weights.any():
+            raise DataError("sample_weight is zero in every row: at least one row must count.")
+        # a weight of zero is as good as no row, to features that look at the data too
+        counts = weights > 0
+        return (X, Y, weights) if counts.all() else (X[counts], Y[counts], weights[counts])
+
+    def _begin(self, X: Any, Y: np.ndarray, weights: np.ndarray | None) -> None:
+        """Fit the features; nothing seen yet."""
+        self.features_ = None
+        if self.features is not None:
+            weighs = weights is not None and has_fit_parameter(self.features, "sample_weight")
+            extra = {"sample_weight": weights} if weighs else {}
+            self.features_ = clone(self.features).fit(X, Y[:, 0] if self._flat else Y, **extra)
+        self.moments_ = Moments.zeros(int(self._phi(X[:1]).shape[1]) + self._n_outputs)
+        self._low, self._high = _range(X)
+
+    def _finish(self, X: Any, Y: np.ndarray, weights: np.ndarray | None, blocks: Blocks | None) -> Self:
+        """Gather the moments, solve, store."""
+        for block, targets, w in self._blocks(X, Y, weights):
+            self.moments_.add(block, targets, w)
+        self.moments_.release()
+        coef, intercept = self._solve(blocks)
+        self.coef_ = coef[:, 0] if self._flat else coef.T.copy()
+        self.intercept_ = float(intercept[0]) if self._flat else intercept
+        return self
+
+    def _phi(self, X: Any) -> Any:
+        """Features of some rows, dense or sparse."""
+        if self.features_ is None:
+            return X
+        out = self.features_.transform(X)
+        return out if sparse.issparse(out) else np.asarray(out, dtype=float)
+
+    @property
+    def _accepts(self) -> str | bool:
+        """Sparse formats of X."""
+        return "csr" if get_tags(self).input_tags.sparse else False
+
+    @property
+    def _n_features(self) -> int:
+        return len(self.moments_.mean) - self._n_outputs
+
+    def _slices(self, n_rows: int) -> Iterator[slice]:
+        """Blocks of rows."""
+        size = self.block_size or int(np.clip(_BLOCK_NUMBERS // len(self.moments_.mean), 64, 16384))
+        for start in range(0, n_rows, size):
+            yield slice(start, min(start + size, n_rows))
+
+    def _blocks(self, X: Any, Y: np.ndarray, weights: np.ndarray | None) -> Iterator[tuple]:
+        """Features, targets and weights of one block after the other."""
+        for rows in self._slices(X.shape[0]):
+            yield self._phi(X[rows]), Y[rows], None if weights is None else weights[rows]
+
+    def _dense_phi(self, X: np.ndarray) -> np.ndarray:
+        out = self._phi(X)
+        return out.toarray() if sparse.issparse(out) else out
+
+    def _gradient(self, X: Any) -> np.ndarray:
+        """Derivative of the features by the inputs (n_samples, n_features, n_inputs)."""
+        X = X.toarray() if sparse.issparse(X) else X
+        n, m = X.shape
+        if self.features_ is None:
+            return np.broadcast_to(np.eye(m), (n, m, m))
+        if hasattr(self.features_, "jacobian"):
+            return np.asarray(self.features_.jacobian(X))
+        step = 1e-5 * np.where(self._high > self._low, self._high - self._low, 1.0)
+        # inside the range of the data, where no extrapolation rule can interfere
+        left = np.clip(X - step, self._low, np.maximum(self._high - 2 * step, self._low))
+        out = np.empty((n, self._n_features, m))
+        for j in range(m):
+            a, b = X.copy(), X.copy()
+            a[:, j], b[:, j] = left[:, j], left[:, j] + 2 * step[j]
+            out[:, :, j] = (self._dense_phi(b) - self._dense_phi(a)) / (2 * step[j])
+        return out
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.sparse = self.features is None or get_tags(self.features).input_tags.sparse
+        return tags
+
+
+def _range(X: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest value of each column."""
+    if sparse.issparse(X):
+        return X.min(axis=0).toarray().ravel(), X.max(axis=0).toarray().ravel()
+    return X.min(axis=0), X.max(axis=0)
