@@ -3,25 +3,56 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
 
-from sksurrogate.gap._report import Curve, GapReport, Table, Trace
+from sksurrogate.gap._report import Curve, EffectEstimate, GapReport, Table, Trace
+from sksurrogate.gap._svg import BLACK, GREY, ORANGE, Line, bars, chart, limits
 
-__all__ = ["html_fragment", "html_page", "terminal_page"]
+__all__ = ["html_fragment", "html_page", "terminal_page", "waterfall"]
 
-# Okabe and Ito's colours, and line styles that tell the lines apart without colour.
-_BLACK, _BLUE, _ORANGE, _GREY = "#000000", "#0072b2", "#d55e00", "#8a8a8a"
-
+# Everything hangs below .skgap, so that a notebook keeps its own look.
 _STYLE = """
-body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:1rem auto;padding:0 1rem;color:#111;background:#fff}
-h1{font-size:1.5rem;line-height:1.25}h2{font-size:1.15rem;margin-top:2rem;border-bottom:1px solid #ccc}
-.verdict{font-weight:700;border:2px solid #111;padding:.1rem .5rem}.scroll{overflow-x:auto}
-table{border-collapse:collapse;font-size:.9rem}th,td{padding:.2rem .6rem;border-bottom:1px solid #ddd;text-align:left}
-td.n{text-align:right;font-variant-numeric:tabular-nums}svg{max-width:100%;height:auto}figure{margin:1rem 0}
-figcaption{font-size:.9rem;color:#333}@media print{body{max-width:none}h2,figure,table{break-inside:avoid}}
+.skgap{font:16px/1.5 system-ui,sans-serif;max-width:46em;margin:1em auto;padding:0 1em;color:#111;background:#fff;
+overflow-wrap:anywhere}
+.skgap h1{font-size:1.5em;line-height:1.25;margin:.5em 0}.skgap .lead{font-size:1.1em}
+.skgap h2{font-size:1.2em;margin-top:2em;border-bottom:1px solid #999}.skgap h3{font-size:1em;margin:1.2em 0 .3em}
+.skgap .verdict{border:2px solid #111;padding:0 .5em}.skgap .scroll{overflow-x:auto}
+.skgap table{border-collapse:collapse;font-size:.9em}
+.skgap th,.skgap td{padding:.2em .9em .2em 0;border-bottom:1px solid #ccc;text-align:left;vertical-align:top;
+overflow-wrap:normal;white-space:nowrap}
+.skgap th.n,.skgap td.n{text-align:right;font-variant-numeric:tabular-nums}
+.skgap tr.named td{font-weight:700}
+.skgap figure{margin:1em 0}.skgap svg{width:100%;max-width:40em;height:auto;overflow:hidden}
+.skgap svg text{font-family:system-ui,sans-serif;fill:#111}
+.skgap figcaption,.skgap .small{font-size:.9em;color:#333}
+.skgap .bars{max-width:40em}.skgap .row{display:flex;gap:.5em;align-items:center;margin:.25em 0}
+.skgap .name{flex:0 0 10.5em}.skgap .rail{flex:1 1 auto}.skgap .size{flex:0 0 4.5em;font-variant-numeric:tabular-nums}
+.skgap .bar{display:block;height:1.2em;background:#0072b2;border-right:2px solid #000;print-color-adjust:exact;
+-webkit-print-color-adjust:exact}
+.skgap .effect{border-left:4px solid #111;padding:.1em 0 .1em .8em;margin:.8em 0}
+.skgap .effect p{margin:.2em 0}
+@media(max-width:30rem){.skgap .name{flex-basis:7em;font-size:.85em}.skgap .size{flex-basis:3.6em;font-size:.85em}}
+@media print{.skgap{max-width:none;font-size:12px}.skgap figure,.skgap tr,.skgap .effect,.skgap .bars{break-inside:avoid}
+.skgap h2,.skgap h3{break-after:avoid}.skgap .scroll{overflow:visible}}
 """
+
+#: Column -> what the page writes over it.
+_HEADS = {
+    "gap": "gap",
+    "samples": "share of the samples",
+    "evidence": "evidence",
+    "bar": "needed",
+    "cost": "cost",
+    "screen": "first look",
+    "rule": "where",
+    "low": "from",
+    "high": "to",
+    "gain": "separation / nats",
+}
+_SHARES = ("share", "samples", "fraction")
 
 
 def terminal_page(report: GapReport, width: int = 80) -> str:
@@ -66,10 +97,10 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
         ("Re-tuned", report.retuned),
     ):
         if len(table):
-            lines += ["", title, *(f"  {line}"[:width] for line in str(table).splitlines())]
+            lines += ["", title, *(_cut(f"  {line}", width) for line in str(table).splitlines())]
     if report.missing_term is not None and report.missing_term.candidates:
         lines += ["", f"Missing term at {report.missing_term.location}, closest simple laws"]
-        lines += [f"  {text}"[:width] for text in report.missing_term.candidates]
+        lines += [_cut(f"  {text}", width) for text in report.missing_term.candidates]
     if report.next_experiment is not None:
         lines += [
             "",
@@ -78,7 +109,12 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
         ]
     for note in report.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}", width)]
-    return "\n".join(lines)
+    return printable("\n".join(lines))
+
+
+def printable(text: str) -> str:
+    """Without control characters: a name in a file must not steer the terminal."""
+    return "".join(c if c == "\n" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def waterfall(report: GapReport) -> list[tuple[str, float]]:
@@ -94,171 +130,225 @@ def waterfall(report: GapReport) -> list[tuple[str, float]]:
     return [(label, float(value)) for label, value in rows if np.isfinite(value)]
 
 
+def _cut(line: str, width: int) -> str:
+    """A line of a table; one that is too long says so."""
+    return line if len(line) <= width else line[: width - 3] + "..."
+
+
 def html_page(report: GapReport) -> str:
-    """One page that needs nothing from outside; names are escaped."""
+    """One page that needs nothing from outside; names are escaped.
+
+    Parameters
+    ----------
+    report : GapReport
+
+    Returns
+    -------
+    str
+    """
     return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>Sim-to-real gap: {escape(report.verdict)}</title><style>{_STYLE}</style></head><body>{html_fragment(report)}</body></html>"
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>Sim-to-real gap: {escape(report.verdict)}</title></head>"
+        f'<body style="margin:0">{html_fragment(report)}</body></html>\n'
     )
 
 
 def html_fragment(report: GapReport) -> str:
-    """The body of the page."""
-    parts = [f'<h1><span class="verdict">{escape(report.verdict)}</span> {escape(report.sentence)}</h1>']
+    """The body of the page, with its style: for a notebook too.
+
+    Parameters
+    ----------
+    report : GapReport
+
+    Returns
+    -------
+    str
+    """
+    parts = [
+        f'<style>{_STYLE}</style><div class="skgap">',
+        f'<h1>Verdict: <span class="verdict">{escape(report.verdict)}</span></h1>',
+        f'<p class="lead">{escape(report.sentence)}</p>',
+    ]
     if not report.complete:
         parts.append("<p><strong>Interrupted:</strong> the page holds what was known by then.</p>")
     if report.effects:
-        rows = tuple(
-            {
-                "effect": e.name,
-                "at": e.location,
-                "in": e.variable,
-                "share of the gap": f"{100 * e.share:.1f} %",
-                "parameters, 90 % interval": "; ".join(
-                    f"{k} {v:.4g} [{e.intervals[k][0]:.4g}, {e.intervals[k][1]:.4g}]" for k, v in e.params.items()
-                ),
-                "probability": e.probability,
-                "cannot be told from": "; ".join(_key(k) for k in e.equivalents) or "-",
-            }
-            for e in report.effects
-        )
-        parts.append("<h2>What is missing</h2>" + _table(Table(rows)))
-        parts += [f"<p>{escape(e.why)}</p>" for e in report.effects if e.equivalents]
-    parts.append("<h2>How far the gap shrinks</h2>" + _bars(waterfall(report)))
-    parts += [_trace(trace, report.outputs) for trace in report.traces[:2]]
-    where = report.where
-    if where.location is not None:
+        parts.append("<h2>What is missing</h2>" + "".join(_effect(effect) for effect in report.effects))
+    parts += [_shrink(report), *_traces(report), *_where(report), *_missing(report)]
+    if report.next_experiment is not None:
+        parts.append(f"<h2>Next experiment</h2><p>{escape(report.next_experiment.sentence)}</p>")
+        parts.append(_table(report.next_experiment.options[:8]))
+    if len(report.retuned):
+        parts.append("<h2>Re-tuned parameters, 90 % intervals</h2>" + _table(report.retuned))
+    if len(report.ranking):
+        parts.append("<h2>All rivals</h2>" + _table(report.ranking[:25]))
         parts.append(
-            f"<h2>Where</h2><p>Most accused: {escape(str(where.kind))} <strong>{escape(where.location)}</strong>.</p>"
+            f'<p class="small">The first {min(25, len(report.ranking))} of {len(report.ranking)}, named ones in bold. '
+            "Evidence: gain in twice the log-likelihood over no effect; it must pass what is needed.</p>"
         )
+    notes = [escape(note) for note in report.notes]
+    if report.untestable:
+        notes.append(f"Could not be tested with this simulator: {escape(', '.join(report.untestable))}.")
+    if notes:
+        parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{note}</li>" for note in notes) + "</ul>")
+    if np.isfinite(report.seconds):
+        parts.append(
+            f'<p class="small">Diagnosed in {report.seconds:.1f} s. Times are in the unit of the sample time.</p>'
+        )
+    return "\n".join([*parts, "</div>"])
+
+
+def _effect(effect: EffectEstimate) -> str:
+    """One named effect, as lines that fit a phone."""
+    place = f" at {effect.location}" + (f", driven by {effect.variable}" if effect.variable else "")
+    params = "; ".join(
+        f"{name} = {value:.4g} [{effect.intervals[name][0]:.4g}, {effect.intervals[name][1]:.4g}]"
+        for name, value in effect.params.items()
+    )
+    out = [
+        f"<p><strong>{escape(effect.name.replace('_', ' '))}</strong>{escape(place)}</p>",
+        f"<p>{escape(params)} (90 %)</p>",
+        f"<p>{_percent(effect.share)} of the gap, probability {effect.probability:.3f}</p>",
+    ]
+    if effect.equivalents:
+        others = "; ".join(_key(key) for key in effect.equivalents)
+        out.append(f"<p>These data cannot tell it from: {escape(others)}. {escape(effect.why)}</p>")
+    return f'<div class="effect">{"".join(out)}</div>'
+
+
+def _shrink(report: GapReport) -> str:
+    """The waterfall with its sentence."""
+    rows = waterfall(report)
+    if not rows:
+        return ""
+    shrink, closed = report.shrink, ""
+    if np.isfinite(shrink.fraction):
+        low, high = (100 * end for end in shrink.interval)
+        closed = f" Closed: {100 * shrink.fraction:.1f} % of the gap above the noise [{low:.1f}, {high:.1f}]."
+    return (
+        f"<h2>How far the gap shrinks</h2><figure>{bars(rows)}<figcaption>Free-run RMSE on runs left out, each output "
+        f"over its standard deviation.{closed}</figcaption></figure>"
+    )
+
+
+def _traces(report: GapReport) -> list[str]:
+    """Two runs: every output of the first (four at most), the first output of the second."""
+    out = []
+    for trace, most in zip(report.traces[:2], (4, 1)):
+        for j in range(min(trace.measured.shape[1], most)):
+            out.append(_trace(trace, j, report.outputs[j] if j < len(report.outputs) else f"output {j}"))
+    return out
+
+
+def _trace(trace: Trace, j: int, name: str) -> str:
+    """A run: measured, simulator, simulator with the effects."""
+    measured, before, after = trace.measured[:, j], trace.before[:, j], trace.after[:, j]
+    low, high = limits([measured, before, after])
+    room = 0.6 * float(np.ptp(measured)) + 1e-12  # a simulator that runs away must not flatten the measurement
+    ylim = (max(low, float(measured.min()) - room), min(high, float(measured.max()) + room))
+    lines = [
+        Line("measured", trace.t, measured, GREY, width=4.0),
+        Line("simulator", trace.t, before, ORANGE, "6 4", 1.8),
+        Line("with the effects", trace.t, after, BLACK, width=1.3),
+    ]
+    label = escape(str(trace.label))
+    return (
+        f"<figure>{chart(lines, 'time', name, f'run {trace.label}, {name}', ylim=ylim)}"
+        f"<figcaption>Run {label}, left out of the fit: measured (thick grey), simulator (dashed), with the effects "
+        "(thin black).</figcaption></figure>"
+    )
+
+
+def _where(report: GapReport) -> list[str]:
+    """The place most accused and the tables."""
+    where, parts = report.where, ["<h2>Where</h2>"]
+    if where.location is not None:
+        parts.append(f"<p>Most accused: {escape(str(where.kind))} <strong>{escape(where.location)}</strong>.</p>")
     for title, table in (
-        ("By output", where.by_output),
+        ("By output (units of the output)", where.by_output),
         ("By location", where.by_location),
-        ("By region", where.by_region),
+        ("By region of the operating range", where.by_region),
         ("By time", where.by_time),
-        ("By frequency", where.by_frequency),
+        ("By frequency (cycles per unit of time)", where.by_frequency),
     ):
         if len(table):
             parts.append(f"<h3>{title}</h3>{_table(table)}")
+    return parts if len(parts) > 1 else []
+
+
+def _missing(report: GapReport) -> list[str]:
+    """The shape of the missing term."""
     term = report.missing_term
-    if term is not None and term.curves:
-        parts.append(
-            f"<h2>Shape of the missing term at {escape(term.location)}</h2>"
-            + "".join(_curve(c) for c in term.curves[:3])
-        )
-        parts.append("<ul>" + "".join(f"<li>{escape(text)}</li>" for text in term.candidates) + "</ul>")
-    if report.next_experiment is not None:
-        parts.append(
-            f"<h2>Next experiment</h2><p>{escape(report.next_experiment.sentence)}</p>{_table(report.next_experiment.options[:8])}"
-        )
-    if len(report.retuned):
-        parts.append("<h2>Re-tuned parameters</h2>" + _table(report.retuned))
-    parts.append("<h2>All rivals</h2>" + _table(report.ranking[:25]))
-    if report.notes or report.untestable:
-        parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{escape(note)}</li>" for note in report.notes))
-        if report.untestable:
-            parts.append(f"<li>Could not be tested with this simulator: {escape(', '.join(report.untestable))}.</li>")
-        parts.append("</ul>")
-    return "\n".join(parts)
-
-
-def _key(key: tuple[str, str, str | None]) -> str:
-    return f"{key[0]} at {key[1]}" + (f" in {key[2]}" if key[2] else "")
-
-
-def _table(table: Table) -> str:
-    """An HTML table."""
-    if not len(table):
-        return ""
-
-    def cell(value: object) -> str:
-        if isinstance(value, (bool, np.bool_)):
-            return f"<td>{'yes' if value else 'no'}</td>"
-        if isinstance(value, (int, float, np.floating)):
-            return f'<td class="n">{"-" if not np.isfinite(value) else format(value, ".4g")}</td>'
-        return f"<td>{'-' if value is None else escape(str(value))}</td>"
-
-    head = "".join(f"<th>{escape(name)}</th>" for name in table.columns)
-    body = "".join("<tr>" + "".join(cell(row[name]) for name in table.columns) + "</tr>" for row in table)
-    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def _bars(rows: list[tuple[str, float]]) -> str:
-    """The waterfall as bars with their numbers."""
-    if not rows:
-        return ""
-    longest = max(max(value for _, value in rows), 1e-300)
-    out = [f'<svg viewBox="0 0 640 {34 * len(rows) + 6}" role="img" aria-label="free-run error">']
-    for i, (label, value) in enumerate(rows):
-        y, size = 34 * i + 4, 340 * value / longest
-        out.append(f'<text x="170" y="{y + 18}" text-anchor="end" font-size="15">{escape(label)}</text>')
-        out.append(f'<rect x="180" y="{y}" width="{max(size, 1):.1f}" height="26" fill="{_BLUE}"/>')
-        out.append(f'<text x="{186 + size:.1f}" y="{y + 18}" font-size="15">{value:.3g}</text>')
-    return (
-        "<figure>"
-        + "".join(out)
-        + "</svg><figcaption>Free-run RMSE on runs left out, over the deviation of each output.</figcaption></figure>"
-    )
-
-
-def _polyline(
-    x: np.ndarray,
-    y: np.ndarray,
-    box: tuple[float, float, float, float],
-    colour: str,
-    dash: str = "",
-    width: float = 1.5,
-) -> str:
-    """A line within (x low, x high, y low, y high) on a 640 x 240 picture; at most 600 points."""
-    keep = np.isfinite(y)
-    keep[np.arange(len(y)) % max(1, len(y) // 600) != 0] = False
-    px = 60 + 560 * (x[keep] - box[0]) / max(box[1] - box[0], 1e-300)
-    py = 210 - 190 * (np.clip(y[keep], box[2], box[3]) - box[2]) / max(box[3] - box[2], 1e-300)
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px, py))
-    return (
-        f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{width}" stroke-dasharray="{dash}"/>'
-    )
-
-
-def _axes(box: tuple[float, float, float, float], xlabel: str, ylabel: str) -> str:
-    """Frame with the ends of both axes."""
-    return (
-        '<rect x="60" y="20" width="560" height="190" fill="none" stroke="#999"/>'
-        f'<text x="60" y="226" font-size="13">{box[0]:.4g}</text><text x="620" y="226" font-size="13" text-anchor="end">{box[1]:.4g}</text>'
-        f'<text x="340" y="234" font-size="13" text-anchor="middle">{escape(xlabel)}</text>'
-        f'<text x="55" y="210" font-size="13" text-anchor="end">{box[2]:.3g}</text><text x="55" y="30" font-size="13" text-anchor="end">{box[3]:.3g}</text>'
-        f'<text x="64" y="14" font-size="13">{escape(ylabel)}</text>'
-    )
-
-
-def _trace(trace: Trace, outputs: tuple[str, ...]) -> str:
-    """A run: measured, simulator, simulator with the effects."""
-    y = np.concatenate([trace.measured[:, 0], trace.before[:, 0][np.isfinite(trace.before[:, 0])]])
-    low, high = float(np.min(y)), float(np.max(y))
-    room = 0.5 * float(np.ptp(trace.measured[:, 0])) + 1e-12
-    low, high = max(low, float(trace.measured[:, 0].min()) - room), min(high, float(trace.measured[:, 0].max()) + room)
-    box = (float(trace.t[0]), float(trace.t[-1]), low, high)
-    lines = (
-        _polyline(trace.t, trace.measured[:, 0], box, _GREY, width=3.5)
-        + _polyline(trace.t, trace.before[:, 0], box, _ORANGE, "6 4")
-        + _polyline(trace.t, trace.after[:, 0], box, _BLACK)
-    )
-    name = outputs[0] if outputs else "output"
-    return (
-        f'<figure><svg viewBox="0 0 640 240" role="img" aria-label="run {escape(str(trace.label))}">{_axes(box, "time", name)}{lines}</svg>'
-        f"<figcaption>Run {escape(str(trace.label))}, left out of the fit: measured (thick grey), simulator (dashed), with the effects (thin black).</figcaption></figure>"
-    )
+    if term is None or not term.curves:
+        return []
+    out = [f"<h2>Shape of the missing term at {escape(term.location)}</h2>"]
+    out += [_curve(curve) for curve in term.curves[:3]]
+    if term.candidates:
+        out.append("<p>Closest simple laws:</p><ul>")
+        out += [f"<li><code>{escape(text)}</code></li>" for text in term.candidates] + ["</ul>"]
+    return out
 
 
 def _curve(curve: Curve) -> str:
     """The missing term against one variable, with its band."""
-    box = (float(curve.at.min()), float(curve.at.max()), float(curve.low.min()), float(curve.high.max()))
-    body = (
-        _polyline(curve.at, curve.value, box, _BLACK, width=2)
-        + _polyline(curve.at, curve.low, box, _BLUE, "3 3")
-        + _polyline(curve.at, curve.high, box, _BLUE, "3 3")
+    picture = chart(
+        [Line("mean", curve.at, curve.value, BLACK, width=2.0)],
+        curve.variable,
+        "missing term",
+        f"missing term against {curve.variable}",
+        band=(curve.at, curve.low, curve.high),
     )
     return (
-        f'<figure><svg viewBox="0 0 640 240" role="img">{_axes(box, curve.variable, "missing term")}{body}</svg>'
-        f"<figcaption>Against {escape(curve.variable)}: mean and 90 % band; explains {100 * max(curve.explained, 0):.0f} % on runs left out.</figcaption></figure>"
+        f"<figure>{picture}<figcaption>Against {escape(curve.variable)}: mean and 90 % band; explains "
+        f"{100 * max(curve.explained, 0):.0f} % on runs left out.</figcaption></figure>"
     )
+
+
+def _key(key: Sequence[str | None]) -> str:
+    return f"{key[0]} at {key[1]}" + (f" in {key[2]}" if key[2] else "")
+
+
+def _percent(value: float) -> str:
+    """A share as people read it."""
+    if not np.isfinite(value):
+        return "-"
+    return "< 0.1 %" if 0 < value < 0.001 else f"{100 * value:.1f} %"
+
+
+def _table(table: Table) -> str:
+    """An HTML table; numbers to the right, shares in per cent."""
+    if not len(table):
+        return ""
+    numeric = {
+        name: any(isinstance(row[name], (int, float, np.number)) and not isinstance(row[name], bool) for row in table)
+        for name in table.columns
+    }
+    head = "".join(
+        f"<th{' class=n' if numeric[name] else ''}>{escape(_HEADS.get(name, name))}</th>" for name in table.columns
+    )
+    body = "".join(_row(row, table.columns) for row in table)
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _row(row: Mapping[str, object], columns: Sequence[str]) -> str:
+    """One line of a table."""
+    cells = []
+    for name in columns:
+        value = row[name]
+        if isinstance(value, (bool, np.bool_)):
+            cells.append(f"<td>{'yes' if value else 'no'}</td>")
+        elif isinstance(value, (int, float, np.number)):
+            number = float(value)
+            text = _percent(number) if name in _SHARES else _plain(number)
+            cells.append(f"<td class=n>{text}</td>")
+        else:
+            cells.append(f"<td>{'-' if value is None else escape(str(value))}</td>")
+    kind = ' class="named"' if row.get("named") in (True, np.True_) else ""
+    return f"<tr{kind}>{''.join(cells)}</tr>"
+
+
+def _plain(value: float) -> str:
+    """A number; a dash where there is none, 0 for what underflowed."""
+    if np.isnan(value):
+        return "-"
+    return format(0.0 if abs(value) < 1e-200 else value, ".4g")
