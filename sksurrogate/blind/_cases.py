@@ -1,0 +1,224 @@
+"""A case: a plant, what is wrong with its simulator, the experiments; drawn from entropy."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.blind._choose import Setting, as_truth, choose, disturbance, fine, make_setting, sized
+from sksurrogate.blind._excite import coloured, initial_states, inputs
+from sksurrogate.blind._march import Course, march
+from sksurrogate.blind._plants import PLANTS, PlantSpec
+from sksurrogate.blind._truths import KINDS, Truth, remaining
+from sksurrogate.exceptions import SurrogateError
+
+__all__ = ["ARMS", "Case", "Question", "draw"]
+
+#: Arm -> (what it asks, the right verdict).
+ARMS: dict[str, tuple[str, str]] = {
+    "effect": ("one effect", "explained"),
+    "two": ("two effects", "explained"),
+    "weak": ("one effect about as large as the noise", "either"),
+    "detuned": ("one effect, all parameters off by up to 8 % and free", "explained"),
+    "effect_disturbed": ("one effect, coloured disturbance of 1 %", "explained"),
+    "region": ("an effect in one region only", "explained"),
+    "time": ("an effect from some time on", "explained"),
+    "outside": ("the effect and its twins deleted from the catalogue", "unknown"),
+    "novel": ("an effect that no catalogue holds", "unknown"),
+    "none": ("no effect", "none"),
+    "disturbed": ("no effect, coloured disturbance of 1.5 %", "none"),
+    "coloured": ("no effect, coloured sensor noise of 1.5 %", "none"),
+    "unexcited": ("an effect that these data never reach", "none"),
+}
+
+#: Attempts at a drawing.
+ATTEMPTS = 60
+
+
+@dataclass(frozen=True)
+class Question:
+    """All that a diagnosis gets.
+
+    Attributes
+    ----------
+    simulator : ODESimulator
+        Nominal, perhaps badly tuned.
+    X, y, groups : ndarray
+        Recorded runs, stacked.
+    free_params : tuple of str or "all"
+    effects : list of str or None
+        What is left of the catalogue; None for all of it.
+    X_test : ndarray (n_runs, n_samples, n_inputs)
+        Inputs of runs that nobody fits, to be predicted.
+    x0_test : ndarray (n_runs, n_states)
+    """
+
+    simulator: Any
+    X: np.ndarray
+    y: np.ndarray
+    groups: np.ndarray
+    free_params: Any
+    effects: list[str] | None
+    X_test: np.ndarray
+    x0_test: np.ndarray
+
+
+@dataclass(frozen=True)
+class Case:
+    """A question with its answer.
+
+    Attributes
+    ----------
+    arm : str
+    question : Question
+    truths : tuple of Truth
+    facts : dict
+        Plain data: plant, excitation, noise, gap and so on.
+    y_test : ndarray (n_runs, n_samples, n_outputs)
+        True outputs of the test runs, without noise.
+    scale : ndarray (n_outputs,)
+        Standard deviation of each output.
+    states : ndarray (n_rows, n_states)
+        True states of the recorded rows.
+    plant : PlantSpec
+    noise : ndarray (n_outputs,)
+        Standard deviation of the white sensor noise.
+    starts : ndarray (n_runs, n_states)
+        True initial states of the recorded runs.
+    """
+
+    arm: str
+    question: Question
+    truths: tuple[Truth, ...]
+    facts: dict[str, Any]
+    y_test: np.ndarray
+    scale: np.ndarray
+    states: np.ndarray
+    plant: PlantSpec
+    noise: np.ndarray
+    starts: np.ndarray
+
+
+def draw(arm: str, entropy: int | None = None, *, plant: PlantSpec | None = None, runs: Any = None) -> Case:
+    """Draw a case.
+
+    Parameters
+    ----------
+    arm : str
+        One of :data:`ARMS`.
+    entropy : int, optional
+        Seed of everything; fresh by default.
+    plant : PlantSpec, optional
+        Default: drawn too.
+    runs : list of ndarray (n_samples, n_inputs), optional
+        Recorded inputs to be used as they are, for a plant of the user's own.
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    SurrogateError
+        The arm is unknown, or no effect can be shown on this plant.
+
+    Examples
+    --------
+    >>> case = draw("none", 1)
+    >>> case.truths, case.question.X.shape[0] == case.question.y.shape[0]
+    ((), True)
+    """
+    if arm not in ARMS:
+        raise SurrogateError(f"arms: {arm!r} is unknown; use one or several of {list(ARMS)}.")
+    seed = int(np.random.SeedSequence().entropy) if entropy is None else int(entropy)  # type: ignore[arg-type]
+    rng = np.random.default_rng([seed, zlib.crc32(arm.encode())])
+    for _ in range(ATTEMPTS):
+        case = _attempt(rng, arm, seed, plant, runs)
+        if case is not None:
+            return case
+    raise SurrogateError(f"arms: no case of {arm!r} could be drawn for {plant.name if plant else 'any plant'!r}.")
+
+
+def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | None, runs: Any) -> Case | None:
+    """One try; None where the effect does not fit the plant or cannot be made large enough."""
+    plant = given or PLANTS[str(rng.choice(list(PLANTS)))]
+    setting = make_setting(rng, plant, runs, arm)
+    if setting is None:
+        return None
+    truths = choose(rng, arm, setting)
+    if truths is None:
+        return None
+    gap = np.nan
+    if truths and arm != "unexcited":
+        low, high = (0.4, 1.5) if arm == "weak" else (5.0, 50.0)
+        target = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+        sized = [sized(setting, *one, target, low) for one in truths]
+        if any(one is None for one in sized):
+            return None
+        effects = [one for one in sized if one is not None]
+    else:
+        effects = [as_truth(*one, 0.0) for one in truths]
+    if arm in ("disturbed", "effect_disturbed"):
+        setting.force = disturbance(rng, setting, 0.015 if arm == "disturbed" else 0.01)
+    course = march(
+        plant, setting.U, setting.X0, effects, force=setting.force, policy=setting.controller, substeps=fine(effects)
+    )
+    nominal = setting.nominal
+    if setting.controller is not None:
+        nominal = march(plant, course.inputs, setting.X0, substeps=8)
+    read = setting.read
+    error = (course.outputs - nominal.outputs)[..., read] / (setting.noise * setting.scale[read])
+    gap = float(np.sqrt(np.mean(error**2)))
+    if not np.isfinite(course.outputs).all() or np.abs(course.outputs).max() > 20 * np.abs(nominal.outputs).max() + 1.0:
+        return None
+    if arm == "unexcited" and gap > 0.02:
+        return None
+    return _case(rng, arm, seed, setting, tuple(effects), course, gap)
+
+
+def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truths: tuple[Truth, ...], course: Course,
+          gap: float) -> Case | None:  # fmt: skip
+    """Noise, the test runs, the question and its answer."""
+    plant, read = setting.plant, setting.read
+    n_runs, n_samples, _ = setting.U.shape
+    clean = course.outputs[..., read]
+    noise = setting.noise * setting.scale[read]
+    y = clean + noise * rng.normal(size=clean.shape)
+    if setting.controller is not None and 0 in read:  # the controller read this very noise
+        y[..., read.index(0)] = clean[..., read.index(0)] + setting.controller.noise
+    if arm == "coloured":
+        y = y + 0.015 * setting.scale[read] * coloured(rng, y.shape, float(rng.uniform(5, 20)))
+    params = dict(plant.params)
+    if arm == "detuned":
+        params = {name: value * (1 + rng.uniform(-0.08, 0.08)) for name, value in params.items()}
+    test_kind = "steps" if setting.excitation in ("closed_loop", "recorded") else setting.excitation
+    X_test = (
+        inputs(rng, plant, test_kind, 2, min(n_samples, 300)) if setting.excitation != "recorded" else setting.U[:2]
+    )
+    x0_test = initial_states(rng, plant, len(X_test))
+    for truth in truths:
+        if KINDS.get(truth.name) is not None and KINDS[truth.name].place == "limit":
+            i = plant.states.index(truth.location)
+            x0_test[:, i] = np.minimum(x0_test[:, i], truth.params["limit"])
+    test = march(plant, X_test, x0_test, truths, substeps=12).outputs[..., read]
+    if not np.isfinite(test).all():
+        return None
+    counting = plant.simulator(params, setting.outputs, counting=True)
+    question = Question(
+        counting, course.inputs.reshape(n_runs * n_samples, -1), y.reshape(n_runs * n_samples, -1),
+        np.repeat(np.arange(n_runs), n_samples), "all" if arm == "detuned" else (),
+        remaining([truth.name for truth in truths]) if arm == "outside" else None, X_test, x0_test,
+    )  # fmt: skip
+    facts = {
+        "arm": arm, "seed": seed, "plant": plant.name, "domain": plant.domain, "excitation": setting.excitation,
+        "sensors": "all" if len(read) == len(plant.outputs) else "few", "noise": setting.noise, "n_runs": n_runs,
+        "n_samples": n_samples, "repeats": setting.repeats, "gap_over_noise": gap,
+        "truths": [truth.to_dict() for truth in truths],
+    }  # fmt: skip
+    states = course.states.reshape(n_runs * n_samples, -1)
+    return Case(
+        arm, question, truths, facts, test, setting.scale[read], states, plant, noise, course.states[:, 0].copy()
+    )
