@@ -155,10 +155,10 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
     if truths and arm != "unexcited":
         low, high = (0.4, 1.5) if arm == "weak" else (5.0, 50.0)
         target = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        sized = [sized(setting, *one, target, low) for one in truths]
-        if any(one is None for one in sized):
+        tried = [sized(setting, *one, target, low) for one in truths]
+        if any(one is None for one in tried):
             return None
-        effects = [one for one in sized if one is not None]
+        effects = [one for one in tried if one is not None]
     else:
         effects = [as_truth(*one, 0.0) for one in truths]
     if arm in ("disturbed", "effect_disturbed"):
