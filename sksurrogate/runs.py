@@ -339,7 +339,7 @@ def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None
         row, column = (int(i) for i in np.argwhere(bad)[0])
         what = "NaN" if np.isnan(values[row, column]) else "infinity"
         where = f"column {columns[column]!r}" if columns else f"column {column}"
-        of_run = "" if labels is None else f" (run {labels[row]!r})"
+        of_run = "" if labels is None else f" (run {labels[row : row + 1].tolist()[0]!r})"
         raise DataError(
             f"Input {name} contains {what}: row {row}, {where}{of_run}; {int(bad.sum())} values in all. "
             "Remove or interpolate them first (sksurrogate.features.Interpolator does so within a run)."

@@ -14,7 +14,7 @@ __all__ = ["BLACK", "BLUE", "GREY", "ORANGE", "Line", "bars", "chart"]
 BLACK, BLUE, ORANGE, GREY = "#000000", "#0072b2", "#d55e00", "#8a8a8a"
 
 #: The picture in its own units; letters of 14 are about 11 px on a phone.
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM, _FONT = 480, 270, 58, 12, 40, 46, 14
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM, _FONT = 480, 270, 58, 22, 40, 46, 14
 
 _LARGEST = 600  #: points a line is thinned to
 

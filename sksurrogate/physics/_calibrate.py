@@ -14,6 +14,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.metrics import r2_score
 from sklearn.utils.validation import check_is_fitted
 
+from sksurrogate._columns import by_name
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.integrate import close
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
@@ -138,6 +139,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         DataError
             X or y do not keep the data convention.
         """
+        if y is None:
+            raise DataError("y is missing: the calibration fits the simulator to measured outputs; give fit(X, y).")
         runs = self._resolve(X, y, groups)
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
         names = self._names(plant)
@@ -211,8 +214,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _resolve(self, X: Any, y: Any, groups: Any) -> Runs:
         return resolve_runs(
-            X,
-            y,
+            by_name(X, getattr(self.simulator, "inputs", None), self.run),
+            by_name(y, getattr(self.simulator, "outputs", None)),
             groups=groups,
             run=self.run,
             dt=getattr(self.simulator, "dt", None),
@@ -298,7 +301,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         null = Vt[weak]
         loose = np.sqrt(np.sum(null**2, axis=0)) > 1e-3 if len(null) else np.zeros(k, bool)
         safe = np.where(weak, np.inf, s)
-        covariance = (Vt.T / safe**2) @ Vt * np.outer(unit, unit)
+        covariance = (Vt.T / safe) @ (Vt.T / safe).T * np.outer(unit, unit)
         width = float(norm.ppf(0.5 + self.confidence / 2)) * np.sqrt(np.diag(covariance))
         width = np.where(loose, np.inf, width)
         self.covariance_ = np.full_like(covariance, np.nan) if weak.any() else covariance
