@@ -1,49 +1,149 @@
-"""Regressors that are networks or linear models, read as plain arrays and written back."""
+"""Regressors that are networks or affine models, read as plain arrays and written back."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sksurrogate.kernels.rollout import Net
+from sksurrogate.kernels.net import Net
 
-__all__ = ["describe_network", "write_network"]
+__all__ = ["agrees", "describe_network", "write_network"]
 
-#: Linear models whose ``coef_`` and ``intercept_`` are the whole prediction.
-_LINEAR = ("LinearRegression", "Ridge", "RidgeCV", "Lasso", "LassoCV", "ElasticNet", "ElasticNetCV")
+#: Activations that the kernels know.
+_KNOWN = ("identity", "tanh", "logistic", "relu")
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """An estimator taken apart: ``y = model(phi @ matrix + offset) * y_scale + y_mean``."""
+
+    model: Any
+    matrix: np.ndarray | None
+    offset: np.ndarray | float
+    y_scale: np.ndarray | float = 1.0
+    y_mean: np.ndarray | float = 0.0
 
 
 def describe_network(estimator: Any) -> Net | None:
-    """The fitted regressor as a network, or None where it is something else."""
-    steps = list(getattr(estimator, "steps", None) or [("model", estimator)])
-    scalers, model = [step for _, step in steps[:-1]], steps[-1][1]
-    if len(scalers) > 1 or any(type(scaler).__name__ != "StandardScaler" for scaler in scalers):
+    """The fitted regressor as a network on raw features, or None where it is something else.
+
+    ``MLPRegressor``, ``FNNRegressor`` and models with ``coef_`` and ``intercept_``, also behind affine transformers of
+    features (scalers, ``PCA``) in a pipeline or of the target (``TransformedTargetRegressor`` with a ``StandardScaler``).
+    """
+    parts = _take_apart(estimator)
+    found = None if parts is None else _layers(parts.model)
+    if parts is None or found is None:
         return None
-    kind = type(model).__name__
-    if kind == "MLPRegressor" and type(model).__module__.startswith("sklearn."):
-        weights, biases, activation = tuple(model.coefs_), tuple(model.intercepts_), model.activation
-    elif kind in _LINEAR and type(model).__module__.startswith("sklearn."):
-        coef = np.atleast_2d(model.coef_)
-        bias = np.broadcast_to(np.atleast_1d(model.intercept_), (len(coef),)).astype(float)
-        weights, biases, activation = (np.ascontiguousarray(coef.T),), (bias,), "identity"
-    else:
+    weights, biases, activations = found
+    if parts.matrix is not None and np.ndim(parts.matrix) == 2 and parts.matrix.shape[1] != len(weights[0]):
         return None
+    biases[0] = biases[0] + np.broadcast_to(parts.offset, len(weights[0])) @ weights[0]
+    if parts.matrix is not None:
+        weights[0] = parts.matrix @ weights[0] if parts.matrix.ndim == 2 else parts.matrix[:, None] * weights[0]
+    weights[-1], biases[-1] = weights[-1] * parts.y_scale, biases[-1] * parts.y_scale + parts.y_mean
     n = len(weights[0])
-    mean, scale = np.zeros(n), np.ones(n)
-    if scalers:
-        mean = mean if scalers[0].mean_ is None else scalers[0].mean_
-        scale = scale if scalers[0].scale_ is None else scalers[0].scale_
-    return Net(weights, biases, activation, mean, scale)
+    return Net(tuple(weights), tuple(biases), activations, np.zeros(n), np.ones(n))
 
 
-def write_network(estimator: Any, net: Net) -> None:
-    """Put the weights of a network back into the regressor that :func:`describe_network` read."""
-    steps = list(getattr(estimator, "steps", None) or [("model", estimator)])
-    model = steps[-1][1]
+def write_network(estimator: Any, net: Net) -> bool:
+    """Put a network on scaled features into the regressor that :func:`describe_network` read; False where it cannot."""
+    parts = _take_apart(estimator)
+    if parts is None or (parts.matrix is not None and parts.matrix.ndim == 2):
+        return False
+    weights, biases = list(net.weights), list(net.biases)
+    weights[0] = weights[0] / net.scale[:, None]
+    biases[0] = biases[0] - net.mean @ weights[0]
+    weights[0] = weights[0] / (1.0 if parts.matrix is None else parts.matrix[:, None])
+    biases[0] = biases[0] - np.broadcast_to(parts.offset, len(weights[0])) @ weights[0]
+    weights[-1], biases[-1] = weights[-1] / parts.y_scale, (biases[-1] - parts.y_mean) / parts.y_scale
+    model = parts.model
     if hasattr(model, "coefs_"):
-        model.coefs_, model.intercepts_ = [w.copy() for w in net.weights], [b.copy() for b in net.biases]
-        return
+        model.coefs_ = [w.astype(old.dtype) for w, old in zip(weights, model.coefs_)]
+        model.intercepts_ = [b.astype(old.dtype) for b, old in zip(biases, model.intercepts_)]
+        return True
     flat = np.ndim(model.coef_) == 1
-    model.coef_ = net.weights[0][:, 0].copy() if flat else net.weights[0].T.copy()
-    model.intercept_ = float(net.biases[0][0]) if flat else net.biases[0].copy()
+    model.coef_ = weights[0][:, 0].copy() if flat else weights[0].T.copy()
+    model.intercept_ = float(biases[0][0]) if flat else biases[0].copy()
+    return True
+
+
+def agrees(net: Net, estimator: Any, phi: np.ndarray) -> bool:
+    """Whether the network is what the regressor predicts."""
+    wanted = np.asarray(estimator.predict(phi), dtype=float).reshape(len(phi), -1)
+    found = net(phi)
+    return found.shape == wanted.shape and bool(np.allclose(found, wanted, rtol=1e-5, atol=1e-7 * np.ptp(wanted)))
+
+
+def _take_apart(estimator: Any) -> _Parts | None:
+    """The model inside, with the affine maps around it."""
+    y_scale: Any = 1.0
+    y_mean: Any = 0.0
+    if type(estimator).__name__ == "TransformedTargetRegressor":
+        scaler = estimator.transformer_
+        if type(scaler).__name__ != "StandardScaler":
+            return None
+        y_scale = 1.0 if scaler.scale_ is None else scaler.scale_
+        y_mean = 0.0 if scaler.mean_ is None else scaler.mean_
+        estimator = estimator.regressor_
+    steps = list(getattr(estimator, "steps", None) or [("model", estimator)])
+    matrix: Any = None
+    offset: Any = 0.0
+    for _, step in steps[:-1]:
+        if step is None or step == "passthrough":
+            continue
+        affine = _affine(step)
+        if affine is None:
+            return None
+        # (phi M + o) A + c, where M and A are matrices or diagonals
+        A, c = affine
+        offset = (offset @ A if np.ndim(offset) else np.broadcast_to(offset, len(A)) @ A) if A.ndim == 2 else offset * A
+        offset = offset + c
+        matrix = A if matrix is None else _product(matrix, A)
+    return _Parts(steps[-1][1], matrix, offset, y_scale, y_mean)
+
+
+def _product(M: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """Product of two maps, each a matrix or a diagonal."""
+    if M.ndim == 1:
+        return M * A if A.ndim == 1 else M[:, None] * A
+    return M * A if A.ndim == 1 else M @ A
+
+
+def _affine(step: Any) -> tuple[np.ndarray, np.ndarray | float] | None:
+    """A fitted scikit-learn transformer as ``x @ A + c`` (A a matrix, or the diagonal of one)."""
+    if not type(step).__module__.startswith("sklearn."):
+        return None
+    kind, n = type(step).__name__, getattr(step, "n_features_in_", 0)
+    if kind in ("StandardScaler", "RobustScaler"):
+        mean = step.mean_ if kind == "StandardScaler" else step.center_
+        scale = np.ones(n) if step.scale_ is None else np.asarray(step.scale_)
+        return 1.0 / scale, (0.0 if mean is None else -np.asarray(mean) / scale)
+    if kind == "MaxAbsScaler":
+        return 1.0 / step.scale_, 0.0
+    if kind == "MinMaxScaler" and not step.clip:
+        return np.asarray(step.scale_), np.asarray(step.min_)
+    if kind == "PCA":
+        A = step.components_.T / (np.sqrt(step.explained_variance_) if step.whiten else 1.0)
+        return A, -step.mean_ @ A
+    return None
+
+
+def _layers(model: Any) -> tuple[list[np.ndarray], list[np.ndarray], tuple[str, ...]] | None:
+    """Weights, biases and hidden activations of a network or linear model."""
+    if hasattr(model, "coefs_") and hasattr(model, "intercepts_"):
+        weights = [np.asarray(w, dtype=float) for w in model.coefs_]
+        last = getattr(model, "out_activation_", "identity")  # MLPRegressor; FNNRegressor names every layer's
+        every = getattr(model, "activations_", None) or (*(model.activation,) * (len(weights) - 1), last)
+        kinds = tuple(every[:-1])
+        if len(every) != len(weights) or every[-1] != "identity" or not all(kind in _KNOWN for kind in kinds):
+            return None
+        return weights, [np.asarray(b, dtype=float) for b in model.intercepts_], kinds
+    if not hasattr(model, "coef_") or not hasattr(model, "intercept_"):
+        return None
+    coef = np.atleast_2d(np.asarray(model.coef_, dtype=float))
+    if coef.ndim != 2 or hasattr(model, "dual_coef_"):
+        return None
+    bias = np.broadcast_to(np.atleast_1d(model.intercept_), (len(coef),)).astype(float)
+    return [np.ascontiguousarray(coef.T)], [bias], ()

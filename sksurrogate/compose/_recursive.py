@@ -2,43 +2,64 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin, clone
-from sklearn.metrics import r2_score
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
+from sklearn.base import BaseEstimator, _fit_context, clone
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate.compose._network import describe_network, write_network
-from sksurrogate.exceptions import DataError, SimulationDiverged
+from sksurrogate._dynamic import FreeRunMixin, lengthened
+from sksurrogate.compose._free_fit import shoot
+from sksurrogate.compose._lagged import barely_fitted, diverged, name_features
+from sksurrogate.compose._network import agrees, describe_network, write_network
+from sksurrogate.compose._stability import StabilityReport, growth_along
+from sksurrogate.exceptions import DataError, RunError, SimulationDiverged
 from sksurrogate.features._lag import lag_columns, lag_list
-from sksurrogate.kernels.rollout import fit_free_run, free_run, march
-from sksurrogate.runs import Run, Runs, resolve_runs
+from sksurrogate.kernels.net import LagNet
+from sksurrogate.kernels.rollout import free_run, march
+from sksurrogate.runs import Run, Runs
 
 __all__ = ["RecursivePredictor"]
 
-#: A free run further than this many spreads from the training mean has diverged.
-FAR = 1e6
+#: Rows in a block of one-step predictions.
+BLOCK = 65536
 
 
-class RecursivePredictor(RegressorMixin, BaseEstimator):
+class RecursivePredictor(FreeRunMixin, BaseEstimator):
     """``y[t] = f(y[t-1], ..., y[t-ny], u[t], ..., u[t-nu])`` around any regressor f.
 
     Parameters
     ----------
     estimator : regressor
         Learns f; features are past outputs (lag by lag), then inputs (column by column).
-    input_lags : int or list of int, default=1
-        An int n means 0, 1, ..., n; ``[1]`` keeps the current input out.
+    input_lags : int, list of int, or dict of column -> int or list, default=1
+        An int n means 0, 1, ..., n; ``[1]`` keeps the current input out. A dict (by name for frames, else by position)
+        leaves out columns it does not name.
     output_lags : int or list of int, default=1
         An int n means 1, ..., n.
     loss : {"one_step", "shooting"}, default="one_step"
-        Prediction error, or the error of the free run (simulation error) by Levenberg-Marquardt with exact
-        sensitivities, begun at the one-step fit. Shooting needs a network or linear model (see Notes).
+        Prediction error, or the error of the free run (simulation error) by Adam, then Levenberg-Marquardt with exact
+        sensitivities. Shooting needs a network or linear model (see Notes); of a network only shape and seed are used.
     horizon : int, optional
         Steps of a free run in the shooting loss before it starts again from measured outputs; None: whole runs.
     init : {"mean", "steady"} or array (n_initial, n_outputs), default="mean"
         First rows where ``predict`` gets no ``y0``: mean of the training outputs, or the model's rest at the first input.
+    alpha : float, optional
+        Penalty of the shooting loss ``sum e^2 + alpha * sum w^2``, with errors, features and so weights in units of the
+        training data's spread; None: 0.01 for networks, 0 for linear models. Choose it by runs left out.
+    stability : float, default=0
+        Weight of a second demand of the shooting loss: free runs that begin one spread off must be back on the data in
+        the second half of the run (or horizon), so that the model forgets where it began.
+    n_starts : int, default=1
+        Starts of the shooting fit of a network, of which the best is kept.
+    random_state : int, RandomState or None
+        Of the starts.
     run : None, column name, int or "index"
         Where X says which run a row belongs to; ``groups`` wins.
 
@@ -49,14 +70,21 @@ class RecursivePredictor(RegressorMixin, BaseEstimator):
         Rows of ``y0``: the longest lag.
     one_step_rmse_, free_run_rmse_ : float
         On the training runs; the second is inf where a training run diverges.
+    shooting_loss_ : float
+        With ``loss="shooting"``.
+    compiled_ : bool
+        Whether the regressor is run as plain arrays (see Notes).
+    feature_names_ : list of str
+        Names of the regressor's features, such as ``y_lag1`` and ``u_lag0``.
     n_features_in_ : int
 
     Notes
     -----
-    ``MLPRegressor``, ``LinearRegression`` and ``Ridge``, also behind a ``StandardScaler``, are run as plain arrays: a few
-    long runs by Newton over time, many runs abreast. Any other regressor is called once a step for all runs together.
-    The penalty ``alpha`` of the estimator is kept in the shooting loss. A network's shooting fit can end in a poor minimum:
-    compare ``free_run_rmse_`` over a few values of its ``random_state``.
+    ``MLPRegressor``, ``FNNRegressor`` and linear models (all that have ``coef_`` and ``intercept_``, ``PCRRegressor``
+    too), also behind scalers or ``PCA`` in a pipeline or with a scaled target, are run as plain arrays: long runs in
+    pieces abreast, many runs abreast, short ones as plain numbers. Any other regressor is called once a step for all
+    runs together. Equal one-step errors hide free-run errors of very different size: select on ``score`` or
+    ``free_run_rmse_``.
 
     References
     ----------
@@ -77,6 +105,20 @@ class RecursivePredictor(RegressorMixin, BaseEstimator):
     __metadata_request__predict = {"groups": True, "y0": True}
     __metadata_request__score = {"groups": True}
 
+    _parameter_constraints: dict = {
+        "estimator": [HasMethods(["fit", "predict"])],
+        "input_lags": [Interval(Integral, 0, None, closed="left"), "array-like", dict],
+        "output_lags": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        "loss": [StrOptions({"one_step", "shooting"})],
+        "horizon": [Interval(Integral, 1, None, closed="left"), None],
+        "init": [StrOptions({"mean", "steady"}), "array-like"],
+        "alpha": [Interval(Real, 0, None, closed="left"), None],
+        "stability": [Interval(Real, 0, None, closed="left")],
+        "n_starts": [Interval(Integral, 1, None, closed="left")],
+        "random_state": ["random_state"],
+        "run": [None, str, Integral],
+    }
+
     def __init__(
         self,
         estimator: Any,
@@ -86,6 +128,10 @@ class RecursivePredictor(RegressorMixin, BaseEstimator):
         loss: str = "one_step",
         horizon: int | None = None,
         init: Any = "mean",
+        alpha: float | None = None,
+        stability: float = 0.0,
+        n_starts: int = 1,
+        random_state: Any = None,
         run: Any = None,
     ):
         self.estimator = estimator
@@ -94,16 +140,15 @@ class RecursivePredictor(RegressorMixin, BaseEstimator):
         self.loss = loss
         self.horizon = horizon
         self.init = init
+        self.alpha = alpha
+        self.stability = stability
+        self.n_starts = n_starts
+        self.random_state = random_state
         self.run = run
 
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.target_tags.multi_output = True
-        tags.regressor_tags.poor_score = True  # a free run of unordered rows has nothing to follow
-        return tags
-
+    @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None) -> RecursivePredictor:
-        """Fit f one step ahead, then, with ``loss="shooting"``, on the free run.
+        """Fit f one step ahead or, with ``loss="shooting"``, on the free run.
 
         Parameters
         ----------
@@ -115,32 +160,33 @@ class RecursivePredictor(RegressorMixin, BaseEstimator):
         -------
         self
         """
-        if self.loss not in ("one_step", "shooting"):
-            raise ValueError(f'loss={self.loss!r} must be "one_step" or "shooting".')
-        if self.horizon is not None and self.horizon < 1:
-            raise ValueError(f"horizon={self.horizon!r} must be a positive number of steps, or None for whole runs.")
         self.output_lags_ = lag_list(self.output_lags, 1, "output_lags")
-        self.input_lags_ = lag_list(self.input_lags, 0, "input_lags")
         if not self.output_lags_:
-            raise ValueError(f"output_lags={self.output_lags!r}: at least one past output is needed to run freely.")
-        self.n_initial_ = max([*self.output_lags_, *self.input_lags_])
-        if y is None:
-            raise ValueError("RecursivePredictor requires y to be passed, but the target y is None.")
-        runs = self._resolve(X, y, groups, reset=True, min_rows=self.n_initial_ + 1)
-        self.y_is_1d_ = runs.y_is_1d
-        outputs = np.concatenate([run.y for run in runs])
-        self.y_mean_, self.y_spread_ = outputs.mean(axis=0), outputs.std(axis=0) + 1e-12
-        n = self.n_initial_
-        Phi = np.concatenate([self._features(run)[n:] for run in runs])
-        target = np.concatenate([run.y[n:] for run in runs])
-        self.estimator_ = clone(self.estimator).fit(Phi, target if target.shape[1] > 1 else target[:, 0])
+            raise DataError(f"output_lags={self.output_lags!r}: at least one past output is needed to run freely.")
+        runs = self._resolve(X, y, groups, reset=True)
+        self.input_terms_, self.feature_names_ = name_features(runs, self.output_lags_, self.input_lags)
+        n = self.n_initial_ = max([*self.output_lags_, *(lag for _, lag in self.input_terms_)])
+        short = next((run for run in runs if len(run) <= n), None)
+        if short is not None:
+            label = "the data have" if short.label is None else f"run {short.label!r} has"
+            raise RunError(
+                f"{label} {len(short)} rows (n_samples={len(short)}), but the longest lag {n} needs {n + 1}: give longer "
+                "runs or lower input_lags or output_lags."
+            )
+        Phi, target = self._embedded(runs)
         if self.loss == "shooting":
-            self._shoot(runs)
-        error = self._step(Phi) - target
-        self.one_step_rmse_ = float(np.sqrt(np.mean(error**2)))
+            self._shoot(runs, Phi, target)
+        else:
+            self.estimator_ = clone(self.estimator).fit(Phi, target)
+        self.compiled_ = self._compiles(Phi)
+        target = target.reshape(len(target), -1)
+        blocks = range(0, len(Phi), BLOCK)
+        total = sum(float(((self._step(Phi[k : k + BLOCK]) - target[k : k + BLOCK]) ** 2).sum()) for k in blocks)
+        self.one_step_rmse_ = float(np.sqrt(total / target.size))
+        del Phi
         free, bad = self._run_free([run.X for run in runs], [run.y[:n] for run in runs])
-        errors = np.concatenate([f[n:] - run.y[n:] for f, run in zip(free, runs)])
-        self.free_run_rmse_ = float("inf") if bad else float(np.sqrt(np.mean(errors**2)))
+        total = sum(float(((f[n:] - run.y[n:]) ** 2).sum()) for f, run in zip(free, runs)) if not bad else np.inf
+        self.free_run_rmse_ = float(np.sqrt(total / target.size))
         return self
 
     def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
@@ -214,159 +260,137 @@ class RecursivePredictor(RegressorMixin, BaseEstimator):
         n, parts = self.n_initial_, []
         for run in runs:
             part = np.full(run.y.shape, np.nan)
-            count = len(run) - n - k + 1
-            if count > 0:
-                known = self._known(run.X)[n:]
-                windows = np.stack([known[j : j + count] for j in range(k)])
-                first = np.stack([run.y[j : j + count] for j in range(n)])
-                padded = np.concatenate([np.zeros((n, *windows.shape[1:])), windows])
-                part[n + k - 1 :] = self._roll(padded, first)[-1]
+            for start in range(0, len(run) - n - k + 1, BLOCK):
+                begins = np.arange(start, min(start + BLOCK, len(run) - n - k + 1))[:, None]
+                found = self._roll(run.X[begins + np.arange(n + k)], run.y[begins + np.arange(n)])
+                part[begins[:, 0] + n + k - 1] = found[:, -1]
             parts.append(part)
         return self._shaped(runs, parts)
 
-    def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """R2 of the free run from the first rows of every run, those rows left out.
+    def embed(self, X: Any, y: Any, groups: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """The regression of section 2.6, Eq. (7): rows with whole history, run after run.
 
         Parameters
         ----------
         X : array-like (n_samples, n_inputs)
         y : array-like (n_samples,) or (n_samples, n_outputs)
-        sample_weight : array-like (n_samples,), optional
         groups : array-like (n_samples,), optional
 
         Returns
         -------
-        float
+        Phi : ndarray (n_rows, n_features)
+            Columns are ``feature_names_``; the first row of a run is that of target ``y[n_initial_]``.
+        target : ndarray (n_rows,) or (n_rows, n_outputs)
         """
         check_is_fitted(self, "estimator_")
-        n = self.n_initial_
-        runs = self._resolve(X, y, groups, min_rows=n + 1)
-        first = np.stack([run.y[:n] for run in runs])
-        predicted = self.predict(X, y0=first, groups=groups).reshape(runs.n_samples, -1)
-        truth = runs.stack([run.y for run in runs])
-        keep = np.zeros(runs.n_samples, bool)
-        for run in runs:
-            keep[run.start + n : run.stop] = True
-        weight = None if sample_weight is None else np.asarray(sample_weight)[keep]
-        return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
+        return self._embedded(self._resolve(X, y, groups))
+
+    def stability_report(self, X: Any, y0: Any = None, groups: Any = None) -> StabilityReport:
+        """How disturbances of the outputs grow or fade along the free runs.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y0 : as for :meth:`predict`
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        StabilityReport
+        """
+        predicted = self.predict(X, y0=y0, groups=groups).reshape(len(X), -1)
+        runs = self._resolve(X, None, groups)
+        shaped = [Run(run.label, run.start, run.stop, run.X, predicted[run.start : run.stop], run.t) for run in runs]
+        features = [self._features(run)[self.n_initial_ :] for run in shaped]
+        labels = [run.label for run in runs]
+        return growth_along(self._step, features, labels, self.output_lags_, len(self.y_mean_))
 
     # ---- parts ------------------------------------------------------------------------------------------------------
-    def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False, min_rows: int = 1) -> Runs:
-        """Checks that scikit-learn asks for, then runs."""
-        if hasattr(X, "columns"):
-            _check_feature_names(self, X, reset=reset)
-            _check_n_features(self, X, reset=reset)
-        elif y is None or groups is not None:
-            X = validate_data(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
-        else:
-            X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
-        return resolve_runs(X, y, groups=groups, run=self.run, min_rows=min_rows)
-
-    def _known(self, U: np.ndarray) -> np.ndarray:
-        """Input features of one run, (n_samples, n_inputs * n_lags)."""
-        return lag_columns(U, [(j, k) for j in range(U.shape[1]) for k in self.input_lags_])
-
     def _features(self, run: Run) -> np.ndarray:
         """All features of one run from measured outputs."""
         assert run.y is not None
         past = lag_columns(run.y, [(j, k) for k in self.output_lags_ for j in range(run.y.shape[1])])
-        return np.concatenate([past, self._known(run.X)], axis=1)
+        return np.concatenate([past, lag_columns(run.X, self.input_terms_)], axis=1)
+
+    def _embedded(self, runs: Runs) -> tuple[np.ndarray, np.ndarray]:
+        """Rows with whole history and their targets."""
+        n = self.n_initial_
+        Phi = np.concatenate([self._features(run)[n:] for run in runs])
+        target = np.concatenate([run.y[n:] for run in runs])
+        return Phi, target[:, 0] if target.shape[1] == 1 else target
 
     def _step(self, phi: np.ndarray) -> np.ndarray:
         """One step of the fitted regressor, (n_rows, n_outputs)."""
         return np.asarray(self.estimator_.predict(phi)).reshape(len(phi), -1)
 
-    def _roll(self, known: np.ndarray, first: np.ndarray) -> np.ndarray:
-        """Free runs of equal length, time first."""
+    def _compiles(self, Phi: np.ndarray) -> bool:
+        """Whether the regressor is the network that it looks like."""
+        net = describe_network(self.estimator_)
+        return net is not None and agrees(net, self.estimator_, Phi[:: max(len(Phi) // 16, 1)])
+
+    def _lag_net(self) -> LagNet | None:
+        """The fitted model for the kernels."""
         net = describe_network(self.estimator_)
         if net is None:
-            return march(self._step, known, first, self.output_lags_)
-        return free_run(net, known, first, self.output_lags_)
+            return None
+        return LagNet(net, tuple(self.output_lags_), tuple(self.input_terms_), len(self.y_mean_))
 
-    def _run_free(self, inputs: list[np.ndarray], first: list[np.ndarray]) -> tuple[list, list[tuple[int, int]]]:
+    def _roll(self, U: np.ndarray, first: np.ndarray) -> np.ndarray:
+        """Free runs of equal length, (n_runs, n_steps, n_outputs)."""
+        model = self._lag_net() if self.compiled_ else None
+        if model is None:
+            return march(self._step, U, first, self.output_lags_, self.input_terms_)
+        return free_run(model, U, first)
+
+    def _run_free(self, inputs: Sequence[np.ndarray], first: Any) -> tuple[Any, list[tuple[int, int]]]:
         """Free runs of any lengths, and (run, step) of those that diverged."""
-        n = self.n_initial_
-        longest = max(len(U) for U in inputs)
-        known = np.stack([_lengthened(self._known(U), longest) for U in inputs], axis=1)
-        starts = np.stack([_lengthened(f, n) for f in first], axis=1)
-        found = self._roll(known, starts)
-        out, bad = [], []
-        for r, U in enumerate(inputs):
-            part = found[: len(U), r]
-            with np.errstate(invalid="ignore"):
-                far = ~(np.abs(part - self.y_mean_) <= FAR * (self.y_spread_ + np.abs(self.y_mean_)))
-            rows = np.flatnonzero(far[n:].any(axis=1))
-            if len(rows):
-                bad.append((r, n + int(rows[0])))
-            out.append(part)
-        return out, bad
+        lengths = [len(U) for U in inputs]
+        longest = max(lengths)
+        same = min(lengths) == longest
+        U = np.stack(inputs if same else [lengthened(U, longest) for U in inputs])
+        found = self._roll(U, np.stack([lengthened(np.asarray(f), self.n_initial_) for f in first]))
+        bad = diverged(found, lengths, self.n_initial_, self.y_mean_, self.y_spread_)
+        return (found if same else [part[:length] for part, length in zip(found, lengths)]), bad
 
-    def _shoot(self, runs: Runs) -> None:
-        """Levenberg-Marquardt on free runs of growing length, begun at the one-step fit."""
-        net = describe_network(self.estimator_)
-        if net is None:
+    def _shoot(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
+        """Fit on free runs."""
+        estimator = clone(self.estimator)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            self.estimator_ = barely_fitted(estimator, Phi, target)
+        model = self._lag_net()
+        if model is None or not self._compiles(Phi) or not write_network(self.estimator_, model.net):
             raise DataError(
                 f'loss="shooting" needs slopes of the estimator, and {type(self.estimator_).__name__} gives none: use '
-                'MLPRegressor, LinearRegression or Ridge (also behind StandardScaler), or loss="one_step".'
+                'MLPRegressor, FNNRegressor or a linear model (also behind scalers), or loss="one_step".'
             )
-        alpha = float(getattr(getattr(self.estimator_, "steps", [(0, self.estimator_)])[-1][1], "alpha", 0.0))
-        longest = max(len(run) for run in runs) - self.n_initial_
-        whole = longest if self.horizon is None else min(self.horizon, longest)
-        # growing horizons: a free run over a whole record from a poor start has no useful slope
-        stages = [h for h in (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256) if h < whole] + [whole]
-        costs = []
-        for horizon in stages:
-            known, target = self._segments(runs, horizon)
-            net, cost = fit_free_run(
-                net, known, target, self.n_initial_, self.output_lags_, alpha, max_iter=200 if horizon == whole else 60
-            )
-            costs.append(cost)
-        self.shooting_cost_ = costs[-1]
-        write_network(self.estimator_, net)
+        alpha = self.alpha if self.alpha is not None else (0.01 if model.net.activations else 0.0)
+        model, self.shooting_loss_ = shoot(
+            model,
+            runs,
+            n_first=self.n_initial_,
+            horizon=self.horizon,
+            alpha=alpha,
+            stability=self.stability,
+            n_starts=self.n_starts,
+            random_state=check_random_state(self.random_state),
+        )
+        write_network(self.estimator_, model.net)
 
-    def _segments(self, runs: Runs, horizon: int) -> tuple[np.ndarray, np.ndarray]:
-        """Runs cut into pieces of ``horizon`` steps after their first rows; nan where a piece is shorter."""
-        n, known, target = self.n_initial_, [], []
-        for run in runs:
-            features = self._known(run.X)
-            for start in range(n, len(run), horizon):
-                rows = slice(start - n, start + horizon)
-                known.append(_lengthened(features[rows], n + horizon))
-                y = np.full((n + horizon, run.y.shape[1]), np.nan)
-                y[: len(run.y[rows])] = run.y[rows]
-                target.append(y)
-        return np.stack(known, axis=1), np.stack(target, axis=1)
-
-    def _initial(self, y0: Any, runs: Runs) -> list[np.ndarray]:
+    def _initial(self, y0: Any, runs: Runs) -> Any:
         """First rows of every run, (n_initial, n_outputs) each."""
-        n, o = self.n_initial_, len(self.y_mean_)
-        if y0 is None and isinstance(self.init, str):
-            if self.init not in ("mean", "steady"):
-                raise ValueError(f'init={self.init!r} must be "mean", "steady" or an array ({n}, {o}).')
-            rest = [np.repeat(self.y_mean_[None], n, axis=0) for _ in runs]
-            if self.init == "mean":
-                return rest
-            settled, bad = self._run_free([np.repeat(run.X[:1], 500 + n, axis=0) for run in runs], rest)
-            lost = {r for r, _ in bad}
-            return [rest[r] if r in lost else np.repeat(s[-1:], n, axis=0) for r, s in enumerate(settled)]
-        name = "init" if y0 is None else "y0"
-        given = np.asarray(self.init if y0 is None else y0, dtype=float)
-        if given.ndim == 1 and o == 1:
-            given = given[:, None]
-        if given.ndim == 2:
-            given = np.repeat(given[None], len(runs), axis=0)
-        if given.shape != (len(runs), n, o):
-            raise DataError(
-                f"{name} has shape {np.shape(self.init if y0 is None else y0)}, expected ({n}, {o}) or "
-                f"({len(runs)}, {n}, {o}): the outputs at the first {n} rows of each run."
-            )
-        return list(given)
+        n = self.n_initial_
+        if y0 is not None or not isinstance(self.init, str):
+            return self._first_rows(self.init, runs, "init") if y0 is None else self._first_rows(y0, runs)
+        rest = [np.repeat(self.y_mean_[None], n, axis=0) for _ in runs]
+        if self.init == "mean":
+            return rest
+        settled, bad = self._run_free([np.repeat(run.X[:1], 500 + n, axis=0) for run in runs], rest)
+        lost = {r for r, _ in bad}
+        return [rest[r] if r in lost else np.repeat(s[-1:], n, axis=0) for r, s in enumerate(settled)]
 
-    def _shaped(self, runs: Runs, parts: list[np.ndarray]) -> np.ndarray:
-        stacked = runs.stack(parts)
+    def _shaped(self, runs: Runs, parts: Any) -> np.ndarray:
+        """Rows of all runs, in the shape of y."""
+        whole = isinstance(parts, np.ndarray) and parts.shape[0] * parts.shape[1] == runs.n_samples
+        stacked = parts.reshape(runs.n_samples, -1) if whole else runs.stack(parts)
         return stacked[:, 0] if self.y_is_1d_ else stacked
-
-
-def _lengthened(values: np.ndarray, n: int) -> np.ndarray:
-    """n rows, the last repeated where there are fewer."""
-    return values[np.minimum(np.arange(n), len(values) - 1)]

@@ -18,7 +18,7 @@ from sklearn.utils.validation import (
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import resolve_runs
 
-__all__ = ["LagEmbedding", "lag_columns", "lag_list"]
+__all__ = ["LagEmbedding", "lag_columns", "lag_list", "named_position"]
 
 
 def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
@@ -28,6 +28,15 @@ def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> l
     if any(k < first for k in out):
         raise DataError(f"{name}={lags!r}: every lag must be at least {first}; give an int or a list of ints.")
     return out
+
+
+def named_position(key: Any, names: Sequence[str], argument: str) -> int:
+    """Column that a key of a dict of lags means."""
+    if isinstance(key, str) and key in names:
+        return list(names).index(key)
+    if isinstance(key, (int, np.integer)) and 0 <= key < len(names):
+        return int(key)
+    raise DataError(f"{argument} names the column {key!r}, but the inputs are {list(names)}.")
 
 
 def lag_columns(values: np.ndarray, columns: Sequence[tuple[int, int]], fill: str | float = "edge") -> np.ndarray:
@@ -113,7 +122,7 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
         runs = self._resolve(X, groups, reset=True)
         names = runs.input_names or tuple(f"x{j}" for j in range(runs[0].X.shape[1]))
         if isinstance(self.lags, Mapping):
-            wanted = [(self._position(key, names), lag_list(k)) for key, k in self.lags.items()]
+            wanted = [(named_position(key, names, "lags"), lag_list(k)) for key, k in self.lags.items()]
         else:
             wanted = [(j, lag_list(self.lags)) for j in range(len(names))]
         self.columns_ = [(j, k) for j, ks in wanted for k in ks]
@@ -171,14 +180,6 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
     @property
     def _keeps(self) -> bool:
         return bool(self.keep_run) and self.run is not None
-
-    def _position(self, key: Any, names: Sequence[str]) -> int:
-        """Column of a key of ``lags``."""
-        if isinstance(key, str) and key in names:
-            return list(names).index(key)
-        if isinstance(key, (int, np.integer)) and 0 <= key < len(names):
-            return int(key)
-        raise DataError(f"lags names the column {key!r}, but the inputs are {list(names)}.")
 
     def _resolve(self, X: Any, groups: Any, reset: bool) -> Any:
         """Checks that scikit-learn asks for, then runs."""

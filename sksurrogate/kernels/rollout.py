@@ -1,334 +1,212 @@
-"""The discrete hot loop: free runs of lag models, abreast or by Newton over time, and their exact sensitivities."""
+"""The discrete hot loop: free runs of lag models, by whichever of three routes is fast for their number and length."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
-__all__ = ["Net", "fit_free_run", "free_run", "free_run_jacobian", "march", "newton_in_time"]
+from sksurrogate.kernels.net import LagNet, Net, lag_rows
+from sksurrogate.kernels.scalar import MAX_PRODUCTS, scalar_run
 
-#: Steps that one Newton solve covers; longer runs go chunk by chunk, so that a bad guess stays local.
-CHUNK = 4096
+__all__ = ["LagNet", "Net", "free_run", "march"]
 
+#: A run with more steps is cut into pieces.
+LONG = 4000
 
-@dataclass(frozen=True)
-class Net:
-    """A feedforward network on ``(phi - mean) / scale``; without hidden layers a linear model.
-
-    Attributes
-    ----------
-    weights : tuple of ndarray (n_in, n_out)
-    biases : tuple of ndarray (n_out,)
-    activation : {"identity", "tanh", "logistic", "relu"}
-        Of the hidden layers; the last layer is linear.
-    mean, scale : ndarray (n_features,)
-    """
-
-    weights: tuple[np.ndarray, ...]
-    biases: tuple[np.ndarray, ...]
-    activation: str
-    mean: np.ndarray
-    scale: np.ndarray
-
-    @property
-    def theta(self) -> np.ndarray:
-        """All weights, then all biases, flat."""
-        return np.concatenate([w.ravel() for w in (*self.weights, *self.biases)])
-
-    def at(self, theta: np.ndarray) -> Net:
-        """The same network with other weights."""
-        parts, place = [], 0
-        for w in (*self.weights, *self.biases):
-            parts.append(theta[place : place + w.size].reshape(w.shape))
-            place += w.size
-        n = len(self.weights)
-        return replace(self, weights=tuple(parts[:n]), biases=tuple(parts[n:]))
-
-    def folded(self) -> tuple[np.ndarray, np.ndarray]:
-        """Weights and biases of the first layer with the scaling of the features inside."""
-        first = self.weights[0] / self.scale[:, None]
-        return first, self.biases[0] - self.mean @ first
-
-    def __call__(self, phi: np.ndarray) -> np.ndarray:
-        """(n_rows, n_features) -> (n_rows, n_outputs)."""
-        first, bias = self.folded()
-        return self.tail(phi @ first + bias)[-1]
-
-    def tail(self, z: np.ndarray) -> list[np.ndarray]:
-        """Values of every layer from the first layer's sums (n_rows, n_units); the last is the output."""
-        values = []
-        for w, b in zip(self.weights[1:], self.biases[1:]):
-            values.append(activate(self.activation, z))
-            z = values[-1] @ w + b
-        return [*values, z]
-
-    def jacobians(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Output, its slopes (n_rows, n_outputs, n_features) and (n_rows, n_outputs, n_theta)."""
-        x = (phi - self.mean) / self.scale
-        values = self.tail(x @ self.weights[0] + self.biases[0])
-        n, o = values[-1].shape
-        back = np.broadcast_to(np.eye(o), (n, o, o))
-        into_w: list[np.ndarray] = []
-        into_b: list[np.ndarray] = []
-        for k in range(len(self.weights) - 1, -1, -1):
-            below = values[k - 1] if k else x
-            into_b.insert(0, back)
-            into_w.insert(0, (below[:, None, :, None] * back[:, :, None, :]).reshape(n, o, -1))
-            back = back @ self.weights[k].T
-            if k:
-                back = back * slope(self.activation, below)[:, None, :]
-        return values[-1], back / self.scale, np.concatenate([*into_w, *into_b], axis=2)
-
-
-def activate(kind: str, z: np.ndarray) -> np.ndarray:
-    """Value of an activation."""
-    if kind == "tanh":
-        return np.tanh(z)
-    if kind == "logistic":
-        return 0.5 + 0.5 * np.tanh(0.5 * z)
-    return np.maximum(z, 0.0) if kind == "relu" else z
-
-
-def slope(kind: str, value: np.ndarray) -> np.ndarray:
-    """Slope of an activation from its value."""
-    if kind == "tanh":
-        return 1.0 - value**2
-    if kind == "logistic":
-        return value * (1.0 - value)
-    return (value > 0).astype(float) if kind == "relu" else np.ones_like(value)
+#: Runs that go abreast in one block of the time-major loop, so that a window stays in the cache.
+ABREAST = 2048
 
 
 def march(
-    step: Callable[[np.ndarray], np.ndarray], known: np.ndarray, first: np.ndarray, lags: Sequence[int]
+    step: Callable[[np.ndarray], np.ndarray],
+    U: np.ndarray,
+    first: np.ndarray,
+    output_lags: Sequence[int],
+    input_terms: Sequence[tuple[int, int]],
 ) -> np.ndarray:
     """Free run of any one-step model, all runs abreast, one call a step.
 
     Parameters
     ----------
     step : callable
-        (n_runs, n_features) -> (n_runs, n_outputs); features are past outputs in the order of ``lags``, then ``known``.
-    known : ndarray (n_steps, n_runs, n_known)
-        Features that do not depend on the outputs.
-    first : ndarray (n_first, n_runs, n_outputs)
-        Outputs at the first steps.
-    lags : sequence of int
+        (n_runs, n_features) -> (n_runs, n_outputs); features are past outputs lag by lag, then inputs.
+    U : ndarray (n_runs, n_steps, n_inputs)
+    first : ndarray (n_runs, n_first, n_outputs)
+        Outputs at the first steps, as many as the longest lag at least.
+    output_lags : sequence of int
+    input_terms : sequence of (int, int)
+        Column and lag of every input feature.
 
     Returns
     -------
-    ndarray (n_steps, n_runs, n_outputs)
+    ndarray (n_runs, n_steps, n_outputs)
+        nan from where a run left the finite numbers.
     """
-    n_steps, n_runs, _ = known.shape
-    y = np.empty((n_steps, n_runs, first.shape[2]))
-    y[: len(first)] = first[:n_steps]
-    for t in range(len(first), n_steps):
-        if not np.all(np.isfinite(y[t - 1])):
-            y[t:] = np.nan
-            break
-        y[t] = step(np.concatenate([*(y[t - k] for k in lags), known[t]], axis=1))
+    n_runs, n_steps, _ = U.shape
+    n_first, o = first.shape[1:]
+    y = np.full((n_runs, n_steps, o), np.nan)
+    y[:, :n_first] = first[:, :n_steps]
+    if n_steps <= n_first:
+        return y
+    known = lag_rows(U, input_terms, n_first).reshape(-1, n_runs, n_steps - n_first)
+    alive = np.arange(n_runs)
+    for t in range(n_first, n_steps):
+        phi = np.concatenate([*(y[alive, t - k] for k in output_lags), known[:, alive, t - n_first].T], axis=1)
+        found = step(phi)
+        y[alive, t] = found
+        if not np.isfinite(found).all():
+            alive = alive[np.isfinite(found).all(axis=1)]
+            if not len(alive):
+                break
     return y
 
 
-def free_run(net: Net, known: np.ndarray, first: np.ndarray, lags: Sequence[int]) -> np.ndarray:
-    """Free run of a network; arguments and result as for :func:`march`.
+def free_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Free runs of a network.
 
-    A few long runs with one output go by Newton over time, others abreast with the known features' share of the first
-    layer made beforehand and each step's past outputs one contiguous window.
+    Many runs go abreast, one product a step; a long run goes as pieces abreast; a short one as plain numbers.
+
+    Parameters
+    ----------
+    model : LagNet
+    U : ndarray (n_runs, n_steps, n_inputs)
+    first : ndarray (n_runs, n_first, n_outputs)
+        Outputs at the first steps, as many as the longest lag at least.
+
+    Returns
+    -------
+    ndarray (n_runs, n_steps, n_outputs)
+        Not finite from where a run diverged.
     """
-    n_steps, n_runs, o = known.shape[0], known.shape[1], first.shape[2]
-    if n_steps <= len(first):
-        return first[:n_steps].copy()
-    weight, bias = net.folded()
-    n_past = len(lags) * o
-    sums = known @ weight[n_past:] + bias
-    if o == 1 and n_runs <= 4 and n_steps > 64:
-        runs = [newton_in_time(net, sums[:, r], first[:, r, 0], lags) for r in range(n_runs)]
-        return np.stack(runs, axis=1)[:, :, None]
-    return _abreast(net, weight[:n_past], sums, first, lags)
+    n_runs, n_steps, _ = U.shape
+    n_first = first.shape[1]
+    if n_steps <= n_first:
+        return np.array(first[:, :n_steps])
+    folded = model.folded()
+    small = sum(w.size for w in folded.net.weights) <= MAX_PRODUCTS
+    # measured: a step abreast costs about 7 us for all runs, as plain numbers 0.7 us a run, in pieces 0.07 us a run
+    if n_steps > LONG and n_runs <= 64:
+        return np.stack([long_run(folded, U[r], first[r]) for r in range(n_runs)])
+    if small and n_runs <= 8:
+        return np.stack([one_run(folded, U[r], first[r]) for r in range(n_runs)])
+    return abreast(folded, U, first)
 
 
-def _abreast(net: Net, past: np.ndarray, sums: np.ndarray, first: np.ndarray, lags: Sequence[int]) -> np.ndarray:
-    """Time-major loop; y is (n_steps, n_outputs, n_runs), so that a window is one contiguous block."""
-    n_steps, n_runs, _ = sums.shape
-    o, longest = first.shape[2], max(lags)
-    window = np.zeros((past.shape[1], longest, o))
-    for k, lag in enumerate(lags):
-        window[:, longest - lag] = past[k * o : (k + 1) * o].T
+def abreast(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Time-major loop over steps for all runs together; arguments as for :func:`free_run`, model folded.
+
+    A buffer holds outputs and inputs of one step as rows and runs as columns, so that all that a step needs is one
+    contiguous block and the first layer is one product. The last bias is kept out of the stored outputs.
+    """
+    n_runs, n_steps, m = U.shape
+    n_first, o = first.shape[1:]
+    if n_runs > ABREAST:
+        blocks = range(0, n_runs, ABREAST)
+        return np.concatenate([abreast(model, U[r : r + ABREAST], first[r : r + ABREAST]) for r in blocks])
+    net, width, longest = model.net, o + m, model.longest
+    shift = net.biases[-1]
+    window = np.zeros((len(net.biases[0]), longest + 1, width))
+    for k, lag in enumerate(model.output_lags):
+        window[:, longest - lag, :o] = net.weights[0][k * o : (k + 1) * o].T
+    for k, (j, lag) in enumerate(model.input_terms):
+        window[:, longest - lag, o + j] = net.weights[0][model.n_past + k]
+    bias = net.biases[0] + window[:, :, :o].sum(axis=1) @ shift
+    if len(net.weights) == 1:
+        bias = bias - shift
     matrix = window.reshape(len(window), -1)
-    shares = np.ascontiguousarray(sums.transpose(0, 2, 1))
-    y = np.empty((n_steps, o, n_runs))
-    y[: len(first)] = first.transpose(0, 2, 1)
-    layers = [(w.T, b[:, None]) for w, b in zip(net.weights[1:], net.biases[1:])]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for t in range(len(first), n_steps):
-            z = matrix @ y[t - longest : t].reshape(-1, n_runs)
-            z += shares[t]
-            for w, b in layers:
-                z = w @ (np.tanh(z, out=z) if net.activation == "tanh" else activate(net.activation, z))
-                z += b
-            y[t] = z
-    return y.transpose(0, 2, 1)
-
-
-def newton_in_time(net: Net, sums: np.ndarray, first: np.ndarray, lags: Sequence[int]) -> np.ndarray:
-    """Free run of one run with one output: all steps of a chunk at once.
-
-    The recursion is ``r(y) = y[t] - f(y[t-1], ..., sums[t]) = 0``; its Jacobian is unit lower triangular and banded, so
-    one Newton step is one LAPACK ``dtbtrs``. Where Newton does not settle the chunk is run step by step.
-
-    Parameters
-    ----------
-    net : Net
-    sums : ndarray (n_steps, n_units)
-        The first layer's sums without the past outputs.
-    first : ndarray (n_first,)
-    lags : sequence of int
-
-    Returns
-    -------
-    ndarray (n_steps,)
-    """
-    past = net.folded()[0][: len(lags)]
-    y = np.empty(len(sums))
-    y[: len(first)] = first
-    start = len(first)
-    while start < len(y):
-        stop = min(start + CHUNK, len(y))
-        if not _newton_chunk(net, past, sums, y, lags, start, stop):
-            chunk = _abreast(
-                net, past, sums[:stop, None][start - max(lags) :], y[start - max(lags) : start, None, None], lags
-            )
-            y[start:stop] = chunk[max(lags) :, 0, 0]
-            if not np.isfinite(y[stop - 1]):
-                y[stop:] = np.nan
-                break
-        start = stop
+    buffer = np.zeros((n_steps, width, n_runs))
+    buffer[:, o:] = U.transpose(1, 2, 0)
+    buffer[:n_first, :o] = (first - shift).transpose(1, 2, 0)
+    _loop(net, matrix, np.repeat(bias[:, None], n_runs, axis=1), buffer, o, longest, n_first)
+    y = np.empty((n_runs, n_steps, o))
+    np.add(buffer[:, :o].transpose(2, 0, 1), shift, out=y)
+    y[:, :n_first] = first
     return y
 
 
-def _newton_chunk(
-    net: Net, past: np.ndarray, sums: np.ndarray, y: np.ndarray, lags: Sequence[int], start: int, stop: int
-) -> bool:
-    """Solve rows start:stop of y in place; whether Newton settled."""
-    y[start:stop] = y[start - 1]
-    band = np.zeros((max(lags) + 1, stop - start))
-    before = np.inf
+def _loop(
+    net: Net, matrix: np.ndarray, bias: np.ndarray, buffer: np.ndarray, o: int, longest: int, n_first: int
+) -> None:
+    """Fill the outputs in the buffer, step after step, without making an array."""
+    width, n_runs = buffer.shape[1:]
+    flat = buffer.reshape(-1, n_runs)
+    sums = [np.empty((w.shape[1], n_runs)) for w in net.weights]
+    inner = [(np.ascontiguousarray(w.T), b[:, None]) for w, b in zip(net.weights[1:], net.biases[1:])]
+    last = len(inner) - 1
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(25):
-            z = sums[start:stop].copy()
-            for k, lag in enumerate(lags):
-                z += y[start - lag : stop - lag, None] * past[k]
-            values = net.tail(z)
-            back = np.ones((1, 1))
-            for w, value in zip(reversed(net.weights[1:]), reversed(values[:-1])):
-                back = (back @ w.T) * slope(net.activation, value)
-            slopes = np.broadcast_to(back @ past.T, (stop - start, len(lags)))
-            for k, lag in enumerate(lags):
-                band[lag, : max(stop - start - lag, 0)] = -slopes[lag:, k]
-            step, info = dtbtrs(band, values[-1] - y[start:stop, None], uplo="L", diag="U")
-            size = np.abs(step).max()
-            if info or not np.isfinite(size) or size > 1e12:
-                return False
-            y[start:stop] += step[:, 0]
-            # quadratic: once small it is exact; a last step is taken anyway, so the recursion holds to rounding
-            if size <= 1e-11 * (1.0 + np.abs(y[start:stop]).max()) or (size >= before and size < 1e-9):
-                return True
-            before = size
-    return False
+        for t in range(n_first, len(buffer)):
+            z = np.matmul(matrix, flat[(t - longest) * width : (t + 1) * width], out=sums[0])
+            z += bias
+            for k, (w, b) in enumerate(inner):
+                kind = net.activations[k]
+                if kind == "tanh":
+                    np.tanh(z, out=z)
+                elif kind == "relu":
+                    np.maximum(z, 0.0, out=z)
+                if k == last:
+                    break
+                z = np.matmul(w, z, out=sums[k + 1])
+                z += b
+            if inner:
+                np.matmul(inner[last][0], z, out=buffer[t, :o])
+            else:
+                buffer[t, :o] = z
 
 
-def free_run_jacobian(net: Net, known: np.ndarray, y: np.ndarray, n_first: int, lags: Sequence[int]) -> np.ndarray:
-    """Slopes of a free run by the weights: one banded triangular solve a run with n_theta right-hand sides.
+def one_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """One short run, or the rest of a piece, (n_steps, n_outputs), from (n_steps, n_inputs); model folded."""
+    if sum(w.size for w in model.net.weights) > MAX_PRODUCTS:
+        return abreast(model, U[None], first[None])[0]
+    sums = known_sums(model, U[None], len(first))
+    return np.concatenate([first, scalar_run(model, sums, first)])
 
-    Parameters
-    ----------
-    net, known, lags
-        As for :func:`free_run`.
-    y : ndarray (n_steps, n_runs, n_outputs)
-        Its result.
-    n_first : int
-        Rows that were given.
 
-    Returns
-    -------
-    ndarray (n_steps - n_first, n_runs, n_outputs, n_theta)
+def long_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """One long run, (n_steps, n_outputs), from (n_steps, n_inputs): cut into pieces that run abreast; model folded.
+
+    Every piece first starts some steps early from the first rows: a model that forgets its past has forgotten part of
+    them where the piece begins to count. Pieces whose neighbour ended elsewhere run again from there, all abreast while
+    that brings ends and starts together, then one after the other, so that the result is the plain recursion whatever
+    the model does; a model that never forgets costs as much as :func:`one_run`.
     """
-    n_steps, n_runs, o = y.shape
-    n, width = n_steps - n_first, (max(lags) + 1) * o
-    out = np.empty((n, n_runs, o, net.theta.size))
-    for r in range(n_runs):
-        phi = np.concatenate([*(y[n_first - k : n_steps - k, r] for k in lags), known[n_first:, r]], axis=1)
-        _, by_phi, by_theta = net.jacobians(phi)
-        band = np.zeros((width, n * o))
-        for k, lag in enumerate(lags):
-            for j in range(o):
-                for i in range(o):
-                    band[lag * o + j - i, i : max(n - lag, 0) * o : o] = -by_phi[lag:, j, k * o + i]
-        out[:, r] = dtbtrs(band, by_theta.reshape(n * o, -1), uplo="L", diag="U")[0].reshape(n, o, -1)
-    return out
-
-
-def fit_free_run(
-    net: Net,
-    known: np.ndarray,
-    target: np.ndarray,
-    n_first: int,
-    lags: Sequence[int],
-    alpha: float = 0.0,
-    max_iter: int = 100,
-    tol: float = 1e-7,
-) -> tuple[Net, float]:
-    """Levenberg-Marquardt on the free run: ``sum (y - y_hat)^2 + alpha * sum w^2``.
-
-    Parameters
-    ----------
-    net : Net
-        Starting weights.
-    known : ndarray (n_steps, n_runs, n_known)
-    target : ndarray (n_steps, n_runs, n_outputs)
-        Measured outputs, the first ``n_first`` of which start the runs; nan rows (ends of shorter runs) do not count.
-    n_first, lags
-    alpha : float
-        Penalty on weights, not on biases.
-    max_iter, tol
-        Steps at most; relative decrease below which it stops.
-
-    Returns
-    -------
-    net : Net
-    cost : float
-    """
-    first, wanted = target[:n_first], target[n_first:]
-    counts = np.isfinite(wanted)
-    penalised = np.arange(net.theta.size) < sum(w.size for w in net.weights)
-
-    def cost_of(candidate: Net) -> tuple[float, np.ndarray]:
-        y = free_run(candidate, known, first, lags)
-        error = np.where(counts, y[n_first:] - np.where(counts, wanted, 0.0), 0.0)
-        with np.errstate(over="ignore", invalid="ignore"):
-            total = float((error**2).sum() + alpha * (candidate.theta[penalised] ** 2).sum())
-        return (total if np.isfinite(total) else np.inf), y
-
-    cost, y = cost_of(net)
-    damping = 1e-3
-    for _ in range(max_iter if np.isfinite(cost) else 0):
-        J = free_run_jacobian(net, known, y, n_first, lags)[counts]
-        if not np.all(np.isfinite(J)):
-            break
-        theta = net.theta
-        gradient = J.T @ (y[n_first:] - wanted)[counts] + alpha * penalised * theta
-        normal = J.T @ J + alpha * np.diag(penalised.astype(float))
-        size = np.maximum(np.diag(normal), 1e-10 * np.diag(normal).max() + 1e-300)
-        before = cost
-        for _ in range(12):
-            trial = net.at(theta - np.linalg.solve(normal + damping * np.diag(size), gradient))
-            new, y_new = cost_of(trial)
-            if new < cost:
-                net, cost, y, damping = trial, new, y_new, max(damping / 5, 1e-12)
+    n_steps, n_first, longest = len(U), len(first), model.longest
+    n = n_steps - n_first
+    warm = 40 + 4 * longest
+    length = max(int(np.sqrt(n / 2)), 2 * warm)
+    begins = np.arange(n_first, n_steps, length)
+    y = np.empty((n_first + len(begins) * length, first.shape[1]))
+    y[:n_first] = first
+    tail = y[n_first:].reshape(len(begins), length, -1)
+    before = begins[:, None] + np.arange(-longest, 0)
+    rows = begins[:, None] + np.arange(-warm - longest, length)
+    inputs = U[np.clip(rows, 0, n_steps - 1)]
+    found = abreast(model, inputs, np.repeat(first[None, -longest:], len(begins), axis=0))
+    tail[:] = found[:, warm + longest :]
+    used, inputs = found[:, warm : warm + longest], inputs[:, warm:]
+    tolerance, last = 1e-13 * np.abs(y[np.isfinite(y)]).max(initial=1e-300), np.inf
+    with np.errstate(invalid="ignore"):
+        while True:
+            apart = np.abs(used - y[before]).max(axis=(1, 2))
+            bad = np.flatnonzero(~(apart <= tolerance))
+            total = float(np.minimum(apart[bad], 1.0).sum())
+            if len(bad) < 4 or not total < 0.1 * last:
                 break
-            damping *= 4
-        if before - cost <= tol * before:
-            break
-    return net, cost
+            last, used[bad] = total, y[before[bad]]
+            tail[bad] = abreast(model, inputs[bad], used[bad])[:, longest:]
+        for k in range(bad[0] if len(bad) else len(begins), len(begins)):
+            start = y[before[k]]
+            if not np.isfinite(start).all():
+                y[begins[k] :] = np.nan
+                break
+            if not np.abs(used[k] - start).max() <= tolerance:
+                tail[k] = one_run(model, inputs[k], start)[longest:]
+    return y[:n_steps]
+
+
+def known_sums(model: LagNet, U: np.ndarray, n_first: int) -> np.ndarray:
+    """Share of inputs and bias in the first layer's sums, (n_units, n_runs * n)."""
+    net = model.net
+    if not model.input_terms:
+        return np.repeat(net.biases[0][:, None], U.shape[0] * (U.shape[1] - n_first), axis=1)
+    return net.weights[0][model.n_past :].T @ model.input_rows(U, n_first) + net.biases[0][:, None]

@@ -1,0 +1,54 @@
+"""What estimators with past outputs among their features share: names, first rows, divergence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate._dynamic import FAR
+from sksurrogate.features._lag import lag_list, named_position
+from sksurrogate.runs import Runs
+
+__all__ = ["barely_fitted", "diverged", "name_features"]
+
+
+def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tuple[list[tuple[int, int]], list[str]]:
+    """Column and lag of every input feature, and the names of all features."""
+    m, o = runs[0].X.shape[1], runs[0].y.shape[1]
+    names = list(runs.input_names or (f"u{j}" if m > 1 else "u" for j in range(m)))
+    outputs = list(runs.output_names or (f"y{i}" if o > 1 else "y" for i in range(o)))
+    if isinstance(input_lags, Mapping):
+        wanted = [
+            (named_position(key, names, "input_lags"), lag_list(k, 0, f"input_lags[{key!r}]"))
+            for key, k in input_lags.items()
+        ]
+    else:
+        wanted = [(j, lag_list(input_lags, 0, "input_lags")) for j in range(m)]
+    terms = [(j, k) for j, ks in wanted for k in ks]
+    return terms, [f"{name}_lag{k}" for k in output_lags for name in outputs] + [f"{names[j]}_lag{k}" for j, k in terms]
+
+
+def diverged(
+    found: np.ndarray, lengths: Sequence[int], n: int, mean: np.ndarray, spread: np.ndarray
+) -> list[tuple[int, int]]:
+    """(run, step) of the free runs (n_runs, n_steps, n_outputs) that left the finite numbers or went far beyond."""
+    limit = FAR * (spread + np.abs(mean))
+    if all(
+        mean[i] - limit[i] <= found[:, :, i].min() and found[:, :, i].max() <= mean[i] + limit[i]
+        for i in range(len(mean))
+    ):  # false where there is a nan
+        return []
+    with np.errstate(invalid="ignore", over="ignore"):
+        far = ~(np.abs(found - mean) <= limit).all(axis=2)
+    rows = [np.flatnonzero(far[r, n:length]) for r, length in enumerate(lengths)]
+    return [(r, n + int(steps[0])) for r, steps in enumerate(rows) if len(steps)]
+
+
+def barely_fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:
+    """The estimator with its scalers fitted and its network of the right shape; iterations are cut to one."""
+    given = estimator.get_params()
+    wanted = {name: given[name] for name in given if name.split("__")[-1] in ("max_iter", "max_epochs")}
+    fitted = estimator.set_params(**dict.fromkeys(wanted, 1)).fit(Phi, target)
+    return fitted.set_params(**wanted)

@@ -1,0 +1,142 @@
+"""Newton over time: all steps of a free run at once, and the slopes of a free run by its weights."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+
+from sksurrogate.kernels.net import LagNet
+
+__all__ = ["adjoint_gradient", "newton_runs", "sensitivities"]
+
+#: Newton gives up where a correction is this many times the size of the outputs.
+TOO_FAR = 1e6
+
+
+def newton_runs(
+    model: LagNet, sums: np.ndarray, y: np.ndarray, n_first: int, max_iter: int = 20, rtol: float = 1e-12
+) -> bool:
+    """Free runs of equal length, in place.
+
+    The recursion is ``r(y) = y[t] - f(y[t-1], ..., u[t], ...) = 0``; its Jacobian is unit lower triangular and banded,
+    so one Newton step for all runs together is one LAPACK ``dtbtrs``.
+
+    Parameters
+    ----------
+    model : LagNet
+        Folded.
+    sums : ndarray (n_units, n_runs * n)
+        Share of inputs and bias in the first layer's sums, run by run, without the first rows.
+    y : ndarray (n_runs, n_steps, n_outputs)
+        First rows and a guess of the others; the solution on return.
+    n_first : int
+        Rows that are given.
+    max_iter : int
+    rtol : float
+        Expected remaining error, relative to the largest output.
+
+    Returns
+    -------
+    bool
+        Whether Newton settled; if not, y holds nothing of use.
+    """
+    n_runs, n_steps, o = y.shape
+    net = model.net
+    W = np.ascontiguousarray(net.weights[0][: model.n_past].T)
+    band = np.zeros((n_runs, n_steps - n_first, o, (max(model.output_lags) + 1) * o))
+    before, held = np.inf, np.empty_like(sums)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(max_iter):
+            np.matmul(W, model.past_rows(y, n_first), out=held)
+            held += sums
+            values = net.layers(held)
+            for j in range(o):
+                _fill(band, model, W.T @ net.back(values, j)[0], j)
+            rest = values[-1].reshape(o, n_runs, -1).transpose(1, 2, 0) - y[:, n_first:]
+            step, info = _solve(band, rest.reshape(-1, 1))
+            size, scale = float(np.abs(step).max()), float(np.abs(y).max())
+            if info or not size <= TOO_FAR * (1.0 + scale):
+                return False
+            y[:, n_first:] += step.reshape(rest.shape)
+            scale = max(scale, float(np.abs(y).max()), 1e-300)
+            # Newton is quadratic: the next correction is about size * (size / before^2) * size
+            growth = size / before**2 if before < np.inf else 1e3 / scale
+            if size <= rtol * scale or (growth * size * size <= rtol * scale and size < 1e-3 * scale):
+                return True
+            before = size
+    return False
+
+
+def _fill(band: np.ndarray, model: LagNet, slopes: np.ndarray, j: int) -> None:
+    """Write minus the slopes (n_past, n_runs * n) of output j below the diagonal of the band."""
+    n_runs, n, o, _ = band.shape
+    slopes = slopes.reshape(-1, n_runs, n)
+    for k, lag in enumerate(model.output_lags):
+        for i in range(o):
+            np.negative(slopes[k * o + i, :, lag:], out=band[:, : max(n - lag, 0), i, lag * o + j - i])
+
+
+def _solve(band: np.ndarray, rest: np.ndarray, transposed: str = "N") -> tuple[np.ndarray, int]:
+    """Solution of the unit lower banded system, (n_rows, n_right)."""
+    return dtbtrs(band.reshape(-1, band.shape[-1]).T, rest, uplo="L", diag="U", trans=transposed)
+
+
+def _band_at(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> tuple:
+    """Band of the recursion at a trajectory, with the layers' values, their slopes and the scaled features."""
+    net, o = model.net, model.n_outputs
+    x = np.concatenate([model.past_rows(y, n_first), model.input_rows(U, n_first)])
+    x -= net.mean[:, None]
+    x /= net.scale[:, None]
+    values = net.layers(net.weights[0].T @ x + net.biases[0][:, None])
+    band = np.zeros((y.shape[0], y.shape[1] - n_first, o, (max(model.output_lags) + 1) * o))
+    inward = net.weights[0][: model.n_past] / net.scale[: model.n_past, None]
+    backs = [net.back(values, j) for j in range(o)]
+    for j in range(o):
+        _fill(band, model, inward @ backs[j][0], j)
+    return band, x, values, backs
+
+
+def sensitivities(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> np.ndarray:
+    """Slopes of free runs by the weights: one banded triangular solve with n_theta right-hand sides.
+
+    Parameters
+    ----------
+    model : LagNet
+        As it stands, scaling included.
+    U : ndarray (n_runs, n_steps, n_inputs)
+    y : ndarray (n_runs, n_steps, n_outputs)
+        The free runs.
+    n_first : int
+        Rows that were given.
+
+    Returns
+    -------
+    ndarray (n_runs, n_steps - n_first, n_outputs, n_theta)
+    """
+    band, x, values, backs = _band_at(model, U, y, n_first)
+    n_runs, n, o, _ = band.shape
+    right = np.empty((model.net.theta.size, n_runs * n, o))
+    for j in range(o):
+        right[:, :, j] = model.net.by_theta(x, values, backs[j])
+    found, _ = _solve(band, right.reshape(len(right), -1).T)
+    return found.reshape(n_runs, n, o, -1)
+
+
+def adjoint_gradient(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int, weight: np.ndarray) -> np.ndarray:
+    """``sum weight * dy/dtheta`` by one transposed banded solve.
+
+    Parameters
+    ----------
+    model, U, y, n_first
+        As for :func:`sensitivities`.
+    weight : ndarray (n_runs, n_steps - n_first, n_outputs)
+
+    Returns
+    -------
+    ndarray (n_theta,)
+    """
+    band, x, values, backs = _band_at(model, U, y, n_first)
+    adjoint = _solve(band, weight.reshape(-1, 1), "T")[0].reshape(-1, model.n_outputs)
+    by_layer = [sum(back * adjoint[:, j] for j, back in enumerate(layer)) for layer in zip(*backs)]
+    parts = [(below @ back.T).ravel() for below, back in zip([x, *values[:-1]], by_layer)]
+    return np.concatenate([*parts, *(back.sum(axis=1) for back in by_layer)])

@@ -1,0 +1,165 @@
+"""Fit of a lag model on its free run: Adam finds the basin, Levenberg-Marquardt with exact slopes ends it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from sksurrogate.kernels.net import LagNet
+from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivities
+from sksurrogate.kernels.rollout import abreast, known_sums
+
+__all__ = ["FreeRunLoss", "adam", "fit_free_run", "levenberg_marquardt"]
+
+
+@dataclass(frozen=True)
+class FreeRunLoss:
+    """``sum (y - y_hat)^2 + alpha * sum w^2`` over free runs.
+
+    Attributes
+    ----------
+    U : ndarray (n_runs, n_steps, n_inputs)
+    target : ndarray (n_runs, n_steps, n_outputs)
+        Measured outputs, the first ``n_first`` of which start the runs; nan rows (ends of shorter runs) do not count.
+    n_first : int
+    alpha : float
+        Penalty on weights, not on biases.
+    weight : ndarray (n_runs,), optional
+        Factor of every run's squares.
+    """
+
+    U: np.ndarray
+    target: np.ndarray
+    n_first: int
+    alpha: float = 0.0
+    weight: np.ndarray | None = None
+
+    @property
+    def root(self) -> float | np.ndarray:
+        """Factor of every run's errors."""
+        return 1.0 if self.weight is None else np.sqrt(self.weight)[:, None, None]
+
+    def run(self, model: LagNet, guess: np.ndarray | None = None) -> np.ndarray:
+        """Free runs, by Newton over time from the free runs of weights nearby, else step by step."""
+        folded, first = model.folded(), self.target[:, : self.n_first]
+        if guess is not None:
+            y = np.concatenate([first, guess[:, self.n_first :]], axis=1)
+            if newton_runs(folded, known_sums(folded, self.U, self.n_first), y, self.n_first, 8):
+                return y
+        return abreast(folded, self.U, first)
+
+    def errors(self, y: np.ndarray) -> np.ndarray:
+        """Weighted y_hat - y, 0 where nothing was measured, (n_runs, n_steps - n_first, n_outputs)."""
+        with np.errstate(invalid="ignore"):
+            error = self.root * (y[:, self.n_first :] - self.target[:, self.n_first :])
+        return np.where(np.isnan(self.target[:, self.n_first :]), 0.0, error)
+
+    def penalty(self, model: LagNet) -> np.ndarray:
+        """Penalty of every entry of theta, (n_theta,)."""
+        return self.alpha * (np.arange(model.net.theta.size) < model.net.n_weights)
+
+    def value(self, model: LagNet, y: np.ndarray) -> float:
+        """The loss; inf where a run diverged."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float((self.errors(y) ** 2).sum() + self.penalty(model) @ model.net.theta**2)
+        return total if np.isfinite(total) else np.inf
+
+    def gradient(self, model: LagNet, y: np.ndarray) -> np.ndarray:
+        """Half the slope of the loss, (n_theta,)."""
+        slope = adjoint_gradient(model, self.U, y, self.n_first, self.root * self.errors(y))
+        return slope + self.penalty(model) * model.net.theta
+
+
+def adam(loss: FreeRunLoss, model: LagNet, n_steps: int = 200, rate: float = 0.03) -> LagNet:
+    """Adam with a rate that falls to nothing; returns the best weights seen."""
+    y = loss.run(model)
+    best, best_value = model, loss.value(model, y)
+    first, second = np.zeros(model.net.theta.size), np.zeros(model.net.theta.size)
+    for step in range(1, n_steps + 1):
+        value = loss.value(model, y)
+        if value < best_value:
+            best, best_value = model, value
+        gradient = loss.gradient(model, y) if np.isfinite(value) else np.array(np.nan)
+        if not np.isfinite(gradient).all():  # back to the best, more slowly
+            model, rate = best, rate / 3
+            y = loss.run(model)
+            first[:] = 0.0
+            if not np.isfinite(loss.value(model, y)):
+                return best
+            continue
+        first = 0.9 * first + 0.1 * gradient
+        second = 0.999 * second + 0.001 * gradient**2
+        move = first / (1 - 0.9**step) / (np.sqrt(second / (1 - 0.999**step)) + 1e-12)
+        fall = 0.5 + 0.5 * np.cos(np.pi * step / (n_steps + 1))
+        model = model.at(model.net.theta - rate * fall * move)
+        y = loss.run(model, y)
+    return model if loss.value(model, y) < best_value else best
+
+
+def levenberg_marquardt(
+    loss: FreeRunLoss, model: LagNet, max_iter: int = 100, tol: float = 1e-6
+) -> tuple[LagNet, float]:
+    """Levenberg-Marquardt with exact sensitivities; returns weights and loss."""
+    y = loss.run(model)
+    value = loss.value(model, y)
+    damping, penalty, slow = 1e-3, loss.penalty(model), 0
+    counts = ~np.isnan(loss.target[:, loss.n_first :])
+    for _ in range(max_iter if np.isfinite(value) else 0):
+        J = sensitivities(model, loss.U, y, loss.n_first)
+        if loss.weight is not None:
+            J *= np.sqrt(loss.weight)[:, None, None, None]
+        J = J.reshape(-1, J.shape[-1]) if counts.all() else J[counts]
+        theta = model.net.theta
+        normal = J.T @ J
+        normal[np.diag_indices_from(normal)] += penalty
+        gradient = J.T @ loss.errors(y)[counts] + penalty * theta
+        if not np.all(np.isfinite(normal)):
+            break
+        size = np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max() + 1e-300)
+        before = value
+        for _ in range(14):
+            try:
+                move = cho_solve(cho_factor(normal + damping * np.diag(size)), gradient)
+            except LinAlgError:
+                damping *= 8
+                continue
+            trial = model.at(theta - move)
+            y_trial = loss.run(trial, y)
+            new = loss.value(trial, y_trial)
+            if new < value:
+                gain = (value - new) / max(move @ (gradient + damping * size * move), 1e-300)
+                model, value, y = trial, new, y_trial
+                damping = max(damping * (0.1 if gain > 0.75 else 0.5 if gain > 0.25 else 2.0), 1e-12)
+                break
+            damping *= 5
+        slow = slow + 1 if before - value <= tol * before else 0
+        if slow >= 2 or value >= before:
+            break
+    return model, value
+
+
+def fit_free_run(
+    loss: FreeRunLoss, model: LagNet, adam_steps: int = 200, max_iter: int = 100, tol: float = 1e-6
+) -> tuple[LagNet, float]:
+    """Adam, then Levenberg-Marquardt; a model without hidden layers needs no Adam.
+
+    Parameters
+    ----------
+    loss : FreeRunLoss
+    model : LagNet
+        Starting weights; their free runs must be finite.
+    adam_steps, max_iter : int
+        Steps of either at most.
+    tol : float
+        Relative decrease below which Levenberg-Marquardt stops.
+
+    Returns
+    -------
+    model : LagNet
+    value : float
+    """
+    if model.net.activations:
+        model = adam(loss, model, adam_steps)
+    return levenberg_marquardt(loss, model, max_iter, tol)
