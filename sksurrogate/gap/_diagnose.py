@@ -12,10 +12,9 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 
-from sksurrogate.effects._catalogue import build_effects, kinematic_states
 from sksurrogate._columns import by_name
+from sksurrogate.effects._catalogue import build_effects, kinematic_states
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.gap._excerpt import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._questions import Questions
 from sksurrogate.gap._select import Search
@@ -56,14 +55,13 @@ class GapDiagnoser(BaseEstimator):
     augmented_ : AugmentedSimulator
         The simulator with the effects added and free parameters at their re-tuned values.
     initial_states_ : ndarray (n_runs, n_states)
-        Initial states of the runs that go with it; nan for runs of a long record that took no part.
+        Initial states of the runs that go with it.
 
     Notes
     -----
     A rival's evidence is the likelihood of its own output-error fit, initial states unknown in every run, under its own
     noise: white sensor noise, coloured forces in the balances, coloured sensor noise. ``T = 2 (L - L_null)`` must exceed
-    ``k ln N + 2 ln M`` for k parameters, N measured values and M rivals. Of more than 9000 samples the rivals see pieces
-    spread over the record; what they name is fitted again on up to 60000.
+    ``k ln N + 2 ln M`` for k parameters, N measured values and M rivals.
 
     References
     ----------
@@ -146,8 +144,7 @@ class GapDiagnoser(BaseEstimator):
         if plant.access == "trajectory":
             self.report_, self.augmented_ = diagnose_trajectory(self, plant, runs, free, seed, begun)
             return self
-        whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
-        record, rows = excerpt(whole, SEARCHED_SAMPLES)
+        record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
         model = PlantModel(plant)
         model.probe(record.u[:, 0])
         kinematic = kinematic_states(model)
@@ -156,7 +153,7 @@ class GapDiagnoser(BaseEstimator):
         problem, smoothed = build_problem(plant, model, record, free, balances)
         self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
         search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
-        questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
+        questions = Questions(problem, search, runs, correction=self.correction, seed=seed, say=self._say)
         try:
             with np.errstate(all="ignore"):  # rivals that run away are met everywhere with finite checks
                 search.fit_null()
@@ -172,10 +169,8 @@ class GapDiagnoser(BaseEstimator):
         with np.errstate(all="ignore"):
             self.report_ = questions.answer(time.perf_counter() - begun)
         self.augmented_ = questions.augmented()
-        self.initial_states_ = np.full((len(runs), len(plant.states)), np.nan)
-        known = np.isin(rows[record.starts], whole.starts)
-        at = np.searchsorted(whole.starts, rows[record.starts[known]])
-        self.initial_states_[at] = questions.final.fit.x[: len(plant.states), record.starts[known]].T
+        final = questions.final
+        self.initial_states_ = final.fit.x[: len(plant.states), record.starts].T.copy()
         return self
 
     def _say(self, message: str) -> None:
