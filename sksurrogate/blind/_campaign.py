@@ -1,0 +1,224 @@
+"""Many cases: drawn, sealed, diagnosed elsewhere, opened, scored, stored; in blocks that can be taken up again."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from sksurrogate.blind._cases import ARMS, draw
+from sksurrogate.blind._own import plant_of
+from sksurrogate.blind._score import score
+from sksurrogate.blind._seal import close_seal
+from sksurrogate.blind._solve import DEFAULT, Solver
+from sksurrogate.blind._table import BlindResult
+from sksurrogate.exceptions import SurrogateError
+
+__all__ = ["run_blind_check", "run_case"]
+
+
+def run_blind_check(
+    cases: int = 100,
+    arms: str | Sequence[str] = "all",
+    simulator: Any = None,
+    seed: int | None = None,
+    *,
+    X: Any = None,
+    groups: Any = None,
+    input_ranges: Any = None,
+    x0_spread: Any = None,
+    resume: Any = None,
+    n_jobs: int | None = None,
+    diagnosis: str = DEFAULT,
+    limit: float = 600.0,
+    verbose: int = 0,
+) -> BlindResult:
+    """Check the diagnosis on plants whose effect is withheld from it.
+
+    Each case draws a plant, an effect, its size, noise, disturbance and experiments; seals the truth in a file; hands
+    only the simulator and the data to a process that was started without any knowledge of it; then opens the seal and
+    scores the answer.
+
+    Parameters
+    ----------
+    cases : int, default=100
+        Number of cases, spread evenly over the arms.
+    arms : "all", str or sequence of str, default="all"
+        Which questions are asked; see :data:`sksurrogate.blind.ARMS`.
+    simulator : object with ``rhs``, optional
+        Your own simulator in place of the built-in plants: what could and could not be seen there?
+    seed : int, optional
+        Fresh entropy by default. With a seed the same cases come again; case k does not depend on ``cases``.
+    X, groups : array-like (n_samples, n_inputs), (n_samples,), optional
+        Recorded inputs of your own plant, used as they are; without them excitations are drawn within ``input_ranges``.
+    input_ranges : dict of (low, high), optional
+        For your own simulator: feasible range of each input.
+    x0_spread : array-like (n_states,), optional
+        For your own simulator: how far initial states lie about ``simulator.x0``; by default 0.
+    resume : path, optional
+        File of rows (JSON lines): rows found there count, new ones are appended.
+    n_jobs : int, optional
+        Cases abreast, through joblib; each has a diagnosing process of its own.
+    diagnosis : str
+        ``module:function`` that answers a :class:`Question`; the package's diagnosis by default.
+    limit : float, default=600
+        Seconds allowed for one diagnosis.
+    verbose : int, default=0
+        1 prints each row.
+
+    Returns
+    -------
+    BlindResult
+        Rows, table, page.
+
+    Raises
+    ------
+    SurrogateError
+        An arm is unknown, or the simulator cannot be used.
+
+    Examples
+    --------
+    >>> from sksurrogate.blind import run_blind_check
+    >>> result = run_blind_check(1, "none", seed=3)  # doctest: +SKIP
+    """
+    names = _arms(arms)
+    plant = runs = None
+    if simulator is not None:
+        plant, runs = plant_of(simulator, X=X, groups=groups, input_ranges=input_ranges, x0_spread=x0_spread)
+    rows = _stored(resume)
+    wanted = [(names[k % len(names)], k // len(names)) for k in range(int(cases))]
+    if seed is None:
+        have = {arm: sum(row["arm"] == arm for row in rows) for arm in names}
+        todo: list[tuple[str, int | None]] = [(arm, None) for arm, k in wanted if k >= have[arm]]
+    else:
+        known = {(row["arm"], row["seed"]) for row in rows}
+        todo = [(arm, s) for arm, k in wanted if (arm, s := _entropy(seed, k)) not in known]
+    jobs = ((arm, entropy, plant, runs, diagnosis, limit) for arm, entropy in todo)
+    for row in _answered(jobs, n_jobs):
+        rows.append(row)
+        _store(resume, row)
+        if verbose:
+            print(f"[blind] {line(row)}", flush=True)
+    return BlindResult(tuple(row for row in rows if row["arm"] in names))
+
+
+def _entropy(seed: int, k: int) -> int:
+    """Entropy of case k."""
+    return int(np.random.SeedSequence([seed, k]).generate_state(1, np.uint64)[0])
+
+
+def _arms(arms: str | Sequence[str]) -> list[str]:
+    """Names of arms."""
+    if arms == "all":
+        return list(ARMS)
+    names = [arms] if isinstance(arms, str) else list(arms)
+    names = [part for name in names for part in name.split(",") if part]
+    unknown = [name for name in names if name not in ARMS]
+    if unknown or not names:
+        raise SurrogateError(f"arms: {unknown or arms!r} unknown; use 'all' or one or several of {list(ARMS)}.")
+    return names
+
+
+def _answered(jobs: Iterable[tuple[Any, ...]], n_jobs: int | None) -> Iterator[dict[str, Any]]:
+    """Rows as they come."""
+    if n_jobs in (None, 1):
+        with Solver() as solver:
+            for job in jobs:
+                yield run_case(*job, solver=solver)
+    else:
+        yield from Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)(
+            delayed(run_case)(*job) for job in jobs
+        )
+
+
+#: Diagnosing processes of a worker, one for each diagnosis asked.
+_SOLVERS: dict[str, Solver] = {}
+
+
+def run_case(
+    arm: str,
+    entropy: int | None = None,
+    plant: Any = None,
+    runs: Any = None,
+    diagnosis: str = DEFAULT,
+    limit: float = 600.0,
+    *,
+    solver: Solver | None = None,
+    look: Callable[[Any, Any], None] | None = None,
+) -> dict[str, Any]:
+    """Draw, seal, ask, open, score.
+
+    Parameters
+    ----------
+    arm : str
+    entropy : int, optional
+        Fresh by default.
+    plant, runs : PlantSpec, list of ndarray, optional
+        A plant of the user's own.
+    diagnosis, limit : str, float
+        As in :func:`run_blind_check`.
+    solver : Solver, optional
+        Process to be asked; kept from case to case.
+    look : callable, optional
+        Called with case and answer, before the scores.
+
+    Returns
+    -------
+    dict
+        A row, see :func:`~sksurrogate.blind._score.score`.
+    """
+    begun = time.perf_counter()
+    try:
+        case = draw(arm, entropy, plant=plant, runs=runs)
+    except SurrogateError as error:
+        return {"arm": arm, "seed": entropy, "error": f"not drawn: {error}", "right": None}
+    solver = solver or _SOLVERS.setdefault(diagnosis, Solver(diagnosis))
+    solver.function, solver.limit = diagnosis, limit
+    with tempfile.TemporaryDirectory(prefix="sealed-") as folder:
+        seal = close_seal(case.facts, folder)
+        answer = solver.ask(case.question)
+        opened = seal.open()
+    if opened["truths"] != case.facts["truths"]:
+        raise SurrogateError("the seal holds another truth than the case: the run does not count.")
+    if look is not None:
+        look(case, answer)
+    row = score(case, answer)
+    return {**row, "diagnosis": diagnosis, "sha256": seal.sha256, "whole_seconds": time.perf_counter() - begun}
+
+
+def line(row: dict[str, Any]) -> str:
+    """A row in a line."""
+    if "error" in row:
+        return f"{row['arm']} seed={row['seed']}: {row['error']}"
+    truths = [f"{t['name']}@{t['location']}" for t in row["truths"]]
+    named = [f"{e['name']}@{e['location']}" for e in row["effects"]]
+    return (
+        f"{'right' if row['right'] else 'WRONG'} {row['arm']} seed={row['seed']} {row['plant']}: "
+        f"{truths or 'nothing'} -> {row['verdict']} {named}; {row['seconds']:.1f} s"
+    )
+
+
+def _stored(path: Any) -> list[dict[str, Any]]:
+    """Rows of earlier blocks; a last line broken off is left out."""
+    rows = []
+    if path is not None and Path(path).exists():
+        for text in Path(path).read_text(encoding="utf-8").splitlines():
+            try:
+                rows.append(json.loads(text))
+            except json.JSONDecodeError:
+                continue
+    return rows
+
+
+def _store(path: Any, row: dict[str, Any]) -> None:
+    """Append a row."""
+    if path is not None:
+        broken_off = Path(path).exists() and not Path(path).read_bytes()[-1:] in (b"", b"\n")
+        with open(path, "a", encoding="utf-8") as file:
+            file.write("\n" * broken_off + json.dumps(row, default=float) + "\n")

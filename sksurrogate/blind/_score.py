@@ -1,0 +1,243 @@
+"""What an answer is worth: the opened truth against what was said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.blind._cases import ARMS, Case
+from sksurrogate.blind._march import march
+from sksurrogate.blind._truths import KINDS, Truth
+
+__all__ = ["oracle_error", "score"]
+
+Key = tuple[str, str, str | None]
+
+
+def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict[str, Any]:
+    """One row of results.
+
+    Parameters
+    ----------
+    case : Case
+    answer : dict
+        What the other process gave.
+    oracle : bool, default=True
+        Whether the shrink of the true effect, refitted, is computed too.
+
+    Returns
+    -------
+    dict
+        Plain data. ``right``: the verdict is the right one, every true effect is named up to twins, nothing false is
+        named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the location
+        accused is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each true
+        parameter lies in its interval. ``stated``: (probability, is it true) of each effect. ``shrink``, ``oracle``: by
+        which share the error on runs nobody fitted fell, without their noise. ``imitated``: said "explained" by other
+        names that predict as well as the truth.
+    """
+    row: dict[str, Any] = {**case.facts, "expected": ARMS[case.arm][1]}
+    if "error" in answer:
+        return {**row, "error": answer["error"], "right": False}
+    truths = [(t.name, t.location, t.variable) for t in case.truths] if case.arm != "unexcited" else []
+    classes = [_class(effect) for effect in answer["effects"]]
+    named = [any(truth in group for group in classes) for truth in truths]
+    false = sum(not any(truth in group for truth in truths) for group in classes)
+    row |= {
+        "verdict": answer["verdict"],
+        "effects": [
+            {k: e.get(k) for k in ("name", "location", "variable", "params", "intervals", "probability", "equivalents")}
+            for e in answer["effects"]
+        ],
+        "named": sum(named),
+        "exact": sum(any(truth == group[0] for group in classes) for truth in truths),
+        "false_names": false,
+        "classes": [len(group) for group in classes],
+        "accused": answer.get("where", {}).get("location"),
+        "stated": [
+            (e.get("probability"), any(t in g for t in truths)) for e, g in zip(answer["effects"], classes)
+        ],
+        "noted": bool(answer.get("notes")),
+        "predicted_shrink": _number(answer.get("shrink", {}).get("fraction")),
+        "seconds": _number(answer.get("seconds")),
+    }  # fmt: skip
+    places = [truth[1] for truth in truths]
+    row["place"] = row["accused"] in places if places else row["accused"] is None
+    row["covered"] = _covered(case.truths, answer["effects"]) if truths else []
+    row |= _shrinks(case, answer, oracle)
+    row |= _regions(case, answer)
+    row["calls"] = _calls(case, answer)
+    row["imitated"] = bool(
+        answer["verdict"] == "explained"
+        and truths
+        and not sum(named)
+        and row["shrink"] is not None
+        and row["shrink"] >= 0.8
+    )
+    row["right"] = _right(case.arm, row, len(truths))
+    return row
+
+
+def _class(effect: Mapping[str, Any]) -> list[Key]:
+    """A name with the names that the data cannot tell from it."""
+    own = (effect["name"], effect["location"], effect["variable"])
+    return [own, *((e[0], e[1], e[2]) for e in effect.get("equivalents") or [])]
+
+
+def _right(arm: str, row: Mapping[str, Any], n_truths: int) -> bool:
+    """Whether the answer is the right one."""
+    verdict = ARMS[arm][1]
+    if verdict == "explained":
+        return row["verdict"] == "explained" and row["named"] == n_truths and not row["false_names"]
+    if verdict == "either":
+        return not row["false_names"] and row["verdict"] != "unknown"
+    if verdict == "unknown":
+        return row["verdict"] == "unknown"
+    return row["verdict"] == "none" and not row["effects"]
+
+
+def _number(value: Any) -> float | None:
+    """A finite float or None, which JSON can hold."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _covered(truths: Sequence[Truth], effects: Sequence[Mapping[str, Any]]) -> list[bool]:
+    """Whether intervals hold the true values, where an effect goes by its own name."""
+    found = []
+    for truth in truths:
+        for effect in effects:
+            if (effect["name"], effect["location"], effect["variable"]) == truth.key:
+                for name, (low, high) in effect["intervals"].items():
+                    if name in truth.params and name != "phase":
+                        low = -math.inf if low is None else low
+                        high = math.inf if high is None else high
+                        found.append(bool(low <= float(truth.params[name]) <= high))
+    return found
+
+
+def _error(case: Case, predicted: Any) -> float:
+    """Root mean square of the free-run error on the test runs, outputs in their standard deviations."""
+    values = np.asarray(predicted, dtype=float).reshape(case.y_test.shape)
+    return float(np.sqrt(np.mean(((values - case.y_test) / case.scale) ** 2)))
+
+
+def _shrinks(case: Case, answer: Mapping[str, Any], oracle: bool) -> dict[str, Any]:
+    """Shrink achieved, and by the refitted truth."""
+    before = _error(
+        case, [case.question.simulator.simulate(U, x0=x) for U, x in zip(case.question.X_test, case.question.x0_test)]
+    )
+    found: dict[str, Any] = {"error_before": before, "error_after": None, "shrink": None, "oracle": None}
+    if not before > 1e-6:
+        return found
+    found["error_after"] = _number(_error(case, answer["predicted"]))
+    if found["error_after"] is not None:
+        found["shrink"] = 1.0 - found["error_after"] / before
+    if oracle and case.truths and case.arm not in ("unexcited", "novel"):
+        found["oracle"] = _number(1.0 - oracle_error(case) / before)
+    return found  # fmt: skip
+
+
+def oracle_error(case: Case) -> float:
+    """Test error of the true effects refitted to the recorded runs: one Gauss-Newton step from the truth.
+
+    The initial states are known to the oracle.
+    """
+    keys = [(i, name) for i, truth in enumerate(case.truths) for name in truth.params]
+    if not keys:
+        return 0.0
+    groups = case.question.groups
+    n_runs, n_samples = int(groups.max()) + 1, int(np.sum(groups == 0))
+    U = case.question.X.reshape(n_runs, n_samples, -1)
+    steps = [max(abs(float(case.truths[i].params[name])) * 1e-3, 1e-9) for i, name in keys]
+    train = _columns(case, U, case.starts, keys, steps)
+    test = _columns(case, case.question.X_test, case.question.x0_test, keys, steps)
+    noise = (case.question.y.reshape(n_runs, n_samples, -1) - train[0]).ravel() / np.tile(
+        case.noise, n_runs * n_samples
+    )
+    J = np.stack([((a - train[0]) / case.noise).ravel() / h for a, h in zip(train[1:], steps)], axis=1)
+    J_test = np.stack([((a - test[0]) / case.scale).ravel() / h for a, h in zip(test[1:], steps)], axis=1)
+    usable = np.isfinite(J).all(axis=1) & np.isfinite(noise)
+    size = np.linalg.norm(J[usable], axis=0) + 1e-300
+    step = np.linalg.lstsq(J[usable] / size, noise[usable], rcond=1e-8)[0] / size
+    return float(np.sqrt(np.mean((J_test @ step) ** 2)))  # fmt: skip
+
+
+def _columns(
+    case: Case, U: np.ndarray, X0: np.ndarray, keys: list[tuple[int, str]], steps: list[float]
+) -> list[np.ndarray]:
+    """Measured outputs with the true parameters, and with each of them moved; all abreast."""
+    times, n_runs = 1 + len(keys), len(U)
+    moved = []
+    for i, truth in enumerate(case.truths):
+        params = {name: np.full(times * n_runs, float(value)) for name, value in truth.params.items()}
+        for c, ((j, name), h) in enumerate(zip(keys, steps), start=1):
+            if i == j:
+                params[name][c * n_runs : (c + 1) * n_runs] += h
+        moved.append(Truth(truth.name, truth.location, truth.variable, params, truth.width))
+    course = march(case.plant, np.tile(U, (times, 1, 1)), np.tile(X0, (times, 1)), moved, substeps=8)
+    read = [case.plant.outputs.index(name) for name in case.question.simulator.outputs]
+    return list(course.outputs[..., read].reshape(times, n_runs, U.shape[1], -1))  # fmt: skip
+
+
+def active(case: Case) -> np.ndarray | None:
+    """Rows in which a regional effect acts, (n_rows,); None where there is none."""
+    for truth in case.truths:
+        if "region" in getattr(KINDS.get(truth.name), "marks", ()):
+            plant, p = case.plant, truth.params
+            if truth.name == "input_saturation":
+                return np.asarray(np.abs(case.question.X[:, plant.inputs.index(truth.location)]) > p["limit"])
+            if truth.name == "sensor_saturation":
+                column = list(case.question.simulator.outputs).index(truth.location)
+                return np.asarray(case.question.y[:, column] > p["limit"] - 2 * case.noise[column])
+            name = truth.variable if truth.name == "end_stop" and truth.variable else truth.location
+            if name not in plant.states:
+                return None
+            level = p["edge"] if truth.name == "end_stop" else p["limit"] * (1 - 1e-9)
+            return np.asarray(case.states[:, plant.states.index(name)] >= level)
+    return None
+
+
+def _regions(case: Case, answer: Mapping[str, Any]) -> dict[str, Any]:
+    """Errors of the edge of a region (in standard deviations of its signal) and of a moment (share of a run)."""
+    found: dict[str, Any] = {"edge_error": None, "time_error": None, "region_share": None}
+    mask = active(case)
+    if mask is not None:
+        found["region_share"] = float(mask.mean())
+    for truth in case.truths:
+        for effect in answer["effects"]:
+            if (effect["name"], effect["location"], effect["variable"]) != truth.key:
+                continue
+            for name in ("edge", "limit"):
+                if name in truth.params and name in effect["params"] and effect["params"][name] is not None:
+                    spread = _spread(case, truth)
+                    found["edge_error"] = _number(abs(effect["params"][name] - truth.params[name]) / spread)
+            if "time" in truth.params and effect["params"].get("time") is not None:
+                run = case.facts["n_samples"] * case.plant.dt
+                found["time_error"] = _number(abs(effect["params"]["time"] - truth.params["time"]) / run)
+    return found
+
+
+def _spread(case: Case, truth: Truth) -> float:
+    """Standard deviation of the signal that a limit cuts."""
+    plant = case.plant
+    if truth.location in plant.inputs:
+        return float(np.std(case.question.X[:, plant.inputs.index(truth.location)])) + 1e-12
+    if KINDS[truth.name].place == "sensor":
+        return float(case.scale[list(case.question.simulator.outputs).index(truth.location)])
+    name = truth.variable if truth.name == "end_stop" and truth.variable in plant.states else truth.location
+    return float(np.std(case.states[:, plant.states.index(name)])) + 1e-12
+
+
+def _calls(case: Case, answer: Mapping[str, Any]) -> float | None:
+    """Work of the diagnosis in simulations of the recorded data by the plain simulator."""
+    rhs = case.question.simulator.rhs
+    if not hasattr(rhs, "columns") or not answer.get("columns"):
+        return None
+    before = rhs.columns
+    groups = case.question.groups
+    for r in range(int(groups.max()) + 1):
+        case.question.simulator.simulate(case.question.X[groups == r], x0=case.starts[r])
+    one = rhs.columns - before
+    return float(answer["columns"]) / one if one else None

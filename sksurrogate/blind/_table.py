@@ -1,0 +1,275 @@
+"""Rows to tables, and to one page."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.blind._cases import ARMS
+from sksurrogate.exceptions import DataError
+
+__all__ = ["BlindResult"]
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class BlindResult:
+    """Scored cases.
+
+    Attributes
+    ----------
+    rows : tuple of dict
+        See :func:`sksurrogate.blind._score.score`.
+    """
+
+    rows: tuple[Row, ...]
+
+    @classmethod
+    def load(cls, path: Any) -> BlindResult:
+        """From a file of rows (JSON lines).
+
+        Raises
+        ------
+        DataError
+            The file is not there or holds other lines.
+        """
+        file = Path(path)
+        if not file.is_file():
+            raise DataError(f"path={str(path)!r}: there is no such file.")
+        try:
+            return cls(
+                tuple(json.loads(text) for text in file.read_text(encoding="utf-8").splitlines() if text.strip())
+            )
+        except json.JSONDecodeError as error:
+            raise DataError(
+                f"path={str(path)!r}, line {error.lineno}: not a row of a blind check ({error.msg})."
+            ) from error
+
+    def scores(self, by: str = "arm") -> list[dict[str, Any]]:
+        """One row of scores for each value of a column.
+
+        Parameters
+        ----------
+        by : str, default="arm"
+            Any column of the rows: "arm", "plant", "excitation", "sensors", "noise", "n_runs".
+
+        Returns
+        -------
+        list of dict
+            by, cases, right, named (share of true effects named up to twins), false (cases with a false name), place,
+            class (mean size), covered (share of 90 % intervals that hold the truth), shrink, oracle (medians), seconds
+            (median), failed (no answer).
+        """
+        order = [*ARMS] if by == "arm" else sorted({str(row.get(by)) for row in self.rows})
+        groups = [(name, [row for row in self.rows if str(row.get(by)) == name]) for name in order]
+        return [{by: name, **summary(rows)} for name, rows in groups if rows]
+
+    def calibration(self, edges: Sequence[float] = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)) -> list[dict[str, Any]]:
+        """Stated probabilities against how often they were right: low, high, count, stated (mean), right (share)."""
+        stated = [(p, t) for row in self.rows for p, t in row.get("stated", []) if p is not None]
+        found = []
+        for low, high in zip(edges[:-1], edges[1:]):
+            inside = [(p, t) for p, t in stated if low <= p < high or (high == edges[-1] and p == high)]
+            if inside:
+                mean = float(np.mean([p for p, _ in inside]))
+                share = float(np.mean([t for _, t in inside]))
+                found.append({"low": low, "high": high, "count": len(inside), "stated": mean, "right": share})
+        return found
+
+    def failures(self, kind: str | None = None) -> list[tuple[str, list[Row]]]:
+        """Wrong rows by kind of failure, most frequent first."""
+        groups: dict[str, list[Row]] = {}
+        for row in self.rows:
+            label = failure(row)
+            if label is not None and (kind is None or kind == label):
+                groups.setdefault(label, []).append(row)
+        return sorted(groups.items(), key=lambda item: -len(item[1]))
+
+    def to_markdown(self) -> str:
+        """Tables by arm, of calibration and of failures."""
+        parts = [f"{len(self.rows)} cases", table(self.scores()), "Stated probabilities", table(self.calibration())]
+        kinds = [
+            {"failure": label, "count": len(rows), "for example": example(rows[0])} for label, rows in self.failures()
+        ]
+        return "\n\n".join([*parts, "Failures by kind", table(kinds)]) + "\n"
+
+    def to_html(self, path: Any = None) -> str:
+        """One self-contained page; written to ``path`` where given. Figures need the extra ``plot``."""
+        sections = [
+            ("By arm", self.scores()),
+            ("By excitation", self.scores("excitation")),
+            ("By plant", self.scores("plant")),
+            ("By sensors", self.scores("sensors")),
+            ("By number of runs", self.scores("n_runs")),
+            ("Stated probabilities", self.calibration()),
+            (
+                "Failures",
+                [{"failure": k, "count": len(r), "for example": example(r[0])} for k, r in self.failures()],
+            ),
+        ]
+        body = "".join(f"<h2>{title}</h2>{_html_table(rows)}" for title, rows in sections if rows)
+        figure = _figure(self)
+        picture = (
+            f'<img alt="scores by arm and size of the gap" src="data:image/png;base64,{figure}">' if figure else ""
+        )
+        page = (
+            '<!doctype html><html lang="en"><meta charset="utf-8"><title>Check on withheld effects</title><style>'
+            "body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#222}"
+            "table{border-collapse:collapse;margin:.6em 0}td,th{padding:.25em .7em;border-bottom:1px solid #ddd;"
+            "text-align:right;vertical-align:top}td:first-child,th:first-child,td.t{text-align:left}img{max-width:100%}"
+            f"</style><h1>Check on withheld effects</h1><p>{len(self.rows)} cases.</p>{picture}{body}</html>\n"
+        )
+        if path is not None:
+            Path(path).write_text(page, encoding="utf-8")
+        return page
+
+    def __str__(self) -> str:
+        return self.to_markdown()
+
+    def __repr__(self) -> str:
+        return f"BlindResult({len(self.rows)} cases, {sum(bool(row.get('right')) for row in self.rows)} right)"
+
+    def _repr_html_(self) -> str:
+        return _html_table(self.scores())
+
+
+def summary(rows: Sequence[Row]) -> dict[str, Any]:
+    """Scores of some rows."""
+    answered = [row for row in rows if "error" not in row]
+
+    def mean(values: Iterable[Any]) -> float:
+        given = [float(value) for value in values if value is not None]
+        return float(np.mean(given)) if given else float("nan")
+
+    def median(values: Iterable[Any]) -> float:
+        given = [float(value) for value in values if value is not None]
+        return float(np.median(given)) if given else float("nan")
+
+    sought = [row for row in answered if row["truths"] and row["arm"] not in ("novel", "outside", "unexcited")]
+    n_truths = sum(len(row["truths"]) for row in sought)
+    return {
+        "cases": len(rows),
+        "right": mean(bool(row.get("right")) for row in rows if row.get("right") is not None),
+        "named": sum(row["named"] for row in sought) / n_truths if n_truths else float("nan"),
+        "false": mean(row["false_names"] > 0 for row in answered),
+        "place": mean(row["place"] for row in answered),
+        "class": mean(size for row in answered for size in row["classes"]),
+        "covered": mean(value for row in answered for value in row["covered"]),
+        "shrink": median(row["shrink"] for row in answered if row["arm"] != "weak"),
+        "oracle": median(row["oracle"] for row in answered if row["arm"] != "weak"),
+        "seconds": median(row["seconds"] for row in answered),
+        "calls": median(row["calls"] for row in answered),
+        "failed": len(rows) - len(answered),
+    }
+
+
+def failure(row: Row) -> str | None:
+    """What kind of failure a row is; None where it is right."""
+    if "error" in row:
+        return "no case drawn" if str(row["error"]).startswith("not drawn") else "no answer"
+    if row["right"]:
+        return None
+    expected, said = row["expected"], row["verdict"]
+    if expected in ("none", "either"):
+        return "a name where there is nothing" if row["effects"] else f"{said} where there is nothing"
+    if expected == "unknown":
+        if row.get("imitated"):
+            return "unknown effect imitated by names that predict it"
+        return f"{said} where it should be unknown"
+    if row["named"] == len(row["truths"]):
+        return "right names and a false one beside them" if row["false_names"] else f"right names, but said {said}"
+    if row["named"]:
+        return "one of two effects found" + (", and a false name" if row["false_names"] else "")
+    return "another name instead" if row["effects"] else f"not named, said {said}"
+
+
+def example(row: Row) -> str:
+    """A failure in a line."""
+    if "error" in row:
+        return f"{row['arm']} {row['seed']}: {row['error']}"
+    truths = [f"{t['name']} at {t['location']}" for t in row["truths"]]
+    named = [f"{e['name']} at {e['location']}" for e in row["effects"]]
+    return f"{row['plant']}, arm {row['arm']}, seed {row['seed']}: {' + '.join(truths) or 'nothing'} became {' + '.join(named) or row['verdict']}"
+
+
+def cell(value: Any) -> str:
+    """Text of a value."""
+    if isinstance(value, (float, np.floating)):
+        return "" if not np.isfinite(value) else f"{value:.3g}"
+    return str(value)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """A markdown table."""
+    if not rows:
+        return "(none)"
+    head = list(rows[0])
+    lines = [head, ["---"] * len(head), *([cell(row[key]) for key in head] for row in rows)]
+    return "\n".join("| " + " | ".join(parts) + " |" for parts in lines)
+
+
+def _html_table(rows: Sequence[Row]) -> str:
+    """An HTML table."""
+    if not rows:
+        return "<p>(none)</p>"
+    head = "".join(f"<th>{html.escape(str(key))}</th>" for key in rows[0])
+    body = "".join(
+        "<tr>"
+        + "".join(
+            f"<td{' class=t' if isinstance(value, str) else ''}>{html.escape(cell(value))}</td>"
+            for value in row.values()
+        )
+        + "</tr>"
+        for row in rows
+    )
+    return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def _figure(result: BlindResult) -> str | None:
+    """Right answers by arm, and names against the size of the gap, as PNG in base64; None without matplotlib."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        return None
+    figure = Figure(figsize=(10, 3.8), layout="constrained")
+    first, second, third = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))
+    scores = result.scores()
+    first.barh([row["arm"] for row in scores], [row["right"] for row in scores], color="#4878a8")
+    first.invert_yaxis()
+    first.set(xlim=(0, 1), xlabel="share of right answers")
+    for k, row in enumerate(scores):
+        first.text(0.02, k, f"{row['cases']}", va="center", color="white", fontsize=8)
+    _against_size(
+        second, [row for row in result.rows if row.get("truths") and row["expected"] in ("explained", "either")]
+    )
+    points = result.calibration()
+    third.plot([0, 1], [0, 1], color="#bbb")
+    third.plot([p["stated"] for p in points], [p["right"] for p in points], "o-", color="#b5482a")
+    third.set(xlabel="probability stated", ylabel="share true", xlim=(0, 1.03), ylim=(0, 1.03))
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=110)
+    return base64.b64encode(stream.getvalue()).decode()
+
+
+def _against_size(axes: Any, rows: Sequence[Row]) -> None:
+    """Share of effects named over bins of gap / noise."""
+    edges = np.array([0.0, 0.7, 1.5, 8.0, 15.0, 30.0, np.inf])
+    labels, heights = [], []
+    inside: Callable[[Row, float, float], bool] = lambda row, a, b: a <= row["gap_over_noise"] < b  # noqa: E731
+    for a, b in zip(edges[:-1], edges[1:]):
+        some = [row for row in rows if "error" not in row and inside(row, a, b)]
+        if some:
+            labels.append(f"{a:g}-{b:g}\n({len(some)})")
+            heights.append(sum(row["named"] for row in some) / sum(len(row["truths"]) for row in some))
+    axes.bar(labels, heights, color="#6a9a58")
+    axes.tick_params(axis="x", labelsize=7)
+    axes.set(ylim=(0, 1), xlabel="gap / noise (cases)", ylabel="share of true effects named")
