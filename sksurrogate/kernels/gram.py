@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 from scipy.linalg import lapack
 
 __all__ = [
@@ -87,11 +87,11 @@ class Moments:
         if self._buffer is None or len(self._buffer) < n:
             self._buffer = np.empty((n, len(self.mean)))
         Z = self._buffer[:n]
-        _write_dense(block, Z[:, :p])
+        _write_dense(block, Z)
         if targets is not None:
             Z[:, p:] = targets
         if weights is None:
-            mean = Z.mean(axis=0)
+            mean = np.ones(n) @ Z / n
             Z -= mean
             return self._merge(n, float(n), mean, Z.T @ Z)
         total = float(weights.sum())
@@ -134,23 +134,18 @@ class Moments:
 
 
 def _write_dense(block: Any, out: np.ndarray) -> None:
-    """Copy a dense or sparse block into ``out``."""
+    """Write a dense or sparse block into the leading columns of ``out``, which is contiguous."""
     if not hasattr(block, "toarray"):
-        out[...] = block
+        out[:, : block.shape[1]] = block
         return
-    out[...] = 0.0
     csr = block.tocsr()
-    if not csr.has_canonical_format:
-        csr = csr.copy()
-        csr.sum_duplicates()
-    rows = np.repeat(np.arange(csr.shape[0]), np.diff(csr.indptr))
-    out[rows, csr.indices] = csr.data
+    out[...] = 0.0
+    # the same rows with as many columns as out has: scipy's loop in C writes them straight into place
+    sparse.csr_array((csr.data, csr.indices, csr.indptr), shape=out.shape).toarray(out=out)
 
 
 def _sparse_moments(block: Any, targets: np.ndarray | None, weights: np.ndarray | None) -> tuple:
     """Count, weight, mean and scatter of a block with few non-zeros."""
-    from scipy import sparse
-
     Z = block.tocsr() if targets is None else sparse.hstack([block, sparse.csr_array(targets)], format="csr")
     w = np.ones(Z.shape[0]) if weights is None else weights
     total = float(w.sum())
@@ -180,11 +175,12 @@ def triangle(blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]]) -> np.
         n, p = block.shape
         if R is None:
             R = np.zeros((0, 1 + p + targets.shape[1]))
-        Z = np.empty((len(R) + n, R.shape[1]), order="F")
+        Z = np.empty((len(R) + n, R.shape[1]))
         Z[: len(R)] = R
-        Z[len(R) :, 0] = 1.0
-        _write_dense(block, Z[len(R) :, 1 : 1 + p])
-        Z[len(R) :, 1 + p :] = targets
+        rows = np.empty((n, R.shape[1] - 1))
+        _write_dense(block, rows)
+        rows[:, p:] = targets
+        Z[len(R) :, 1:], Z[len(R) :, 0] = rows, 1.0
         if weights is not None:
             Z[len(R) :] *= np.sqrt(weights)[:, None]
         R = np.triu(lapack.dgeqrf(Z, overwrite_a=True)[0][: min(Z.shape)])

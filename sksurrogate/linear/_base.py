@@ -245,4 +245,7 @@ def _range(X: Any) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest value of each column."""
     if sparse.issparse(X):
         return X.min(axis=0).toarray().ravel(), X.max(axis=0).toarray().ravel()
-    return X.min(axis=0), X.max(axis=0)
+    if X.shape[1] > 16:
+        return X.min(axis=0), X.max(axis=0)
+    # numpy reduces narrow rows slowly, single columns quickly
+    return np.array([column.min() for column in X.T]), np.array([column.max() for column in X.T])
