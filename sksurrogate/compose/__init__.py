@@ -3,5 +3,6 @@
 from sksurrogate.compose._derivative import DerivativeRegressor
 from sksurrogate.compose._hybrid import HybridRegressor
 from sksurrogate.compose._recursive import RecursivePredictor
+from sksurrogate.compose._validity import CoverageReport, coverage_report
 
-__all__ = ["DerivativeRegressor", "HybridRegressor", "RecursivePredictor"]
+__all__ = ["CoverageReport", "DerivativeRegressor", "HybridRegressor", "RecursivePredictor", "coverage_report"]

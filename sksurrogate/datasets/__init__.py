@@ -1,7 +1,13 @@
 """Data: the paper's plant, and real recordings fetched on demand."""
 
 from sksurrogate.datasets._experiments import Experiments, simulate_experiments
-from sksurrogate.datasets._generators import linear_reactor, make_reactor, make_reactor_runs, reactor_rhs
+from sksurrogate.datasets._generators import (
+    linear_reactor,
+    make_reactor,
+    make_reactor_experiments,
+    make_reactor_runs,
+    reactor_rhs,
+)
 from sksurrogate.datasets._recordings import fetch_cascaded_tanks, fetch_silverbox
 
 __all__ = [
@@ -10,6 +16,7 @@ __all__ = [
     "fetch_silverbox",
     "linear_reactor",
     "make_reactor",
+    "make_reactor_experiments",
     "make_reactor_runs",
     "reactor_rhs",
     "simulate_experiments",

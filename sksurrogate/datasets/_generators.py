@@ -10,7 +10,10 @@ from sklearn.utils import check_random_state
 
 from sksurrogate.physics import ODESimulator
 
-__all__ = ["linear_reactor", "make_reactor", "make_reactor_runs", "reactor_rhs"]
+__all__ = ["linear_reactor", "make_reactor", "make_reactor_experiments", "make_reactor_runs", "reactor_rhs"]
+
+#: Levels of the input of :func:`make_reactor_experiments`.
+PAPER_LEVELS = (0.22, 0.12, 0.25, 0.08, 0.18, 0.05, 0.20, 0.10, 0.16, 0.14)
 
 
 def reactor_rhs(t: Any, x: Any, u: Any, p: Any) -> list[Any]:
@@ -140,3 +143,47 @@ def make_reactor_runs(
     if not return_derivative:
         return X, y, groups
     return X, y, groups, np.asarray(reactor_rhs(0.0, [clean], [X[:, 0]], plant.params)[0])
+
+
+def make_reactor_experiments(
+    y0: Any = (15.0, 12.0, 9.0, 7.0, 5.0, 3.0, 1.5, 0.5),
+    n_samples: int = 100,
+    *,
+    noise: float = 0.0,
+    dt: float = 0.02,
+    random_state: Any = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Experiments in the manner of the paper's Figures 3 and 4: one input, runs from many y(0).
+
+    Parameters
+    ----------
+    y0 : sequence of float
+        Initial state of each run.
+    n_samples : int, default=100
+        Rows of a run; the input goes through ten held levels between 0.05 and 0.25.
+    noise : float, default=0
+        Standard deviation of white measurement noise, units of y.
+    dt : float, default=0.02
+    random_state : int, RandomState or None
+
+    Returns
+    -------
+    X : ndarray (n_runs * n_samples, 1)
+    y : ndarray (n_runs * n_samples,)
+    groups : ndarray of int (n_runs * n_samples,)
+    dydt : ndarray (n_runs * n_samples,)
+        The plant's own derivatives, without noise.
+
+    Examples
+    --------
+    >>> X, y, groups, dydt = make_reactor_experiments(n_samples=50)
+    >>> y[:3].round(2)
+    array([15.  , 13.36, 12.25])
+    """
+    rng = check_random_state(random_state)
+    plant, start = make_reactor(dt), np.atleast_1d(np.asarray(y0, dtype=float))
+    levels = np.asarray(PAPER_LEVELS)[np.arange(n_samples) * len(PAPER_LEVELS) // n_samples]
+    U = np.repeat(levels[None, :, None], len(start), axis=0)
+    X, clean = U.reshape(-1, 1), plant.simulate_batch(U, start[:, None]).reshape(-1)
+    dydt = np.asarray(reactor_rhs(0.0, [clean], [X[:, 0]], plant.params)[0])
+    return X, clean + noise * rng.normal(size=clean.shape), np.repeat(np.arange(len(start)), n_samples), dydt

@@ -1,0 +1,59 @@
+"""
+Figure 4: how much of the vector field do experiments see?
+=========================================================
+
+Runs from many y(0) cover the surface dy/dt = f(y, u) of Eq. (9); a plant that cannot choose its start sees a fraction.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from sksurrogate.compose import coverage_report
+from sksurrogate.datasets import make_reactor, make_reactor_experiments, reactor_rhs, simulate_experiments
+
+X, y, groups, dydt = make_reactor_experiments()
+u_axis, y_axis = np.linspace(0.05, 0.25, 40), np.linspace(0.4, 15.0, 40)
+U, Y = np.meshgrid(u_axis, y_axis)
+surface = reactor_rhs(0.0, [Y], [U], make_reactor().params)[0]
+
+figure = plt.figure(figsize=(11, 5), constrained_layout=True)
+ax = figure.add_subplot(1, 2, 1, projection="3d")
+ax.plot_surface(U, Y, surface, cmap="viridis", alpha=0.5, linewidth=0)
+for r in np.unique(groups):
+    run = groups == r
+    ax.plot(X[run, 0], y[run], dydt[run], ".", ms=3, color="#d55e00")
+ax.set(xlabel="u", ylabel="y", zlabel="dy/dt", title="Surface of Eq. (9) and eight runs")
+ax.view_init(elev=25, azim=-120)
+
+normal = groups == 4
+design = simulate_experiments(
+    make_reactor(), {"y": (0.5, 15)}, {"u": (0.05, 0.25)}, n_runs=64, n_samples=100, hold=(5, 10), random_state=0
+)
+reports = {
+    "one run, y(0) = 5": (X[normal], y[normal]),
+    "eight runs": (X, y),
+    "64 runs of a Latin hypercube": (design.X, design.y),
+}
+ax = figure.add_subplot(1, 2, 2)
+ax.contourf(U, Y, np.sign(surface) * np.log10(1 + np.abs(surface)), 20, cmap="viridis", alpha=0.6)
+ax.plot(design.X[:, 0], design.y, ".", ms=1, color="#ffffff", alpha=0.5, label="64 runs of a Latin hypercube")
+ax.plot(X[:, 0], y, ".", ms=3, color="#d55e00", label="eight runs")
+ax.plot(X[normal, 0], y[normal], ".", ms=4, color="#000000", label="one run")
+steady = [
+    next(v for v in np.linspace(0, 15, 3001) if reactor_rhs(0, [v], [w], make_reactor().params)[0] <= 0) for w in u_axis
+]
+ax.plot(u_axis, steady, color="#ffffff", lw=2, label="dy/dt = 0")
+ax.set(xlabel="u", ylabel="y", title="The same from above")
+ax.legend(loc="upper right", fontsize=8, facecolor="#bbbbbb")
+
+# %%
+# The share of the (y, u) box that each data set speaks about.
+
+shares = {}
+for name, (inputs, outputs) in reports.items():
+    report = coverage_report(inputs, outputs, box=[(0.4, 15.0), (0.05, 0.25)])
+    shares[name] = report.share
+    print(f"{name}: {100 * report.share:.0f} % of (y, u)")
+assert shares["one run, y(0) = 5"] < 0.6 * shares["eight runs"]
+assert shares["64 runs of a Latin hypercube"] > 2 * shares["eight runs"]
+plt.show()

@@ -1,0 +1,46 @@
+"""Coverage of (y, u): shares against areas, holes where none were measured."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.compose import coverage_report
+from sksurrogate.exceptions import DataError
+
+
+def square(n=60, low=0.0, high=1.0):
+    axis = np.linspace(low, high, n)
+    y, u = (part.ravel() for part in np.meshgrid(axis, axis))
+    return u[:, None], y
+
+
+def test_the_share_is_that_of_the_area():
+    X, y = square(high=0.5)
+    report = coverage_report(X, y, box=[(0, 1), (0, 1)], radius=0.01)
+    # a quarter, a strip of one radius, a quarter of a disc
+    assert report.share == pytest.approx(0.25 + 0.01 + np.pi * 1e-4 / 4, abs=3e-3)
+    assert report.covers(np.array([[0.2], [0.8]]), np.array([0.2, 0.2])).tolist() == [True, False]
+
+
+def test_the_largest_hole_is_found_and_holes_keep_apart():
+    X, y = square()
+    hole = np.hypot(X[:, 0] - 0.7, y - 0.3) > 0.2
+    report = coverage_report(X[hole], y[hole], radius=0.05)
+    np.testing.assert_allclose(report.holes[0], [0.3, 0.7], atol=0.03)
+    assert report.hole_radius[0] == pytest.approx(0.2, abs=0.03)
+    assert "nothing within 0.2" in str(report)
+
+
+def test_units_do_not_matter():
+    X, y = square(20, 0.0, 0.5)
+    a = coverage_report(X, y, box=[(0, 1), (0, 1)])
+    b = coverage_report(1e3 * X, 1e-3 * y, box=[(0, 1e-3), (0, 1e3)])
+    assert a.share == b.share
+    np.testing.assert_allclose(a.hole_radius, b.hole_radius)
+
+
+def test_a_wrong_box_says_what_is_expected():
+    X, y = square(5)
+    with pytest.raises(DataError, match=r"expected \(2, 2\)"):
+        coverage_report(X, y, box=[(0, 1)])
+    with pytest.raises(DataError, match="radius=0"):
+        coverage_report(X, y, radius=0)
