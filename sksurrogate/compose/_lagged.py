@@ -11,7 +11,7 @@ from sksurrogate._dynamic import FAR
 from sksurrogate.features._lag import lag_list, named_position
 from sksurrogate.runs import Runs
 
-__all__ = ["barely_fitted", "diverged", "name_features"]
+__all__ = ["barely_fitted", "diverged", "name_features", "stacked"]
 
 
 def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tuple[list[tuple[int, int]], list[str]]:
@@ -44,6 +44,16 @@ def diverged(
         far = ~(np.abs(found - mean) <= limit).all(axis=2)
     rows = [np.flatnonzero(far[r, n:length]) for r, length in enumerate(lengths)]
     return [(r, n + int(steps[0])) for r, steps in enumerate(rows) if len(steps)]
+
+
+def stacked(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Arrays of one shape as (n_parts, n_rows, n_columns); no copy where they lie side by side in one array."""
+    whole, shape = parts[0].base, (len(parts), *parts[0].shape)
+    if isinstance(whole, np.ndarray) and whole.flags.c_contiguous and whole.size == np.prod(shape):
+        places = np.array([part.__array_interface__["data"][0] for part in parts])
+        if np.array_equal(places, whole.__array_interface__["data"][0] + parts[0].nbytes * np.arange(len(parts))):
+            return whole.reshape(shape)
+    return np.stack(parts)
 
 
 def barely_fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:

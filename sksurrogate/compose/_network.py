@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,9 @@ def write_network(estimator: Any, net: Net) -> bool:
     if hasattr(model, "coefs_"):
         model.coefs_ = [w.astype(old.dtype) for w, old in zip(weights, model.coefs_)]
         model.intercepts_ = [b.astype(old.dtype) for b, old in zip(biases, model.intercepts_)]
+        if hasattr(model, "_layers"):  # FNNRegressor predicts from these
+            model._layers = replace(model._layers, weights=tuple(model.coefs_), biases=tuple(model.intercepts_))
+            model.__dict__.pop("_net", None)
         return True
     flat = np.ndim(model.coef_) == 1
     model.coef_ = weights[0][:, 0].copy() if flat else weights[0].T.copy()

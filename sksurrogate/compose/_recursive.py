@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin, lengthened
 from sksurrogate.compose._free_fit import shoot
-from sksurrogate.compose._lagged import barely_fitted, diverged, name_features
+from sksurrogate.compose._lagged import barely_fitted, diverged, name_features, stacked
 from sksurrogate.compose._network import agrees, describe_network, write_network
 from sksurrogate.compose._stability import StabilityReport, growth_along
 from sksurrogate.exceptions import DataError, RunError, SimulationDiverged
@@ -347,8 +347,9 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         lengths = [len(U) for U in inputs]
         longest = max(lengths)
         same = min(lengths) == longest
-        U = np.stack(inputs if same else [lengthened(U, longest) for U in inputs])
-        found = self._roll(U, np.stack([lengthened(np.asarray(f), self.n_initial_) for f in first]))
+        U = stacked(inputs) if same else np.stack([lengthened(U, longest) for U in inputs])
+        n = min(self.n_initial_, longest)
+        found = self._roll(U, np.stack([f[:n] for f in first]))
         bad = diverged(found, lengths, self.n_initial_, self.y_mean_, self.y_spread_)
         return (found if same else [part[:length] for part, length in zip(found, lengths)]), bad
 

@@ -14,6 +14,9 @@ __all__ = ["LagNet", "Net", "free_run", "march"]
 #: A run with more steps is cut into pieces.
 LONG = 4000
 
+#: Bytes of the time-major buffer.
+BUFFER = 2**20
+
 #: Runs that go abreast in one block of the time-major loop, so that a window stays in the cache.
 ABREAST = 2048
 
@@ -115,28 +118,35 @@ def abreast(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
     if len(net.weights) == 1:
         bias = bias - shift
     matrix = window.reshape(len(window), -1)
-    buffer = np.zeros((n_steps, width, n_runs))
-    buffer[:, o:] = U.transpose(1, 2, 0)
-    buffer[:n_first, :o] = (first - shift).transpose(1, 2, 0)
-    _loop(net, matrix, np.repeat(bias[:, None], n_runs, axis=1), buffer, o, longest, n_first)
+    bias = np.repeat(bias[:, None], n_runs, axis=1)
     y = np.empty((n_runs, n_steps, o))
-    np.add(buffer[:, :o].transpose(2, 0, 1), shift, out=y)
     y[:, :n_first] = first
+    # a block of steps at a time: what is turned from run-major to time-major stays in the cache
+    n_block = max(min(BUFFER // (8 * width * n_runs), n_steps - n_first), 1)
+    buffer = np.zeros((longest + n_block, width, n_runs))
+    buffer[:longest, :o] = (first[:, n_first - longest :] - shift).transpose(1, 2, 0)
+    buffer[:longest, o:] = U[:, n_first - longest : n_first].transpose(1, 2, 0)
+    for start in range(n_first, n_steps, n_block):
+        stop = min(start + n_block, n_steps)
+        rows = slice(longest, longest + stop - start)
+        buffer[rows, :o] = 0.0  # outputs to come are in the window with weight 0: no nan may stand there
+        buffer[rows, o:] = U[:, start:stop].transpose(1, 2, 0)
+        _loop(net, matrix, bias, buffer, o, longest, stop - start)
+        np.add(buffer[rows, :o].transpose(2, 0, 1), shift, out=y[:, start:stop])
+        buffer[:longest] = buffer[stop - start : stop - start + longest].copy()
     return y
 
 
-def _loop(
-    net: Net, matrix: np.ndarray, bias: np.ndarray, buffer: np.ndarray, o: int, longest: int, n_first: int
-) -> None:
-    """Fill the outputs in the buffer, step after step, without making an array."""
+def _loop(net: Net, matrix: np.ndarray, bias: np.ndarray, buffer: np.ndarray, o: int, longest: int, n: int) -> None:
+    """Fill the outputs of n steps in the buffer, one after the other, without making an array."""
     width, n_runs = buffer.shape[1:]
     flat = buffer.reshape(-1, n_runs)
     sums = [np.empty((w.shape[1], n_runs)) for w in net.weights]
     inner = [(np.ascontiguousarray(w.T), b[:, None]) for w, b in zip(net.weights[1:], net.biases[1:])]
     last = len(inner) - 1
     with np.errstate(over="ignore", invalid="ignore"):
-        for t in range(n_first, len(buffer)):
-            z = np.matmul(matrix, flat[(t - longest) * width : (t + 1) * width], out=sums[0])
+        for t in range(n):
+            z = np.matmul(matrix, flat[t * width : (t + longest + 1) * width], out=sums[0])
             z += bias
             for k, (w, b) in enumerate(inner):
                 kind = net.activations[k]
@@ -149,9 +159,9 @@ def _loop(
                 z = np.matmul(w, z, out=sums[k + 1])
                 z += b
             if inner:
-                np.matmul(inner[last][0], z, out=buffer[t, :o])
+                np.matmul(inner[last][0], z, out=buffer[longest + t, :o])
             else:
-                buffer[t, :o] = z
+                buffer[longest + t, :o] = z
 
 
 def one_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
