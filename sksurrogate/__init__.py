@@ -27,6 +27,7 @@ _HOME = {
     "HybridRegressor": "compose",
     "Interpolator": "features",
     "LagEmbedding": "features",
+    "LaggedLinearRegressor": "linear",
     "ODESimulator": "physics",
     "OutlierFilter": "features",
     "PCRRegressor": "linear",

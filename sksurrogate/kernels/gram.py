@@ -21,7 +21,6 @@ __all__ = [
     "Quadratic",
     "factor_normal",
     "gcv_path",
-    "lag_moments",
     "solve_normal",
     "solve_rows",
     "triangle",
@@ -352,63 +351,3 @@ def gcv_path(
     ok = free > 1e-6 * weight
     scores[ok] = weight * loss[ok] / free[ok] ** 2
     return scores, dof
-
-
-def lag_moments(runs: Sequence[np.ndarray], max_lag: int) -> Moments:
-    """Moments of the lag matrix of several runs without the matrix, by shift recursion.
-
-    Row t of the lag matrix is ``[z(t), z(t-1), ..., z(t-max_lag)]``. The products of two lags obey
-    ``G[i+1, j+1] = G[i, j] + z(p-1-i) z(p-1-j)^T - z(n-1-i) z(n-1-j)^T`` within a run (p = max_lag): only the first row
-    of blocks is summed over the data. Rows whose past would reach into another run are not counted.
-
-    Parameters
-    ----------
-    runs : sequence of ndarray (n_steps, n_channels)
-        Runs with no more than ``max_lag`` rows contribute nothing.
-    max_lag : int
-
-    Returns
-    -------
-    Moments
-        Column ``i * n_channels + c`` is channel c at lag i.
-    """
-    m, p = runs[0].shape[1], max_lag
-    moments = Moments.zeros((p + 1) * m)
-    for run in runs:
-        n = len(run)
-        if n <= p:
-            continue
-        # about the mean of the run: no digits lost on large offsets
-        centre = np.mean(run, axis=0)
-        sums, G = _lag_sums(np.ascontiguousarray(run.T, dtype=float), centre, p)
-        mean = sums.ravel() / (n - p)
-        scatter = G.transpose(0, 2, 1, 3).reshape((p + 1) * m, -1) - (n - p) * np.outer(mean, mean)
-        moments._merge(n - p, float(n - p), mean + np.tile(centre, p + 1), scatter)
-    return moments
-
-
-def _lag_sums(z: np.ndarray, centre: np.ndarray, p: int, chunk: int = 8192) -> tuple[np.ndarray, np.ndarray]:
-    """Sums (p+1, m) of the lagged channels of one run and of their products (p+1, p+1, m, m)."""
-    m, n = z.shape
-    first = np.zeros((p + 1, m, m))
-    total = np.zeros(m)
-    for a in range(p, n, chunk):
-        b = min(a + chunk, n)
-        piece = z[:, a - p : b] - centre[:, None]
-        now = piece[:, p:]
-        total += now.sum(axis=1)
-        for c in range(m):
-            for e in range(m):
-                # np.correlate slides over the p + 1 shifts in C: shift p is lag 0
-                first[:, c, e] += np.correlate(piece[e], now[c], mode="valid")[::-1]
-    head = z[:, :p][:, ::-1].T - centre
-    tail = z[:, n - p :][:, ::-1].T - centre
-    G = np.empty((p + 1, p + 1, m, m))
-    for k in range(p + 1):
-        steps = head[: p - k, :, None] * head[k:, None, :] - tail[: p - k, :, None] * tail[k:, None, :]
-        along = first[k] + np.concatenate([np.zeros((1, m, m)), np.cumsum(steps, axis=0)])
-        index = np.arange(p + 1 - k)
-        G[index, index + k] = along
-        G[index + k, index] = along.transpose(0, 2, 1)
-    sums = total + np.concatenate([np.zeros((1, m)), np.cumsum(head - tail, axis=0)])
-    return sums, G

@@ -1,5 +1,6 @@
 """Fits that are linear in their parameters."""
 
+from sksurrogate.linear._lagged import LaggedLinearRegressor
 from sksurrogate.linear._pcr import PCRRegressor
 from sksurrogate.linear._penalties import (
     BaseConstraint,
@@ -24,6 +25,7 @@ __all__ = [
     "Bounds",
     "CloseTo",
     "Curvature",
+    "LaggedLinearRegressor",
     "LinearEquality",
     "LinearInequality",
     "Monotone",

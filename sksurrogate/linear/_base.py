@@ -109,6 +109,29 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
         return self._finish(X, Y, weights, None)
 
+    def fit_moments(self, moments: Moments, n_outputs: int | None = None) -> Self:
+        """Fit from second moments that were gathered elsewhere (without the way back to the data).
+
+        Parameters
+        ----------
+        moments : Moments
+            Of features and outputs, the outputs last.
+        n_outputs : int, optional
+            None: one output, and y counts as 1-D.
+
+        Returns
+        -------
+        self
+        """
+        self._validate_params()
+        if self.features is not None:
+            raise DataError("features must be None where moments are given: they are those of the features already.")
+        self.moments_, self.features_ = moments, None
+        self._flat, self._n_outputs = n_outputs is None, n_outputs or 1
+        self.n_features_in_ = self._n_features
+        self._low, self._high = np.full((2, self.n_features_in_), np.nan)
+        return self._store(None)
+
     def predict(self, X: Any) -> np.ndarray:
         """Predict.
 
@@ -181,6 +204,10 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         for block, targets, w in self._blocks(X, Y, weights):
             self.moments_.add(block, targets, w)
         self.moments_.release()
+        return self._store(blocks)
+
+    def _store(self, blocks: Blocks | None) -> Self:
+        """Solve."""
         coef, intercept = self._solve(blocks)
         self.coef_ = coef[:, 0] if self._flat else coef.T.copy()
         self.intercept_ = float(intercept[0]) if self._flat else intercept

@@ -1,0 +1,185 @@
+"""Linear lag models of long records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
+
+from sksurrogate.exceptions import DataError, RunError
+from sksurrogate.features._lag import lag_list
+from sksurrogate.kernels.lag_gram import lag_moments
+from sksurrogate.linear._base import BaseBlockedRegressor
+from sksurrogate.linear._regressor import PenalizedRegressor
+from sksurrogate.runs import Runs, resolve_runs
+
+__all__ = ["LaggedLinearRegressor"]
+
+
+class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    """Linear regression on columns of X and their past within each run, without the lag matrix.
+
+    ``y(t) = sum_i theta_i x_{j_i}(t - k_i) + intercept``, the same as
+    ``make_pipeline(LagEmbedding(lags), estimator)`` on the rows whose whole past was measured. The second moments of the
+    lagged columns follow from those of lag 0 by shift recursion, so that time and memory hardly grow with the lags. With
+    past outputs among the columns of X (lags from 1) this is an ARX model one step ahead.
+
+    Parameters
+    ----------
+    lags : int, list of int, or dict of column -> int or list, default=1
+        An int n means 0, 1, ..., n. A dict (by name for frames, else by position) leaves out columns it does not name.
+    run : None, column name, int or "index"
+        Where X says which run a row belongs to; ``groups`` wins.
+    estimator : PenalizedRegressor or PCRRegressor, optional
+        Fitted to the moments; None: :class:`PenalizedRegressor` without penalties, least squares.
+
+    Attributes
+    ----------
+    coef_ : ndarray (n_features,) or (n_outputs, n_features)
+        In the order of ``columns_``.
+    intercept_ : float or ndarray (n_outputs,)
+    columns_ : list of (int, int)
+        Column of X (run column left out) and lag of every feature.
+    estimator_ : fitted estimator
+        Takes lagged rows.
+    max_lag_ : int
+    n_features_in_ : int
+
+    See Also
+    --------
+    sksurrogate.features.LagEmbedding : The lag matrix, for any estimator.
+    sksurrogate.compose.RecursivePredictor : Free runs.
+
+    References
+    ----------
+    Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), section 2.6.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import LaggedLinearRegressor
+    >>> u = np.array([0.0, 1.0, 3.0, 2.0, 5.0])
+    >>> y = 2 * u - np.r_[0.0, u[:-1]]
+    >>> LaggedLinearRegressor(lags=1).fit(u[:, None], y).coef_.round(6)
+    array([ 2., -1.])
+    """
+
+    __metadata_request__fit = {"groups": True}
+    __metadata_request__predict = {"groups": True}
+    __metadata_request__score = {"groups": True}
+
+    def __init__(self, lags: Any = 1, *, run: Any = None, estimator: BaseBlockedRegressor | None = None):
+        self.lags = lags
+        self.run = run
+        self.estimator = estimator
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> LaggedLinearRegressor:
+        """Fit to the rows whose whole past was measured.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_columns)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        estimator = PenalizedRegressor() if self.estimator is None else self.estimator
+        if not hasattr(estimator, "fit_moments"):
+            raise DataError(
+                f"estimator={estimator!r} cannot be fitted from moments: take PenalizedRegressor or PCRRegressor, or "
+                "make_pipeline(LagEmbedding(lags), estimator)."
+            )
+        runs = self._resolve(X, y, groups, reset=True)
+        names = runs.input_names or tuple(f"x{j}" for j in range(runs[0].X.shape[1]))
+        keys = self.lags if isinstance(self.lags, Mapping) else dict.fromkeys(range(len(names)), self.lags)
+        self.columns_ = [(_position(key, names), k) for key, lags in keys.items() for k in lag_list(lags)]
+        if not self.columns_:
+            raise DataError(f"lags={self.lags!r} asks for no column at all: name at least one lag.")
+        self.max_lag_ = max(k for _, k in self.columns_)
+        self.feature_names_ = [f"{names[j]}_lag{k}" for j, k in self.columns_]
+        longest = max(len(run) for run in runs)
+        if longest <= self.max_lag_:
+            raise RunError(
+                f"the longest run has {longest} rows (n_samples={runs.n_samples} in all), but the longest lag "
+                f"{self.max_lag_} needs {self.max_lag_ + 1}: give longer runs or lower lags."
+            )
+        used = sorted({j for j, _ in self.columns_})
+        columns = used if len(used) < len(names) else slice(None)
+        outputs = [run.y for run in runs]
+        moments = lag_moments([run.X[:, columns] for run in runs], self.max_lag_, outputs)
+        q, m = outputs[0].shape[1], len(used)
+        place = [k * m + used.index(j) for j, k in self.columns_]
+        target = len(moments.mean) - q
+        chosen = moments.select([*place, *range(target, target + q)])
+        self.estimator_ = clone(estimator).fit_moments(chosen, None if runs.y_is_1d else q)
+        self.coef_, self.intercept_ = self.estimator_.coef_, self.estimator_.intercept_
+        return self
+
+    def predict(self, X: Any, groups: Any = None) -> np.ndarray:
+        """Predict; before the first row of a run its value stands.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_columns)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray (n_samples,) or (n_samples, n_outputs); nan in rows that belong to no run
+        """
+        check_is_fitted(self, "coef_")
+        runs = self._resolve(X, None, groups)
+        coef = np.atleast_2d(self.coef_)
+        out = runs.stack([self._filtered(run.X, coef) for run in runs])
+        return out[:, 0] if self.coef_.ndim == 1 else out
+
+    def score(self, X: Any, y: Any, groups: Any = None) -> float:
+        """Coefficient of determination of :meth:`predict`."""
+        from sklearn.metrics import r2_score
+
+        predicted = self.predict(X, groups=groups)
+        known = np.isfinite(predicted.reshape(len(predicted), -1)).all(axis=1)
+        return float(r2_score(np.asarray(y, dtype=float)[known], predicted[known]))
+
+    def _filtered(self, values: np.ndarray, coef: np.ndarray) -> np.ndarray:
+        """One run through one finite impulse response a column and output."""
+        out = np.empty((len(values), len(coef)))
+        out[:] = self.intercept_
+        for j in {column for column, _ in self.columns_}:
+            padded = np.concatenate([np.full(self.max_lag_, values[0, j]), values[:, j]])
+            for k in range(len(coef)):
+                response = np.zeros(self.max_lag_ + 1)
+                for value, (column, lag) in zip(coef[k], self.columns_):
+                    response[lag] += value * (column == j)
+                out[:, k] += np.convolve(padded, response, mode="valid")
+        return out
+
+    def _resolve(self, X: Any, y: Any, groups: Any, reset: bool = False) -> Runs:
+        """Checks that scikit-learn asks for, then runs."""
+        if reset and y is None:
+            raise DataError(f"{type(self).__name__} requires y to be passed, but the target y is None.")
+        if hasattr(X, "columns"):
+            _check_feature_names(self, X, reset=reset)
+            _check_n_features(self, X, reset=reset)
+            return resolve_runs(X, y, groups=groups, run=self.run)
+        checks = {"reset": reset, "ensure_all_finite": groups is None, "dtype": "numeric"}
+        if y is None:
+            X = validate_data(self, X, **checks)
+        else:
+            X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, **checks)
+        return resolve_runs(X, y, groups=groups, run=self.run)
+
+
+def _position(key: Any, names: tuple[str, ...]) -> int:
+    """Column of a key of ``lags``."""
+    if isinstance(key, str) and key in names:
+        return list(names).index(key)
+    if isinstance(key, (int, np.integer)) and 0 <= key < len(names):
+        return int(key)
+    raise DataError(f"lags names the column {key!r}, but the inputs are {list(names)}.")
