@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import importlib.util
 import sys
 from collections.abc import Sequence
@@ -12,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.exceptions import DataError, SimulatorError, SurrogateError
+from sksurrogate._csv import read_csv
+from sksurrogate.exceptions import DataError, RunError, SimulatorError, SurrogateError
 
 __all__ = ["load_simulator", "main", "read_csv"]
-
-#: A CSV larger than this is refused unread.
-LARGEST_CSV = 512 * 2**20
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -28,6 +25,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SurrogateError as error:
         print(f"sksurrogate: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("sksurrogate: interrupted before anything was known", file=sys.stderr)
+        return 130
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -74,8 +74,10 @@ def load_simulator(reference: str) -> Any:
     sys.path.insert(0, str(path.parent.resolve()))
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise SimulatorError(f"{file} fails when it is read: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise SimulatorError(
+            f"{file} fails when it is read: {type(error).__name__}: {error}. Try  python {file}  first."
+        ) from error
     finally:
         sys.path.pop(0)
     if not hasattr(module, name):
@@ -88,87 +90,16 @@ def load_simulator(reference: str) -> Any:
     return getattr(module, name)
 
 
-def read_csv(
-    path: Any, wanted: Sequence[str], run: str | None = None
-) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-    """Columns of a CSV by name, as numbers; the run column as text.
-
-    Parameters
-    ----------
-    path : path
-    wanted : sequence of str
-        Numeric columns.
-    run : str, optional
-        Column of run labels.
-
-    Returns
-    -------
-    columns : dict of ndarray
-    labels : ndarray or None
-
-    Raises
-    ------
-    DataError
-        A column is missing, a line is short, a value is not a number; the message names line and column.
-    """
-    file = Path(path)
-    if not file.is_file():
-        raise DataError(f"data={str(path)!r}: there is no such file.")
-    if file.stat().st_size > LARGEST_CSV:
-        raise DataError(f"data={str(path)!r} is larger than {LARGEST_CSV >> 20} MiB: use the Python interface for it.")
-    with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
-        sample = stream.read(4096)
-        stream.seek(0)
-        delimiter = max(",;\t", key=sample.split("\n", 1)[0].count)
-        reader = csv.reader(stream, delimiter=delimiter)
-        header = [name.strip() for name in next(reader, [])]
-        for name in [*wanted, *([run] if run else [])]:
-            if name not in header:
-                raise DataError(
-                    f"{file.name} has no column {name!r}; its columns are {header}. Rename it there, or the signal in the simulator."
-                )
-        places = [header.index(name) for name in wanted]
-        label = header.index(run) if run else None
-        values: list[list[float]] = []
-        labels: list[str] = []
-        try:
-            for row in reader:
-                if not row or not any(cell.strip() for cell in row):
-                    continue
-                if len(row) < len(header):
-                    raise DataError(
-                        f"{file.name}, line {reader.line_num}: {len(row)} cells, expected {len(header)} as in the header."
-                    )
-                values.append([_number(row[j], header[j], file.name, reader.line_num) for j in places])
-                if label is not None:
-                    labels.append(row[label].strip())
-        except csv.Error as error:
-            raise DataError(f"{file.name}, line {reader.line_num}: not readable as CSV ({error}).") from error
-    if not values:
-        raise DataError(f"{file.name} has a header and no rows.")
-    table = np.array(values)
-    return {name: table[:, j] for j, name in enumerate(wanted)}, np.array(labels) if label is not None else None
-
-
-def _number(text: str, column: str, file: str, line: int) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        hint = " Decimal commas are not read: write 1.5, not 1,5." if "," in text else ""
-        raise DataError(
-            f"{file}, line {line}, column {column!r}: {text!r} is not a number.{hint} Empty cells: fill or delete the row."
-        ) from None
-    if not np.isfinite(value):
-        raise DataError(f"{file}, line {line}, column {column!r}: {text!r} is not finite; fill or delete the row.")
-    return value
-
-
 def _diagnose(arguments: argparse.Namespace) -> int:
     from sksurrogate.effects import save_augmented
     from sksurrogate.gap import GapDiagnoser
     from sksurrogate.physics._simulator import describe
-    from sksurrogate.runs import resolve_runs
 
+    if arguments.jobs == 0:
+        raise DataError("--jobs 0: give the number of worker processes, or -1 for one a core.")
+    for option, target in (("--html", arguments.html), ("--save", arguments.save)):
+        if target and not Path(target).resolve().parent.is_dir():  # before minutes of work, not after
+            raise DataError(f"{option} {target}: there is no folder {str(Path(target).parent)!r}; make it first.")
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
     times = [arguments.time] if arguments.time else []
@@ -182,11 +113,7 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     )
     y = np.stack([columns[name] for name in plant.outputs], axis=1)
     if arguments.time:
-        runs = resolve_runs(np.column_stack([X, columns[arguments.time]]), y, groups=labels, time=X.shape[1])
-        if not np.isclose(runs.dt, plant.dt, rtol=1e-3):
-            raise DataError(
-                f"--time {arguments.time}: the sample time of the data is {runs.dt:g}, that of the simulator {plant.dt:g}: set dt={runs.dt:g} there."
-            )
+        _check_time(arguments.time, X, y, columns[arguments.time], labels, plant.dt)
     free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
     diagnoser = GapDiagnoser(
         simulator, free_params=free, n_jobs=arguments.jobs, verbose=0 if arguments.quiet else 1, random_state=0
@@ -200,6 +127,24 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         save_augmented(diagnoser.augmented_, arguments.save, verdict=diagnoser.report_.verdict)
         print(f"augmented simulator: {arguments.save}")
     return 0
+
+
+def _check_time(column: str, X: np.ndarray, y: np.ndarray, clock: np.ndarray, labels: Any, dt: float) -> None:
+    """The time column is even, and its step is the simulator's."""
+    from sksurrogate.runs import resolve_runs
+
+    try:
+        found = resolve_runs(np.column_stack([X, clock]), y, groups=labels, time=X.shape[1]).dt
+    except RunError:
+        raise
+    except DataError as error:
+        raise DataError(str(error).replace(f"time={X.shape[1]}", f"--time {column}")) from None
+    if not np.isclose(found, dt, rtol=1e-3):
+        unit = " (milliseconds in the data?)" if np.isclose(found, 1000 * dt, rtol=1e-3) else ""
+        raise DataError(
+            f"--time {column}: the sample time of the data is {found:g}, that of the simulator {dt:g}{unit}: "
+            f"set dt={found:g} there, or bring both to one unit."
+        )
 
 
 def _demo(arguments: argparse.Namespace) -> int:

@@ -395,7 +395,9 @@ def _times(
     joined = np.concatenate(steps) if steps else np.empty(0)
     step = float(dt) if dt is not None else (float(np.median(joined)) if len(joined) else 1.0)
     for (label, a, _), difference in zip(pieces, steps):
-        wrong = difference <= 0 if allow_uneven else ~np.isclose(difference, step, rtol=1e-3, atol=0)
+        wrong = difference <= 0
+        if not allow_uneven:
+            wrong |= ~np.isclose(difference, step, rtol=1e-3, atol=0)
         if wrong.any():
             row = a + int(np.flatnonzero(wrong)[0])
             found = clock[row + 1] - clock[row]

@@ -1,11 +1,13 @@
 """The command line: a diagnosis end to end, and mistakes with their way out."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 from sksurrogate.cli import load_simulator, main, read_csv
+from sksurrogate.effects import load_augmented
 from sksurrogate.exceptions import DataError, SimulatorError
 
 PLANT = """
@@ -32,7 +34,15 @@ def folder(tmp_path):
 
 
 def test_a_diagnosis_end_to_end(folder, capsys):
-    command = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--run", "experiment", "--time", "time"]
+    command = [
+        "diagnose",
+        f"{folder / 'plant.py'}:plant",
+        str(folder / "data.csv"),
+        "--run",
+        "experiment",
+        "--time",
+        "time",
+    ]
     assert main([*command, "--html", str(folder / "gap.html"), "--save", str(folder / "better.json"), "--quiet"]) == 0
     out = capsys.readouterr().out
     assert "VERDICT  explained" in out and "sensor_bias" in out
@@ -65,3 +75,95 @@ def test_semicolons_are_read(tmp_path):
     (tmp_path / "d.csv").write_text("a;b\n1;2\n3;4\n")
     columns, labels = read_csv(tmp_path / "d.csv", ["b"])
     assert columns["b"].tolist() == [2.0, 4.0] and labels is None
+
+
+MISTAKES = {
+    "empty": ("", r"is empty: expected a header line"),
+    "only a header": ("flow,level\n", r"has a header and no rows"),
+    "no header": (
+        "1.0,2.0\n3.0,4.0\n",
+        r"the first line holds numbers, .*add a line with the names \['flow', 'level'\]",
+    ),
+    "twice": ("flow,flow,level\n1,2,3\n", r"2 columns are called 'flow': rename all but one"),
+    "capitals": ("Flow,Level\n1,2\n", r"no column 'flow'; .*Did you mean 'Flow'\?"),
+    "long line": ("flow,level\n1,2,3\n", r"line 2: 3 cells, expected 2 .*decimal commas\?"),
+    "short line": ("flow,level\n1\n", r"line 2: 1 cells, expected 2"),
+    "decimal comma": ("flow;level\n1,5;2,5\n", r"'1,5' is not a number. Decimal commas are not read: write 1.5"),
+    "empty cell": ("flow,level\n1,2\n,3\n", r"line 3, column 'flow': the cell is empty: fill it, or delete the row"),
+    "word": ("flow,level\n1,open\n", r"line 2, column 'level': 'open' is not a number: correct it"),
+    "infinite": ("flow,level\n1,inf\n", r"line 2, column 'level': 'inf' is not finite"),
+    "open quote": ('flow,level\n1,"2\n' + "x" * 200_000, r"not readable as CSV .*quotation mark"),
+    "utf-16": ("flow,level\n1,2\n".encode("utf-16"), r"not UTF-8 text .*save it as CSV, UTF-8"),
+    "spreadsheet": (b"PK\x03\x04" + bytes(50), r"not UTF-8 text \(a spreadsheet"),
+}
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_a_csv_with_a_mistake_gets_a_way_out(case, tmp_path):
+    content, message = MISTAKES[case]
+    (tmp_path / "d.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(DataError, match=message):
+        read_csv(tmp_path / "d.csv", ["flow", "level"])
+
+
+def test_a_giant_label_does_not_fill_the_memory(tmp_path):
+    (tmp_path / "d.csv").write_text("flow,run\n" + "1,a\n" * 10 + "1," + "x" * 100_000 + "\n")
+    with pytest.raises(DataError, match="run label of 100000 characters"):
+        read_csv(tmp_path / "d.csv", ["flow"], run="run")
+
+
+def test_a_large_file_is_refused_unread(tmp_path):
+    with (tmp_path / "d.csv").open("wb") as file:
+        file.truncate(600 * 2**20)
+    with pytest.raises(DataError, match="larger than 512 MiB"):
+        read_csv(tmp_path / "d.csv", ["flow"])
+
+
+OPTIONS = {
+    "run column": (["--run", "nope"], "no column 'nope'.*Give --run the column of the runs"),
+    "free parameter": (["--free", "kk"], r"no parameter 'kk'; it has \['k'\]"),
+    "folder of the page": (["--html", "nowhere/x.html"], "there is no folder 'nowhere'; make it first"),
+    "folder of the file": (["--save", "nowhere/x.json"], "there is no folder 'nowhere'; make it first"),
+    "jobs": (["--jobs", "0"], "--jobs 0: give the number"),
+    "time of another unit": (["--time", "ms"], r"data is 100, .* simulator 0.1.*milliseconds"),
+    "uneven time": (["--time", "uneven"], "--time uneven, run None: uneven sampling after row 4: .*resample"),
+    "time runs back": (["--time", "back"], "--time back, run None: time does not increase after row 0"),
+    "runs mixed up": (["--run", "mixed"], "run 'a' is in two pieces: rows 0..4 and again from row 10"),
+}
+
+
+@pytest.mark.parametrize("case", OPTIONS)
+def test_an_option_with_a_mistake_gets_a_way_out(case, folder, capsys):
+    options, message = OPTIONS[case]
+    lines = ["flow,level,ms,uneven,back,mixed"]
+    lines += [f"{k % 3},{k % 2},{100 * k},{0.1 * k + (k > 4)},{-0.1 * k},{'ab'[k // 5 % 2]}" for k in range(15)]
+    (folder / "d.csv").write_text("\n".join(lines))
+    assert main(["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "d.csv"), "--quiet", *options]) == 2
+    assert re.search(message, capsys.readouterr().err.replace("\n", " "))
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("import nothing_here", r"fails when it is read: ModuleNotFoundError.*Try  python"),
+        ("raise SystemExit(3)", "fails when it is read: SystemExit"),
+        ("def plant(:", "fails when it is read: SyntaxError"),
+    ],
+)
+def test_a_simulator_file_that_fails(source, message, tmp_path):
+    (tmp_path / "plant.py").write_text(source)
+    with pytest.raises(SimulatorError, match=message):
+        load_simulator(f"{tmp_path / 'plant.py'}:plant")
+
+
+def test_the_saved_file_is_the_augmented_simulator_again(folder):
+    command = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--run", "experiment", "--quiet"]
+    assert main([*command, "--save", str(folder / "better.json")]) == 0
+    plant = load_simulator(f"{folder / 'plant.py'}:plant")
+    better = load_augmented(plant, folder / "better.json")
+    columns, _ = read_csv(folder / "data.csv", ["flow", "level"])
+    error = [
+        model.simulate(columns["flow"][:150, None], x0=[0.5])[:, 0] - columns["level"][:150]
+        for model in (plant, better)
+    ]
+    assert np.std(error[1]) < 0.3 * np.sqrt(np.mean(error[0] ** 2))

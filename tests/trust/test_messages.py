@@ -47,7 +47,7 @@ def test_unfitted_lags():
 # 2. a run that is too short
 @ALL
 def test_short_run(name):
-    with pytest.raises(RunError, match=r"run 9 has 1 rows .*but \d+ are needed here: give longer runs"):
+    with pytest.raises(RunError, match=r"run 9 has 1 rows .*but .*: give longer runs"):
         door(name).fit(np.r_[X, X[:1]], np.r_[y, y[:1]], groups=np.r_[groups, 9])
 
 

@@ -1,0 +1,160 @@
+"""Reading a recording from CSV: numbers by column name, bounded, errors by line and column."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+from array import array
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from sksurrogate.exceptions import DataError
+
+__all__ = ["read_csv"]
+
+#: A CSV larger than this is refused unread.
+LARGEST_CSV = 512 * 2**20
+#: A run label longer than this is no label (and would blow up the array of labels).
+LONGEST_LABEL = 200
+
+
+def read_csv(
+    path: Any, wanted: Sequence[str], run: str | None = None
+) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """Columns of a CSV by name, as numbers; the run column as text.
+
+    Parameters
+    ----------
+    path : path
+        UTF-8 text with a header; comma, semicolon or tabulator; decimal points. At most 512 MiB.
+    wanted : sequence of str
+        Numeric columns.
+    run : str, optional
+        Column of run labels.
+
+    Returns
+    -------
+    columns : dict of ndarray
+    labels : ndarray or None
+
+    Raises
+    ------
+    DataError
+        A column is missing, a line is short or long, a value is not a number; the message names line and column.
+    """
+    file = _text_file(path)
+    with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
+        try:
+            columns, labels = _read(stream, file.name, wanted, run)
+        except csv.Error as error:
+            raise DataError(f"{file.name}: not readable as CSV ({error}): is a quotation mark left open?") from error
+    return columns, labels
+
+
+def _text_file(path: Any) -> Path:
+    """The file, if it can be a CSV."""
+    file = Path(path)
+    if file.is_dir():
+        raise DataError(f"data={str(path)!r} is a folder: name the CSV in it.")
+    if not file.is_file():
+        raise DataError(f"data={str(path)!r}: there is no such file in {Path.cwd()}.")
+    size = file.stat().st_size
+    if size == 0:
+        raise DataError(f"{file.name} is empty: expected a header line and one line a sample.")
+    if size > LARGEST_CSV:
+        raise DataError(f"data={str(path)!r} is larger than {LARGEST_CSV >> 20} MiB: use the Python interface for it.")
+    with file.open("rb") as stream:
+        head = stream.read(4096)
+    if b"\0" in head:
+        raise DataError(f"{file.name} is not UTF-8 text (a spreadsheet, or UTF-16?): save it as CSV, UTF-8.")
+    return file
+
+
+def _read(
+    stream: TextIO, name: str, wanted: Sequence[str], run: str | None
+) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """Header, then rows."""
+    first = stream.readline(2**16)
+    stream.seek(0)
+    reader = csv.reader(stream, delimiter=max(",;\t", key=first.count))
+    header = [cell.strip() for cell in next(reader, [])]
+    _check_header(header, name, wanted, run)
+    places = [header.index(column) for column in wanted]
+    label_at = header.index(run) if run else None
+    values, labels = array("d"), []
+    for row in reader:
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(header):
+            hint = " Are numbers written with decimal commas?" if len(row) > len(header) else ""
+            raise DataError(
+                f"{name}, line {reader.line_num}: {len(row)} cells, expected {len(header)} as in the header.{hint}"
+            )
+        values.extend(_number(row[j], header[j], name, reader.line_num) for j in places)
+        if label_at is not None:
+            label = row[label_at].strip()
+            if len(label) > LONGEST_LABEL:
+                raise DataError(
+                    f"{name}, line {reader.line_num}, column {run!r}: a run label of {len(label)} characters, expected "
+                    f"at most {LONGEST_LABEL}; is this the run column?"
+                )
+            labels.append(label)
+    if not values:
+        raise DataError(f"{name} has a header and no rows.")
+    table = np.array(values).reshape(-1, len(places))
+    columns = {column: table[:, j] for j, column in enumerate(wanted)}
+    return columns, np.array(labels) if label_at is not None else None
+
+
+def _check_header(header: list[str], name: str, wanted: Sequence[str], run: str | None) -> None:
+    """Every column is there, once."""
+    if header and all(_is_number(cell) for cell in header):
+        raise DataError(
+            f"{name}: the first line holds numbers, expected a header: add a line with the names {list(wanted)}."
+        )
+    for column in [*wanted, *([run] if run else [])]:
+        if header.count(column) > 1:
+            raise DataError(f"{name}: {header.count(column)} columns are called {column!r}: rename all but one.")
+        if column not in header:
+            lower = {cell.lower(): cell for cell in header}
+            close = difflib.get_close_matches(column.lower(), list(lower), n=1, cutoff=0.6)
+            hint = f" Did you mean {lower[close[0]]!r}?" if close else ""
+            way = (
+                "Give --run the column of the runs."
+                if column == run
+                else "Rename it there, or the signal in the simulator."
+            )
+            raise DataError(f"{name} has no column {column!r}; its columns are {header[:50]}.{hint} {way}")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(text: str, column: str, file: str, line: int) -> float:
+    """A finite number, or where it should be."""
+    try:
+        value = float(text)
+    except ValueError:
+        if not text.strip():
+            problem = "the cell is empty: fill it, or delete the row (and start a new run there)."
+        elif "," in text:
+            problem = f"{_short(text)} is not a number. Decimal commas are not read: write 1.5, not 1,5."
+        else:
+            problem = f"{_short(text)} is not a number: correct it, or delete the row (and start a new run there)."
+        raise DataError(f"{file}, line {line}, column {column!r}: {problem}") from None
+    if not np.isfinite(value):
+        raise DataError(f"{file}, line {line}, column {column!r}: {text!r} is not finite; fill or delete the row.")
+    return value
+
+
+def _short(text: str) -> str:
+    """A cell as it can stand in a message."""
+    return repr(text if len(text) <= 40 else text[:37] + "...")
