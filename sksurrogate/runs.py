@@ -159,7 +159,7 @@ def resolve_runs(
                 f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
             )
     keep = [j for j in range(table.shape[1]) if j not in drop]
-    inputs = _floats(table[:, keep], "X")
+    inputs = _floats(table[:, keep] if drop else table, "X")
     outputs, output_names, is_1d = _outputs(y, n_samples)
     if not allow_nan:
         _refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
