@@ -1,0 +1,402 @@
+"""Feedforward networks as a scikit-learn regressor."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_context
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.parallel import _get_threadpool_controller
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from sksurrogate.exceptions import DataError
+from sksurrogate.neural._network import ACTIVATIONS, Rows
+from sksurrogate.neural._solvers import Plan, Validation
+from sksurrogate.neural._training import (
+    FEW_ROWS,
+    GRADIENT,
+    Torch,
+    Trained,
+    choose,
+    prepare,
+    read_activations,
+    read_sizes,
+    remember,
+    split,
+    train,
+    train_more,
+)
+
+__all__ = ["FNNRegressor"]
+
+#: Iterations and starts of every kind of solver where the user does not say.
+ITERATIONS, STARTS = {"lm": 200}, {"lm": 5}
+#: Weights up to which partial_fit remembers the rows before as a square matrix.
+MEMORY = 2_000
+
+
+class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    r"""Feedforward network, by default fitted by Levenberg-Marquardt with variable projection.
+
+    Layer l maps :math:`\xi^{(l)} = \sigma^{(l)}(\xi^{(l-1)} W^{(l)} + b^{(l)})`, :math:`\xi^{(0)} = x`,
+    :math:`\hat y = \xi^{(n_l)}`. Inputs and outputs are standardised inside; ``coefs_`` and ``intercepts_`` belong to
+    the raw ones.
+
+    Parameters
+    ----------
+    hidden_layer_sizes : sequence of int, default=(5,)
+        Units of the hidden layers; ``()`` is a linear model.
+    activation : str or sequence of str, default="tanh"
+        "identity", "binary_step", "logistic", "tanh", "relu" (paper, Table 1), "leaky_relu", "elu", "silu", "gelu",
+        "softplus" or "softsign"; one for all hidden layers, or one for each. The output layer is "identity" unless the
+        sequence has one entry more. Layers up to the last "binary_step" are drawn at random (thresholds at quantiles
+        of the data) and stay, since their slope is zero everywhere; the layers above are trained.
+    solver : str, default="auto"
+        "lm": Levenberg-Marquardt; a linear output layer is eliminated (variable projection). "lbfgs": quasi-Newton with
+        line search. Table 2 of the paper, in torch through skorch: "gd" (fixed rate), "line_search" (steepest descent
+        with line search), "momentum", "nesterov", "adam"; also "adamw", "rmsprop". "auto": "lm" up to 300 weights,
+        beyond that "lbfgs" up to 20000 rows, else "adam".
+    alpha : float, default=0.0
+        Weight of the sum of squared weights (not of biases) beside the mean squared error, both in standardised units.
+    learning_rate : float, default=None
+        Of the solvers in torch; None: 0.01 ("adam", "adamw": 0.001; "line_search": 1, its first trial).
+    batch_size : int, default=None
+        Rows of a mini-batch of the solvers in torch; None: all.
+    max_epochs : int, default=None
+        Iterations; None: 200 for "lm" (from the best start, after at most 60 from each), 1000 for "lbfgs", 1000 epochs
+        in torch.
+    n_starts : int, default=None
+        Random starts, the best of which is kept; None: 5 for "lm", else 1.
+    early_stopping : bool, default=False
+        Whether to set rows aside and to keep the weights that are best on them.
+    dtype : {"float64", "float32"}, default="float64"
+        Of the solvers in torch; the others compute in float64.
+    device : str, default="cpu"
+        Of the solvers in torch, for example "cuda".
+    random_state : int, RandomState instance or None, default=None
+    net_params : dict, default=None
+        Further parameters of the skorch net, for example ``{"optimizer__betas": (0.99, 0.999)}``.
+    loss : {"mse", "rss", "rmse"}, default="mse"
+        Paper, section 3.3. All have the same minimiser, also with ``alpha``; ``loss_curve_`` is in this measure.
+    tol : float, default=1e-10
+        Gradient at which "lbfgs" stops, and gain over ten epochs at which the solvers in torch stop.
+    validation_fraction : float, default=0.1
+        Share of the rows set aside by ``early_stopping``.
+    n_iter_no_change : int, default=20
+        Steps without a better validation loss after which ``early_stopping`` ends a search.
+
+    Attributes
+    ----------
+    coefs_, intercepts_ : list of ndarray (n_in, n_out), list of ndarray (n_out,)
+        Weights and biases of every layer, for raw inputs and outputs.
+    activations_ : tuple of str
+        Activation of every layer, the output layer included.
+    solver_ : str
+        Solver that was used.
+    loss_ : float
+        Loss at the end (standardised outputs, penalty included).
+    loss_curve_ : list of float
+        Loss after each step of the best start; for sets of more than 20000 rows the steps on the subsample come first.
+    validation_curve_ : list of float
+        Mean squared error on the rows set aside; empty without ``early_stopping``.
+    n_iter_ : int
+        Evaluations ("lm", of all starts), iterations ("lbfgs") or epochs.
+    net_ : skorch.NeuralNetRegressor
+        Initialised net with the fitted weights, for raw inputs; made on first access.
+    n_features_in_ : int
+    feature_names_in_ : ndarray of str
+
+    See Also
+    --------
+    sklearn.neural_network.MLPRegressor : networks by L-BFGS, SGD and Adam.
+
+    Notes
+    -----
+    Repeated rows are merged (up to 5000 rows), so that integer weights and repeated rows give the same network.
+
+    References
+    ----------
+    Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), section 3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.neural import FNNRegressor
+    >>> X = np.linspace(-1, 1, 50)[:, None]
+    >>> net = FNNRegressor(random_state=0).fit(X, X[:, 0] ** 2)
+    >>> bool(np.mean((net.predict(X) - X[:, 0] ** 2) ** 2) < 1e-10)
+    True
+    """
+
+    _parameter_constraints: dict = {
+        "hidden_layer_sizes": ["array-like", Interval(Integral, 1, None, closed="left")],
+        "activation": [StrOptions(set(ACTIVATIONS)), list, tuple],
+        "solver": [StrOptions({"auto", "lm", "lbfgs", *GRADIENT})],
+        "alpha": [Interval(Real, 0, None, closed="left")],
+        "learning_rate": [Interval(Real, 0, None, closed="neither"), None],
+        "batch_size": [Interval(Integral, 1, None, closed="left"), None],
+        "max_epochs": [Interval(Integral, 1, None, closed="left"), None],
+        "n_starts": [Interval(Integral, 1, None, closed="left"), None],
+        "early_stopping": ["boolean"],
+        "dtype": [StrOptions({"float64", "float32"})],
+        "device": [str],
+        "random_state": ["random_state"],
+        "net_params": [dict, None],
+        "loss": [StrOptions({"mse", "rss", "rmse"})],
+        "tol": [Interval(Real, 0, None, closed="left")],
+        "validation_fraction": [Interval(Real, 0, 1, closed="neither")],
+        "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
+    }
+
+    def __init__(
+        self,
+        hidden_layer_sizes: Sequence[int] | int = (5,),
+        activation: str | Sequence[str] = "tanh",
+        *,
+        solver: str = "auto",
+        alpha: float = 0.0,
+        learning_rate: float | None = None,
+        batch_size: int | None = None,
+        max_epochs: int | None = None,
+        n_starts: int | None = None,
+        early_stopping: bool = False,
+        dtype: str = "float64",
+        device: str = "cpu",
+        random_state: Any = None,
+        net_params: dict[str, Any] | None = None,
+        loss: str = "mse",
+        tol: float = 1e-10,
+        validation_fraction: float = 0.1,
+        n_iter_no_change: int = 20,
+    ):
+        self.hidden_layer_sizes = hidden_layer_sizes
+        self.activation = activation
+        self.solver = solver
+        self.alpha = alpha
+        self.learning_rate = learning_rate
+        self.batch_size = batch_size
+        self.max_epochs = max_epochs
+        self.n_starts = n_starts
+        self.early_stopping = early_stopping
+        self.dtype = dtype
+        self.device = device
+        self.random_state = random_state
+        self.net_params = net_params
+        self.loss = loss
+        self.tol = tol
+        self.validation_fraction = validation_fraction
+        self.n_iter_no_change = n_iter_no_change
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> FNNRegressor:
+        """Train the network from random starts.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_features)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        rows, plan, solver = self._begin(X, y, sample_weight)
+        validation = None
+        if self.early_stopping and len(rows) > 1:
+            rows, held = split(rows, self.validation_fraction, plan.rng)
+            validation = Validation(held, self.n_iter_no_change)
+        with self._one_thread(rows):
+            trained = train(solver, plan, rows, validation, self._torch())
+            if len(rows) <= FEW_ROWS:  # beyond, one more pass over the data costs more than it is worth
+                trained.memory = self._memory(trained, rows, plan)
+        self._keep(trained, rows, plan)
+        self._warn_if_falling()
+        return self
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None) -> FNNRegressor:
+        """Go on with a further block of rows: for data that do not fit into memory.
+
+        The first block sets the scaling and is fitted from random starts ("lm", "lbfgs"). Every further block is fitted
+        together with a quadratic form that stands for the rows before it, as in an extended Kalman filter. The solvers in
+        torch make one epoch over each block.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_features)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        if not hasattr(self, "coefs_"):
+            rows, plan, solver = self._begin(X, y, sample_weight)
+            if solver in GRADIENT:
+                plan = replace(plan, max_iter=1)
+            trained = train(solver, plan, rows, None, self._torch())
+            trained.memory = self._memory(trained, rows, plan)
+            self._keep(trained, rows, plan)
+            return self
+        data, target, weights = self._checked(X, y, sample_weight, reset=False)
+        if target.shape[1] != len(self.intercepts_[-1]):
+            raise DataError(f"y has {target.shape[1]} columns; the first block had {len(self.intercepts_[-1])}.")
+        rows = replace(self._rows, X=data, Y=target, weights=weights)
+        plan = self._plan(rows, self.solver_)
+        if self._trained.memory is None and self.solver_ not in GRADIENT:
+            raise DataError(
+                f"partial_fit remembers earlier rows for up to {MEMORY} weights, and after fit for up to {FEW_ROWS} rows; "
+                'begin with partial_fit, or take solver="adam".'
+            )
+        self._keep(train_more(self.solver_, plan, rows, self._trained, self._torch()), rows, plan)
+        return self
+
+    def _memory(self, trained: Trained, rows: Rows, plan: Plan) -> tuple[np.ndarray, np.ndarray] | None:
+        """What partial_fit needs to know of the rows seen so far."""
+        k, layers = trained.n_fixed, trained.outcome.layers
+        if self.solver_ in GRADIENT or len(layers.theta) > MEMORY:
+            return None
+        rest = replace(plan, sizes=plan.sizes[k:], activations=plan.activations[k:])
+        return remember(rest, rows.through(layers.below(k)) if k else rows, layers.above(k))
+
+    def _begin(self, X: Any, y: Any, sample_weight: Any) -> tuple[Rows, Plan, str]:
+        """Checked and scaled data, what to train, and with which solver."""
+        data, target, weights = self._checked(X, y, sample_weight, reset=True)
+        hidden = read_sizes(self.hidden_layer_sizes)
+        activations = read_activations(self.activation, hidden)
+        rows = prepare(data, target, weights, activations[-1] == "identity")
+        solver = choose(self.solver, (data.shape[1], *hidden, target.shape[1]), len(rows))
+        self.solver_, self.activations_ = solver, activations
+        return rows, self._plan(rows, solver), solver
+
+    def _checked(
+        self, X: Any, y: Any, sample_weight: Any, reset: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """X, y with two axes, and weights or None."""
+        X, y = validate_data(self, X, y, reset=reset, dtype=np.float64, multi_output=True, y_numeric=True)
+        if reset:
+            self._one_column = y.ndim == 1
+        weights = None
+        if sample_weight is not None:
+            weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+            if not weights.any():
+                raise DataError("sample_weight is zero everywhere: at least one row must count.")
+        return X, np.asarray(y, dtype=float).reshape(len(X), -1), weights
+
+    def _plan(self, rows: Rows, solver: str) -> Plan:
+        seed = check_random_state(self.random_state).randint(2**31 - 1)
+        return Plan(
+            (rows.X.shape[1], *read_sizes(self.hidden_layer_sizes), rows.Y.shape[1]),
+            self.activations_,
+            float(self.alpha),
+            self.n_starts or STARTS.get(solver, 1),
+            self.max_epochs or ITERATIONS.get(solver, 1000),
+            float(self.tol),
+            np.random.default_rng(seed),
+        )
+
+    def _torch(self) -> Torch:
+        return Torch(self.learning_rate, self.batch_size, self.dtype, self.device, self.loss, self.net_params)
+
+    def _one_thread(self, rows: Rows) -> Any:
+        """Small matrices are faster with one thread; large blocks keep what the user set."""
+        small = self.solver_ not in GRADIENT and len(rows) <= FEW_ROWS
+        return _get_threadpool_controller().limit(limits=1 if small else None, user_api="blas")
+
+    def _keep(self, trained: Trained, rows: Rows, plan: Plan) -> None:
+        """Store what was learned, for raw inputs and outputs."""
+        found = trained.outcome
+        raw = found.layers.unscaled(rows.mean, rows.scale, rows.shift, rows.gain)
+        self._layers, self._trained = raw, trained
+        # only what partial_fit needs of the scaling: no rows of the data
+        self._rows = replace(rows, X=rows.X[:0].copy(), Y=rows.Y[:0].copy(), weights=None)
+        self.coefs_, self.intercepts_ = list(raw.weights), list(raw.biases)
+        curve = np.asarray(found.curve)
+        if self.solver_ not in GRADIENT and self.loss != "mse":
+            curve = np.sqrt(curve) if self.loss == "rmse" else curve * rows.total
+        self.loss_curve_ = curve.tolist()
+        self.loss_ = self.loss_curve_[-1] if self.loss_curve_ else np.nan
+        self.validation_curve_ = list(found.validation)
+        self.n_iter_ = found.n_iter
+        self.__dict__.pop("_net", None)
+
+    def _warn_if_falling(self) -> None:
+        """Say so where the iterations ended on a slope."""
+        curve = self._trained.outcome.curve
+        if self._trained.outcome.settled or self.solver_ in GRADIENT or len(curve) < 21:
+            return
+        if curve[-1] > 1e-6 and curve[-1] < 0.5 * curve[-21]:
+            warnings.warn(
+                f"The loss still fell from {curve[-21]:.3g} to {curve[-1]:.3g} in the last 20 steps: raise max_epochs "
+                f"(now {self.max_epochs}, {len(curve) - 1} steps made).",
+                ConvergenceWarning,
+                stacklevel=3,
+            )
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Output of the network.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_features)
+
+        Returns
+        -------
+        ndarray (n_samples,) or (n_samples, n_outputs)
+            In the shape of the y that was fitted, float64.
+        """
+        check_is_fitted(self)
+        out = self._layers(validate_data(self, X, reset=False, dtype=np.float64))
+        return out[:, 0] if self._one_column else out
+
+    def jacobian(self, X: Any) -> np.ndarray:
+        """Exact slopes of the prediction by the inputs.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_features)
+
+        Returns
+        -------
+        ndarray (n_samples, n_features) or (n_samples, n_outputs, n_features)
+            The first for a y of one axis. Zero through a binary step.
+        """
+        check_is_fitted(self)
+        slopes = self._layers.jacobian(validate_data(self, X, reset=False, dtype=np.float64))
+        return slopes[:, 0] if self._one_column else slopes
+
+    @property
+    def net_(self) -> Any:
+        """Initialised skorch net with the fitted weights, for raw inputs (n_samples, n_features)."""
+        check_is_fitted(self, "coefs_")
+        if "_net" not in self.__dict__:
+            from sksurrogate.neural._torch import build_net
+
+            solver = self.solver_ if self.solver_ in GRADIENT else "adam"
+            self._net = build_net(
+                self._layers,
+                solver=solver,
+                dtype=self.dtype,
+                device=self.device,
+                learning_rate=self.learning_rate or GRADIENT[solver],
+                batch_size=self.batch_size or -1,
+                options=self.net_params,
+            )
+        return self._net
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(super().__getstate__())
+        state.pop("_net", None)  # made again on access
+        return state
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "coefs_")

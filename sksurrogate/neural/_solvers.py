@@ -1,0 +1,361 @@
+"""How a network is trained without torch: least squares by Levenberg-Marquardt, L-BFGS, drawn step layers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from sksurrogate.kernels.least_squares import (
+    Evaluate,
+    LeastSquaresFit,
+    levenberg_marquardt,
+    several_starts,
+    with_memory,
+)
+from sksurrogate.neural._network import BLOCK, Layers, Rows, draw_layers, normal_equations, projected, squares
+
+__all__ = [
+    "Outcome",
+    "Plan",
+    "Validation",
+    "draw_steps",
+    "misfit",
+    "train_lbfgs",
+    "train_least_squares",
+    "train_linear",
+]
+
+#: Rows up to which variable projection holds the whole Jacobian.
+WHOLE = 20_000
+#: Rows of the subsample on which a larger set is searched from several starts.
+SUBSAMPLE = 5_000
+#: Share of the variance at which a start counts as solved, and at which a search ends.
+SOLVED, FLOOR = 1e-12, 1e-20
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to train and how long.
+
+    Attributes
+    ----------
+    sizes : tuple of int
+        Inputs, hidden units, outputs.
+    activations : tuple of str
+        One for each layer, the output layer included.
+    alpha : float
+        Weight of the sum of squared weights beside the mean squared error.
+    n_starts, max_iter : int
+    tol : float
+    rng : numpy.random.Generator
+    """
+
+    sizes: tuple[int, ...]
+    activations: tuple[str, ...]
+    alpha: float
+    n_starts: int
+    max_iter: int
+    tol: float
+    rng: np.random.Generator
+
+    def draw(self) -> Layers:
+        """Random layers."""
+        return draw_layers(self.sizes, self.activations, self.rng)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A trained network.
+
+    Attributes
+    ----------
+    layers : Layers
+        For standardised inputs and outputs.
+    curve : list of float
+        Penalised mean squared error, step by step (of the best start).
+    n_iter : int
+    validation : list of float
+        Mean squared error on the validation rows, step by step.
+    settled : bool
+        False where the iterations were used up.
+    """
+
+    layers: Layers
+    curve: list[float]
+    n_iter: int
+    validation: list[float]
+    settled: bool
+
+
+def misfit(layers: Layers, rows: Rows) -> float:
+    """Mean squared error (summed over outputs) of standardised rows."""
+    cost = 0.0
+    for first in range(0, len(rows), BLOCK):
+        x, y, weights = rows.part(slice(first, first + BLOCK))
+        square = np.sum((layers(x) - y) ** 2, axis=1)
+        cost += float(square.sum() if weights is None else weights @ square)
+    return cost / rows.total
+
+
+class Validation:
+    """Keeps the network of least validation loss and tells when to stop.
+
+    Parameters
+    ----------
+    rows : Rows
+    patience : int
+        Steps without a better one after which it is enough.
+    """
+
+    def __init__(self, rows: Rows, patience: int):
+        self.rows, self.patience = rows, patience
+        self.curve: list[float] = []
+        self.best: Layers | None = None
+
+    def stop(self, layers: Layers) -> bool:
+        """Note one step; True when it is time to stop."""
+        loss = misfit(layers, self.rows)
+        if self.best is None or loss < min(self.curve):
+            self.best = layers
+        self.curve.append(loss)
+        return len(self.curve) - 1 - int(np.argmin(self.curve)) >= self.patience
+
+    def watch(self, layers: Callable[[np.ndarray], Layers]) -> Callable[[LeastSquaresFit], bool]:
+        """The same as a watch of a least-squares search."""
+        return lambda fit: self.stop(layers(fit.theta))
+
+
+@dataclass(frozen=True)
+class _Search:
+    """One least-squares problem: its evaluations, its starts, and the way back to layers."""
+
+    evaluate: Evaluate
+    starts: Iterator[np.ndarray]
+    layers: Callable[[np.ndarray], Layers]
+    total: float
+    n_outputs: int
+
+
+def _projected_search(plan: Plan, rows: Rows) -> _Search:
+    """Over the hidden layers; the output layer is solved for."""
+    x, y, weights = rows.part(slice(None))
+    template = plan.draw()
+    n_hidden = len(plan.sizes) - 2
+    problem = projected(template, x, y, weights, plan.alpha * rows.total)
+
+    def whole(omega: np.ndarray) -> Layers:
+        theta = problem.solve(omega)
+        top = Layers((theta[:-1],), (theta[-1],), plan.activations[-1:])
+        return template.below(n_hidden).at(omega).joined(top)
+
+    starts = (plan.draw().below(n_hidden).theta for _ in range(plan.n_starts))
+    return _Search(problem, starts, whole, rows.total, plan.sizes[-1])
+
+
+def _full_search(plan: Plan, rows: Rows) -> _Search:
+    """Over all layers at once."""
+    template = plan.draw()
+    evaluate = normal_equations(template, rows, plan.alpha * rows.total)
+    starts = (plan.draw().theta for _ in range(plan.n_starts))
+    return _Search(evaluate, starts, template.at, rows.total, plan.sizes[-1])
+
+
+def _search(plan: Plan, rows: Rows) -> _Search:
+    """Variable projection where the output layer is linear and well determined."""
+    linear_on_top = plan.activations[-1] == "identity" and len(plan.sizes) > 2
+    if linear_on_top and len(rows) > plan.sizes[-2] + 1:
+        return _projected_search(plan, rows)
+    return _full_search(plan, rows)
+
+
+def _watched(plan: Plan, search: _Search, validation: Validation) -> tuple[LeastSquaresFit, Layers]:
+    """Every start with its own early stopping; the one of least validation loss."""
+    best: tuple[LeastSquaresFit, Layers] | None = None
+    trail: list[float] = []
+    for start in search.starts:
+        one = Validation(validation.rows, validation.patience)
+        fit = levenberg_marquardt(search.evaluate, start, max_iter=plan.max_iter, watch=one.watch(search.layers))
+        if one.best is not None and (not trail or min(one.curve) < min(trail)):
+            best, trail = (fit, one.best), one.curve
+        elif best is None:
+            best = (fit, search.layers(fit.theta))
+    validation.curve = trail
+    assert best is not None
+    return best
+
+
+def _best_of(plan: Plan, search: _Search) -> LeastSquaresFit:
+    """Every start a little, the best one to its end."""
+    unit = search.total * search.n_outputs
+    first = min(60, plan.max_iter)
+    solved, floor = SOLVED * unit, FLOOR * unit
+    return several_starts(
+        search.evaluate, search.starts, first=first, max_iter=plan.max_iter, solved=solved, floor=floor
+    )[0]
+
+
+def _outcome(plan: Plan, rows: Rows, validation: Validation | None) -> Outcome:
+    """Several starts on all rows given."""
+    search = _search(plan, rows)
+    if validation is not None:
+        fit, layers = _watched(plan, search, validation)
+    else:
+        fit = _best_of(plan, search)
+        if not np.isfinite(fit.cost):  # no start with a basis of full rank: repeated rows, constant inputs
+            search = _full_search(plan, rows)
+            fit = _best_of(plan, search)
+        layers = search.layers(fit.theta)
+    curve = [cost / search.total for cost in fit.history]
+    return Outcome(layers, curve, fit.n_iter, validation.curve if validation else [], fit.done)
+
+
+def train_least_squares(
+    plan: Plan,
+    rows: Rows,
+    validation: Validation | None = None,
+    *,
+    start: Layers | None = None,
+    memory: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Outcome:
+    """Levenberg-Marquardt and variable projection.
+
+    Sets of more than 20000 rows are searched from several starts on a subsample; from the best one, all rows are then
+    used, the normal equations added up in blocks.
+
+    Parameters
+    ----------
+    plan : Plan
+    rows : Rows
+    validation : Validation, optional
+    start : Layers, optional
+        Go on from here: no other starts.
+    memory : (theta, information), optional
+        A quadratic form that stands for rows seen before.
+    """
+    if start is None and len(rows) <= WHOLE:
+        return _outcome(plan, rows, validation)
+    curve: list[float] = []
+    if start is None:
+        sample = rows.take(np.sort(plan.rng.choice(len(rows), SUBSAMPLE, replace=False)))
+        first = _outcome(plan, sample, None)
+        start, curve = first.layers, first.curve
+    template = start
+    evaluate = normal_equations(template, rows, plan.alpha * rows.total)
+    if memory is not None:
+        evaluate = with_memory(evaluate, *memory)
+    fit = levenberg_marquardt(
+        evaluate,
+        template.theta,
+        max_iter=plan.max_iter if memory is not None else min(plan.max_iter, 15),
+        floor=FLOOR * rows.total,
+        window=4,
+        least_gain=0.02,
+        watch=None if validation is None else validation.watch(template.at),
+    )
+    layers = template.at(fit.theta)
+    if validation is not None and validation.best is not None:
+        layers = validation.best
+    curve = curve + [cost / rows.total for cost in fit.history]
+    return Outcome(layers, curve, fit.n_iter, validation.curve if validation else [], fit.done)
+
+
+def train_linear(plan: Plan, rows: Rows) -> Outcome:
+    """The one layer left by plain least squares of minimum norm (with the ridge of ``alpha``)."""
+    x, y, weights = rows.part(slice(None))
+    root = np.ones((len(x), 1)) if weights is None else np.sqrt(weights)[:, None]
+    mean = np.average(x, axis=0, weights=weights)
+    level = np.average(y, axis=0, weights=weights)
+    matrix, target = (x - mean) * root, (y - level) * root
+    if plan.alpha:
+        matrix = np.vstack([matrix, np.sqrt(plan.alpha * rows.total) * np.eye(x.shape[1])])
+        target = np.vstack([target, np.zeros((x.shape[1], y.shape[1]))])
+    theta = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    layers = Layers((theta,), (level - mean @ theta,), ("identity",))
+    cost = misfit(layers, rows) + plan.alpha * float(np.sum(theta**2))
+    return Outcome(layers, [cost], 1, [], True)
+
+
+def _follow(curve: list[float], validation: Validation | None, layers: Layers) -> Callable:
+    """A callback for scipy that notes the loss and stops early."""
+
+    def after(intermediate_result) -> None:
+        curve.append(float(intermediate_result.fun))
+        if validation is not None and validation.stop(layers.at(intermediate_result.x.copy())):
+            raise StopIteration
+
+    return after
+
+
+def train_lbfgs(plan: Plan, rows: Rows, validation: Validation | None, start: Layers | None = None) -> Outcome:
+    """Quasi-Newton with line search (SciPy's L-BFGS-B) on back-propagated gradients: Bishop's way."""
+    best: Outcome | None = None
+    score = np.inf
+    for _ in range(1 if start is not None else plan.n_starts):
+        template = start if start is not None else plan.draw()
+        evaluate = squares(template, rows, plan.alpha * rows.total)
+        one = None if validation is None else Validation(validation.rows, validation.patience)
+        curve: list[float] = []
+
+        def mean_square(theta, evaluate=evaluate) -> tuple[float, np.ndarray]:
+            cost, gradient = evaluate(theta)
+            return cost / rows.total, gradient / rows.total
+
+        options = {"maxiter": plan.max_iter, "maxfun": 15 * plan.max_iter, "ftol": 64 * np.finfo(float).eps}
+        options["gtol"] = plan.tol
+        found = minimize(
+            mean_square,
+            template.theta,
+            jac=True,
+            method="L-BFGS-B",
+            callback=_follow(curve, one, template),
+            options=options,
+        )
+        layers = template.at(found.x)
+        value = float(found.fun)
+        if one is not None and one.best is not None:
+            layers, value = one.best, min(one.curve)
+        if value < score or best is None:
+            settled = bool(found.status != 1)
+            best, score = Outcome(layers, curve, int(found.nit), one.curve if one else [], settled), value
+    assert best is not None
+    return best
+
+
+def draw_steps(plan: Plan, rows: Rows) -> Layers:
+    """Layers up to the last binary step, drawn and not trained: the slope of a step is zero everywhere.
+
+    Units look in random directions (one input: along it); their thresholds stand at equal quantiles of what arrives.
+    """
+    n_fixed = max(i for i, kind in enumerate(plan.activations) if kind == "binary_step") + 1
+    weights, biases = [], []
+    value = (rows.X - rows.mean) / rows.scale
+    for n_in, n_out, kind in zip(plan.sizes[:n_fixed], plan.sizes[1:], plan.activations):
+        w = plan.rng.normal(size=(n_in, n_out))
+        w /= np.linalg.norm(w, axis=0)
+        if n_in == 1:
+            w = np.ones((1, n_out))
+        shares = (np.arange(n_out) + 0.5) / n_out
+        along = value @ w
+        b = -np.array([np.quantile(along[:, j], share) for j, share in enumerate(shares)])
+        weights.append(w)
+        biases.append(b)
+        value = Layers((w,), (b,), (kind,))(value)
+    return Layers(tuple(weights), tuple(biases), plan.activations[:n_fixed])
+
+
+def train_above_steps(plan: Plan, rows: Rows, train: Callable[[Plan, Rows], Outcome]) -> Outcome:
+    """Draw the step layers, train what stands above them; the best of several draws."""
+    best: Outcome | None = None
+    for _ in range(1 if plan.sizes[0] == 1 else plan.n_starts):
+        fixed = draw_steps(plan, rows)
+        n_fixed = len(fixed.weights)
+        rest = replace(plan, sizes=plan.sizes[n_fixed:], activations=plan.activations[n_fixed:], n_starts=1)
+        found = train(rest, rows.through(fixed))
+        found = replace(found, layers=fixed.joined(found.layers))
+        if best is None or found.curve[-1] < best.curve[-1]:
+            best = found
+    assert best is not None
+    return best
