@@ -219,6 +219,6 @@ def _stored(path: Any) -> list[dict[str, Any]]:
 def _store(path: Any, row: dict[str, Any]) -> None:
     """Append a row."""
     if path is not None:
-        broken_off = Path(path).exists() and not Path(path).read_bytes()[-1:] in (b"", b"\n")
+        broken_off = Path(path).exists() and Path(path).read_bytes()[-1:] not in (b"", b"\n")
         with open(path, "a", encoding="utf-8") as file:
             file.write("\n" * broken_off + json.dumps(row, default=float) + "\n")
