@@ -21,6 +21,8 @@ __all__ = ["FMUSimulator"]
 
 #: Largest size of an unpacked unit, bytes.
 _LARGEST = 2_000_000_000
+#: Most files in a unit.
+_MOST = 20_000
 #: (process, file, time of change) -> folder it was unpacked to; shared by all simulators of a process.
 _UNPACKED: dict[tuple[int, str, int], str] = {}
 
@@ -39,18 +41,37 @@ def _unpack(path: str) -> str:
         with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
             size = sum(member.file_size for member in members)
-            if size > _LARGEST:
-                raise SimulatorError(f"path={path!r} would unpack to {size} bytes, more than the {_LARGEST} allowed.")
+            if size > _LARGEST or len(members) > _MOST:
+                raise SimulatorError(
+                    f"path={path!r} would unpack to {len(members)} files of {size} bytes, expected at most {_MOST} files "
+                    f"of {_LARGEST} bytes: this unit is not safe."
+                )
             for member in members:
                 if not (folder / member.filename).resolve().is_relative_to(folder.resolve()):
                     raise SimulatorError(
                         f"path={path!r} holds {member.filename!r}, which leaves its folder: this unit is not safe."
                     )
             archive.extractall(folder)
-    except zipfile.BadZipFile as error:
-        raise SimulatorError(f"path={path!r} is not a unit: an .fmu is a zip archive ({error}).") from error
+    except SimulatorError:
+        raise
+    except Exception as error:  # a damaged or hostile archive fails in a dozen ways: zlib, names, encryption, offsets
+        raise SimulatorError(
+            f"path={path!r} is not a unit: an .fmu is a zip archive ({type(error).__name__}: {error})."
+        ) from error
     _UNPACKED[key] = str(folder)
     return str(folder)
+
+
+def _describe(folder: str, path: Any) -> Any:
+    """The model description of an unpacked unit."""
+    fmpy = require("fmpy", "fmu")
+    try:
+        return fmpy.read_model_description(folder)
+    except Exception as error:  # missing, not XML, not of the schema, a version that FMPy does not know
+        raise SimulatorError(
+            f"path={os.fspath(path)!r}: its modelDescription.xml cannot be read ({type(error).__name__}: "
+            f"{str(error)[:200]}): export the unit again, as FMI 2 or 3."
+        ) from error
 
 
 class FMUSimulator(ParametricSimulator):
@@ -131,7 +152,7 @@ class FMUSimulator(ParametricSimulator):
         handle = self.__dict__.get("_handle")
         if handle is not None and handle[2] == folder and handle[4] == (os.getpid(), self.fmi_type):
             return handle[:4]
-        description = fmpy.read_model_description(folder)
+        description = _describe(folder, self.path)
         offered = [
             k
             for k, has in (("CoSimulation", description.coSimulation), ("ModelExchange", description.modelExchange))
