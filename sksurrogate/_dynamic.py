@@ -72,7 +72,9 @@ class FreeRunMixin(RegressorMixin):
         """Checks that scikit-learn asks for, then runs."""
         if y is None and reset:
             raise ValueError(f"{type(self).__name__} requires y to be passed, but the target y is None.")
-        if hasattr(X, "columns"):
+        if y is None and type(X) is np.ndarray and X.dtype == float and X.shape[1:] == (getattr(self, "_width", 0),):
+            pass  # all that scikit-learn would look at; resolve_runs looks at the values
+        elif hasattr(X, "columns"):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
         elif y is None or groups is not None:
@@ -81,6 +83,7 @@ class FreeRunMixin(RegressorMixin):
             X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
         runs = resolve_runs(X, y, groups=groups, run=self.run, dt=getattr(self, "dt", None), min_rows=min_rows)
         if reset:
+            self._width = 0 if hasattr(self, "feature_names_in_") else self.n_features_in_
             outputs = np.concatenate([run.y for run in runs])
             self.y_is_1d_ = runs.y_is_1d
             self.y_mean_, self.y_spread_ = outputs.mean(axis=0), outputs.std(axis=0) + 1e-12
