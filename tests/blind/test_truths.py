@@ -1,0 +1,172 @@
+"""The check's own equations: against closed forms, against the nominal simulators, against the catalogue's equations."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sksurrogate.blind._march import march
+from sksurrogate.blind._plants import PLANTS
+from sksurrogate.blind._truths import KINDS, NOVEL, Truth, remaining, twins_of
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+
+
+def experiment(plant, n_samples=40, n_runs=2, seed=0):
+    rng = np.random.default_rng(seed)
+    U = np.stack(
+        [
+            np.clip(
+                d.middle + d.swing * np.repeat(rng.uniform(-1, 1, (n_runs, n_samples // 10)), 10, axis=1), d.low, d.high
+            )
+            for d in plant.drives
+        ],
+        axis=2,
+    )
+    X0 = np.array(plant.start) + np.array(plant.spread) * rng.uniform(-1, 1, (n_runs, len(plant.states)))
+    return U, X0
+
+
+def test_there_are_enough_plants_domains_and_effects():
+    assert len(PLANTS) >= 12 and len({plant.domain for plant in PLANTS.values()}) >= 6
+    assert len(KINDS) + len(NOVEL) >= 40 and set(KINDS) == set(CATALOGUE)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_without_an_effect_a_plant_is_its_simulator(name):
+    plant = PLANTS[name]
+    U, X0 = experiment(plant)
+    course = march(plant, U, X0, substeps=8)
+    expected = plant.simulator().simulate_batch(U, X0)
+    np.testing.assert_allclose(course.outputs, expected, atol=5e-5 * np.abs(expected).max())
+
+
+OSCILLATOR = [  # name, location, variable, params
+    ("parameter_error", "stiffness", None, {"relative_error": 0.1}),
+    ("parameter_drift", "stiffness", None, {"rate": 0.05}),
+    ("parameter_step", "damping", None, {"relative_error": 0.5, "time": 1.5}),
+    ("constant_bias", "velocity", None, {"value": -0.4}),
+    ("linear_loss", "velocity", "velocity", {"coefficient": 0.3}),
+    ("quadratic_loss", "velocity", "position", {"coefficient": 0.4}),
+    ("quadratic_drag", "velocity", "velocity", {"coefficient": 0.3}),
+    ("coulomb_friction", "velocity", "velocity", {"level": 0.5}),
+    ("asymmetric_friction", "velocity", "velocity", {"level": 0.5, "offset": 0.2}),
+    ("stribeck_friction", "velocity", "velocity", {"level": 0.4, "static_level": 0.8, "velocity": 0.5}),
+    ("cubic_stiffness", "velocity", "position", {"coefficient": 3.0}),
+    ("exchange", "velocity", "position", {"coefficient": 0.3}),
+    ("radiation", "velocity", "position", {"coefficient": 0.1}),
+    ("bilinear", "velocity", "force*position", {"coefficient": 0.3}),
+    ("gravity_tilt", "velocity", "position", {"level": 0.8}),
+    ("end_stop", "velocity", "position", {"stiffness": 8.0, "edge": 0.2}),
+    ("state_saturation", "velocity", None, {"limit": 0.6}),
+    ("drift", "velocity", None, {"rate": 0.2}),
+    ("periodic_disturbance", "velocity", None, {"amplitude": 0.5, "angular_frequency": 3.0, "phase": 0.4}),
+    ("step_disturbance", "velocity", None, {"size": 0.7, "time": 1.0}),
+    ("hysteresis", "velocity", "position", {"stiffness": 4.0, "limit": 0.2}),
+    ("lugre_friction", "velocity", "velocity", {"stiffness": 9.0, "level": 0.4, "static_level": 0.6, "velocity": 0.3}),
+    ("hidden_relaxation", "velocity", "position", {"coefficient": 2.0, "time_constant": 0.6}),
+    ("hidden_mode", "velocity", "position", {"gain": 2.0, "angular_frequency": 6.0, "damping": 0.1}),
+    ("input_gain", "force", None, {"relative_error": 0.1}),
+    ("input_bias", "force", None, {"value": 0.3}),
+    ("input_curve", "force", None, {"coefficient": 0.05}),
+    ("input_dead_zone", "force", None, {"half_width": 0.5}),
+    ("input_backlash", "force", None, {"half_width": 0.5}),
+    ("input_saturation", "force", None, {"limit": 2.0}),
+    ("rate_limit", "force", None, {"limit": 20.0}),
+    ("input_quantization", "force", None, {"step": 0.7}),
+    ("input_delay", "force", None, {"delay": 0.083}),
+    ("input_lag", "force", None, {"time_constant": 0.11}),
+    ("sensor_lag", "position", None, {"time_constant": 0.11}),
+    ("sensor_delay", "position", None, {"delay": 0.083}),
+    ("sensor_coupling", "position", "velocity", {"coefficient": 0.1}),
+    ("sensor_nonlinearity", "position", None, {"coefficient": 0.2}),
+    ("sensor_gain", "position", None, {"relative_error": 0.1}),
+    ("sensor_bias", "position", None, {"value": 0.1}),
+    ("sensor_drift", "position", None, {"rate": 0.05}),
+    ("sensor_rectification", "velocity", None, {}),
+    ("sensor_saturation", "position", None, {"limit": 0.2}),
+    ("sensor_quantization", "position", None, {"step": 0.1}),
+]
+TANKS = [
+    ("cascaded_tanks", ("sqrt_leak", "lower", "lower", {"coefficient": 0.1})),
+    ("cascaded_tanks", ("power_law", "upper", "upper", {"coefficient": 0.02, "exponent": 1.4})),
+    ("cascaded_tanks", ("overflow", "upper", "lower", {"limit": 6.0, "share": 0.6})),
+    ("mixing_tank", ("input_coupling", "water", "brine", {"coefficient": 0.2})),
+]
+EVERY = [("oscillator", one) for one in OSCILLATOR] + TANKS
+
+
+def test_every_effect_is_compared():
+    assert {one[0] for _, one in EVERY} == set(CATALOGUE)
+
+
+@pytest.mark.parametrize("plant_name, effect", EVERY, ids=[one[0] for _, one in EVERY])
+def test_two_ways_to_one_effect(plant_name, effect):
+    """Own equations and integration against the catalogue's: they differ by the smoothing of kinks alone."""
+    name, location, variable, params = effect
+    plant = PLANTS[plant_name]
+    U, X0 = experiment(plant)
+    if name in ("state_saturation", "overflow"):
+        X0[:, plant.states.index(location)] = np.minimum(X0[:, plant.states.index(location)], params["limit"])
+    course = march(plant, U, X0, [Truth(name, location, variable, params, 3e-3)], substeps=12)
+    augmented = AugmentedSimulator(plant.simulator(), [CATALOGUE[name](location, variable)], [params])
+    theirs = np.stack([augmented.simulate(u, x0=x) for u, x in zip(U, X0)])
+    without = plant.simulator().simulate_batch(U, X0)
+    change = np.sqrt(np.mean((theirs - without) ** 2))
+    assert change > 1e-3 * np.std(without)
+    assert np.sqrt(np.mean((course.outputs - theirs) ** 2)) < 0.02 * change
+
+
+def test_a_lag_and_a_delay_are_exact_in_continuous_time():
+    """An integrator behind a lag falls behind by tau times the step; a delay of whole samples shifts the input."""
+    plant, tau = PLANTS["battery"], 1.3
+    start = np.array([plant.start])
+    U = np.zeros((1, 30, 1))
+    U[0, 5:] = 2.0
+    plain = march(plant, U, start).states[0, :, 0]
+    lagged = march(plant, U, start, [Truth("input_lag", "load", None, {"time_constant": tau})]).states[0, :, 0]
+    age = np.maximum(plant.dt * (np.arange(30) - 5), 0.0)
+    expected = 2.0 / plant.params["capacity"] * tau * (1 - np.exp(-age / tau))
+    np.testing.assert_allclose(lagged - plain, expected, atol=1e-9)
+    shifted = march(plant, U, start, [Truth("input_delay", "load", None, {"delay": 3 * plant.dt})])
+    moved = np.concatenate([np.zeros((1, 3, 1)), U[:, :-3]], axis=1)
+    np.testing.assert_allclose(shifted.states, march(plant, moved, start).states, atol=1e-12)
+    late = march(plant, U, start, [Truth("input_delay", "load", None, {"delay": 0.7 * plant.dt})]).states[0, -1, 0]
+    assert late - plain[-1] == pytest.approx(0.7 * plant.dt * 2.0 / plant.params["capacity"], rel=1e-9)
+
+
+def test_halving_the_step_changes_a_smooth_plant_by_a_sixteenth():
+    plant = PLANTS["pendulum"]
+    U, X0 = experiment(plant)
+    truth = [Truth("cubic_stiffness", "rate", "angle", {"coefficient": 2.0})]
+    exact = march(plant, U, X0, truth, substeps=32).outputs
+    errors = [np.abs(march(plant, U, X0, truth, substeps=n).outputs - exact).max() for n in (2, 4)]
+    assert 10 < errors[0] / errors[1] < 24
+
+
+def test_parameters_may_differ_from_column_to_column():
+    plant = PLANTS["oscillator"]
+    U, X0 = experiment(plant)
+    for name, key, values in (("sensor_delay", "delay", [0.03, 0.11]), ("input_delay", "delay", [0.03, 0.11])):
+        location = "position" if name == "sensor_delay" else "force"
+        together = march(plant, U, X0, [Truth(name, location, None, {key: np.array(values)})]).outputs
+        for r, value in enumerate(values):
+            alone = march(plant, U[[r]], X0[[r]], [Truth(name, location, None, {key: value})]).outputs[0]
+            np.testing.assert_allclose(together[r], alone, atol=1e-6)
+
+
+def test_twins_are_names_of_the_catalogue_and_leave_with_the_effect():
+    for name in KINDS:
+        assert set(twins_of(name)) <= set(CATALOGUE)
+        left = remaining([name])
+        assert name not in left and not set(left) & set(twins_of(name)) and len(left) >= 20
+
+
+def test_the_equations_are_not_the_catalogues():
+    """Nothing of the rooms that the diagnosis is made of is imported."""
+    import sksurrogate.blind as blind
+
+    for path in Path(blind.__file__).parent.glob("*.py"):
+        assert not re.search(
+            r"from sksurrogate\.(effects|kernels)|import sksurrogate\.(effects|kernels)", path.read_text()
+        )
