@@ -35,6 +35,7 @@ _HOME = {
     "PenalizedRegressor": "linear",
     "RecursivePredictor": "compose",
     "SplineFeatures": "features",
+    "StateSpaceRegressor": "compose",
     "StepSimulator": "physics",
     "TableSimulator": "physics",
     "blind": "",

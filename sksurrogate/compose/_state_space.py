@@ -1,0 +1,367 @@
+"""State-space models with unknown initial states, linear or neural."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
+
+from sksurrogate._dynamic import FreeRunMixin
+from sksurrogate.kernels.state_space import StateFit, StateModel, fit_output_error, simulate, start_states, subspace
+from sksurrogate.runs import Runs
+
+__all__ = ["StateSpaceRegressor"]
+
+
+class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
+    """``x[t+1] = f(x[t], u[t])``, ``y[t] = g(x[t], u[t])``, fitted on the free run with unknown initial states.
+
+    Linear without hidden layers: subspace start (N4SID), then output error. With hidden layers f and g are the refined
+    linear model plus a tanh network each, trained on the free run, so that the fit starts at a stable model.
+
+    Parameters
+    ----------
+    n_states : int, default=2
+        Order.
+    hidden_layer_sizes : tuple of int, default=()
+        Of the networks in f and in g; empty: linear.
+    feedthrough : bool, default=False
+        Whether the current input enters y[t] at once.
+    alpha : float, default=1e-6
+        Penalty on the networks' weights beside the mean squared error, in units of standardised data.
+    refine : bool, default=True
+        Whether a linear model is refined by output error; False: the subspace model.
+    horizon : int, optional
+        Multiple shooting: rows of a piece with an initial state of its own; None: whole runs. Shorter pieces are
+        easier to fit and say less about the long run.
+    n_initial : int, optional
+        Rows of ``y0`` from which the initial state is estimated; default ``2 * n_states + 2``.
+    n_starts : int, default=1
+        Random starts of the networks; the best on the training runs stays.
+    max_iter : int, default=100
+        Steps of Levenberg-Marquardt.
+    init : {"mean", "steady"} or array (n_initial, n_outputs), default="mean"
+        Start where ``predict`` gets no ``y0``: mean state of the training runs, the model's rest at the first input,
+        or first rows.
+    run : None, column name, int or "index"
+        Where X says which run a row belongs to; ``groups`` wins.
+    random_state : int, RandomState or None
+
+    Attributes
+    ----------
+    A_, B_, C_, D_ : ndarray
+        Of the linear part, in standardised units of u and y.
+    poles_ : ndarray of complex (n_states,)
+        Eigenvalues of A_.
+    x0_ : ndarray (n_runs, n_states)
+        Initial states of the training runs.
+    free_run_rmse_ : float
+        On the training runs from the fitted initial states.
+    n_initial_ : int
+    n_iter_ : int
+    n_features_in_ : int
+
+    Notes
+    -----
+    The loss is the simulation error: there is no one-step form, since the state is not measured. ``y0`` is turned into
+    an initial state by least squares over these rows, with the training states as prior. The free run and its exact
+    sensitivities are banded solves over the whole time axis.
+
+    References
+    ----------
+    Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), sections 2.6 and 5. Van Overschee, De Moor,
+    *N4SID*, Automatica 30 (1994).
+
+    Examples
+    --------
+    >>> from sksurrogate.compose import StateSpaceRegressor
+    >>> from sksurrogate.datasets import make_reactor_runs
+    >>> X, y, groups = make_reactor_runs(6, 100, y0_range=(4.0, 8.0), u_range=(0.1, 0.2), random_state=0)
+    >>> model = StateSpaceRegressor(1, hidden_layer_sizes=(4,), random_state=0).fit(X, y, groups=groups)
+    >>> round(model.score(X, y, groups=groups), 2)
+    1.0
+    """
+
+    __metadata_request__fit = {"groups": True}
+    __metadata_request__predict = {"groups": True, "y0": True}
+    __metadata_request__score = {"groups": True}
+
+    def __init__(
+        self,
+        n_states: int = 2,
+        *,
+        hidden_layer_sizes: tuple[int, ...] = (),
+        feedthrough: bool = False,
+        alpha: float = 1e-6,
+        refine: bool = True,
+        horizon: int | None = None,
+        n_initial: int | None = None,
+        n_starts: int = 1,
+        max_iter: int = 100,
+        init: Any = "mean",
+        run: Any = None,
+        random_state: Any = None,
+    ):
+        self.n_states = n_states
+        self.hidden_layer_sizes = hidden_layer_sizes
+        self.feedthrough = feedthrough
+        self.alpha = alpha
+        self.refine = refine
+        self.horizon = horizon
+        self.n_initial = n_initial
+        self.n_starts = n_starts
+        self.max_iter = max_iter
+        self.init = init
+        self.run = run
+        self.random_state = random_state
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> StateSpaceRegressor:
+        """Fit f, g and the initial state of every run.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        counts = {"n_states": self.n_states, "n_starts": self.n_starts, "max_iter": self.max_iter}
+        counts |= {name: getattr(self, name) for name in ("horizon", "n_initial") if getattr(self, name) is not None}
+        for name, value in counts.items():
+            if not (isinstance(value, (int, np.integer)) and value >= 1):
+                raise ValueError(f"{name}={value!r} must be an int of at least 1.")
+        self.n_initial_ = int(self.n_initial or 2 * self.n_states + 2)
+        runs = self._resolve(X, y, groups, reset=True, min_rows=2)
+        inputs = np.concatenate([run.X for run in runs])
+        self.u_mean_, self.u_spread_ = inputs.mean(axis=0), inputs.std(axis=0) + 1e-12
+        U, Y = [self._scaled_u(run.X) for run in runs], [(run.y - self.y_mean_) / self.y_spread_ for run in runs]
+        if self.horizon is not None:
+            U, Y = _cut(U, self.horizon), _cut(Y, self.horizon)
+        linear = self._fit_linear(U, Y)
+        fit, model = linear, StateModel(self.n_states, U[0].shape[1], Y[0].shape[1], (), self.feedthrough)
+        hidden = tuple(int(n) for n in np.atleast_1d(np.asarray(self.hidden_layer_sizes, dtype=int)))
+        if hidden:
+            model = StateModel(self.n_states, U[0].shape[1], Y[0].shape[1], hidden, self.feedthrough)
+            fit = self._fit_networks(model, linear, U, Y)
+        self._store(model, fit, runs, U, Y)
+        return self
+
+    def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
+        """Free run.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y0 : array-like (n_initial, n_outputs) or (n_runs, n_initial, n_outputs), optional
+            Outputs at the first rows of each run, from which its initial state is estimated; without it ``init`` decides.
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray (n_samples,) or (n_samples, n_outputs)
+            The first rows are ``y0`` where it is given.
+
+        Raises
+        ------
+        SimulationDiverged
+            The free run left the finite numbers or went far beyond the training outputs.
+        """
+        check_is_fitted(self, "theta_")
+        runs = self._resolve(X, None, groups)
+        U = [self._scaled_u(run.X) for run in runs]
+        given = y0 if y0 is not None or isinstance(self.init, str) else self.init
+        if given is not None:
+            first = self._first_rows(given, runs, "y0" if y0 is not None else "init")
+            x0 = self._start(U, (first - self.y_mean_) / self.y_spread_)
+        elif self.init == "mean":
+            x0 = np.broadcast_to(self.x_mean_, (len(runs), self.n_states))
+        elif self.init == "steady":
+            x0 = self._rest(np.stack([u[0] for u in U]))
+        else:
+            raise ValueError(f'init={self.init!r} must be "mean", "steady" or an array of first rows.')
+        out = self._outputs(x0, U)
+        self._refuse_far(runs, out, "Give fewer states, longer runs, or a larger alpha.")
+        if given is not None:
+            for r, part in enumerate(out):
+                part[: self.n_initial_] = first[r][: len(part)]
+        return self._shaped(runs, out)
+
+    def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
+        """Row t from the ``n_initial_`` measured outputs up to t-k; rows without that history are nan.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        k : int
+            Steps ahead.
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray, shape of y
+        """
+        check_is_fitted(self, "theta_")
+        if k < 1:
+            raise ValueError(f"k={k!r} must be at least 1 step ahead.")
+        runs, n, parts = self._resolve(X, y, groups), self.n_initial_, []
+        for run in runs:
+            part = np.full(run.y.shape, np.nan)
+            if len(run) >= n + k:
+                slide = np.lib.stride_tricks.sliding_window_view
+                windows = list(slide(self._scaled_u(run.X), n + k, axis=0).transpose(0, 2, 1))
+                past = slide((run.y - self.y_mean_) / self.y_spread_, n, axis=0).transpose(0, 2, 1)[: len(windows)]
+                found = self._outputs(self._start(windows, past), windows)
+                part[n + k - 1 :] = np.stack([window[-1] for window in found])
+            parts.append(part)
+        return self._shaped(runs, parts)
+
+    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
+        """:meth:`predict_ahead` with ``k=1``.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray, shape of y
+        """
+        return self.predict_ahead(X, y, 1, groups=groups)
+
+    # ---- parts ------------------------------------------------------------------------------------------------------
+    def _scaled_u(self, U: np.ndarray) -> np.ndarray:
+        return (U - self.u_mean_) / self.u_spread_
+
+    def _fit_linear(self, U: list[np.ndarray], Y: list[np.ndarray]) -> StateFit:
+        """Subspace starts with pasts of several lengths; the best free run is refined."""
+        n, m, o = self.n_states, U[0].shape[1], Y[0].shape[1]
+        model = StateModel(n, m, o, (), self.feedthrough)
+        rows, outputs, starts = np.concatenate(U), np.concatenate(Y), _starts(U)
+        candidates = []
+        for past in sorted({n + 1, 2 * n + 2, 10, 20}):
+            found = subspace(U, Y, n, past, self.feedthrough)
+            if found is not None:
+                candidates.append(model.affine(*found))
+        if (
+            not candidates
+        ):  # too short for a projection: slow decay, everything else at zero but the outputs of the states
+            C = np.eye(o, n)
+            candidates = [
+                model.affine(0.8 * np.eye(n), np.zeros((n, m)), C, np.zeros((o, m)), np.zeros(n), np.zeros(o))
+            ]
+        fits = []
+        for theta in candidates:
+            # the free run is linear in the initial states: a fit with two steps finds them
+            fits.append(fit_output_error(model, theta, np.zeros((len(U), n)), rows, outputs, starts, max_iter=2))
+        best = int(np.argmin([fit.cost for fit in fits]))
+        if not self.refine and not np.size(self.hidden_layer_sizes):
+            theta = candidates[best]
+            padded, lengths = _padded(U), [len(u) for u in U]
+            measured = np.full((len(U), max(lengths), o), np.nan)
+            for r, part in enumerate(Y):
+                measured[r, : len(part)] = part
+            x0 = start_states(model, theta, padded, measured, np.zeros(n), 1e-8 * np.eye(n))
+            return StateFit(theta, x0, simulate(model, theta, x0, rows, starts), np.nan, 0)
+        return fit_output_error(model, fits[best].theta, fits[best].x0, rows, outputs, starts, max_iter=self.max_iter)
+
+    def _fit_networks(self, model: StateModel, linear: StateFit, U: list[np.ndarray], Y: list[np.ndarray]) -> StateFit:
+        """Networks of random first layers and last layers at zero, added to the linear model."""
+        rng = check_random_state(self.random_state)
+        plain = StateModel(model.n_states, model.n_inputs, model.n_outputs, (), model.feedthrough)
+        rows, outputs, starts = np.concatenate(U), np.concatenate(Y), _starts(U)
+        # states of unit variance, so that the random layers see them as they see the inputs
+        spread = linear.x.std(axis=0) + 1e-9
+        scaled = linear.theta.copy()
+        W, b = plain.f.parts(scaled[: plain.f.size])[:2]
+        W[: model.n_states] *= spread[:, None]
+        W /= spread
+        b /= spread
+        plain.g.parts(scaled[plain.f.size :])[0][: model.n_states] *= spread[:, None]
+        fits = []
+        for _ in range(self.n_starts):
+            theta = []
+            for block, flat in ((model.f, scaled[: plain.f.size]), (model.g, scaled[plain.f.size :])):
+                part = np.zeros(block.size)
+                for values, shape in zip(block.parts(part)[2:-2], block.shapes[2:-2]):
+                    values[...] = rng.normal(size=shape) / np.sqrt(shape[0])
+                part[: len(flat)] = flat
+                theta.append(part)
+            fits.append(
+                fit_output_error(
+                    model, np.concatenate(theta), linear.x0 / spread, rows, outputs, starts,
+                    alpha=self.alpha, max_iter=self.max_iter,
+                )
+            )  # fmt: skip
+        return min(fits, key=lambda fit: fit.cost)
+
+    def _store(self, model: StateModel, fit: StateFit, runs: Runs, U: list[np.ndarray], Y: list[np.ndarray]) -> None:
+        """Everything that is learned."""
+        self.model_, self.theta_, self.x0_, self.n_iter_ = model, fit.theta, fit.x0, max(fit.n_iter, 1)
+        W, _ = model.f.parts(fit.theta[: model.f.size])[:2]
+        V, _ = model.g.parts(fit.theta[model.f.size :])[:2]
+        n = model.n_states
+        self.A_, self.B_, self.C_ = W[:n].T.copy(), W[n:].T.copy(), V[:n].T.copy()
+        self.D_ = V[n:].T.copy() if model.feedthrough else np.zeros((model.n_outputs, model.n_inputs))
+        self.poles_ = np.linalg.eigvals(self.A_)
+        self.x_mean_ = fit.x.mean(axis=0)
+        error = model.output(fit.theta, fit.x, np.concatenate(U)) - np.concatenate(Y)
+        power = float(np.mean(error**2))
+        spread = np.cov(fit.x.T).reshape(n, n) + np.cov(fit.x0.T).reshape(n, n) if len(fit.x0) > 1 else np.cov(fit.x.T)
+        spread = np.reshape(spread, (n, n)) + 1e-6 * np.eye(n)
+        self.x_precision_ = max(power, 1e-10) * np.linalg.inv(4.0 * spread)
+        self.free_run_rmse_ = float(np.sqrt(np.mean((error * self.y_spread_) ** 2)))
+
+    def _start(self, U: list[np.ndarray], first: np.ndarray) -> np.ndarray:
+        """Initial states from first rows (n_runs, n_initial, n_outputs), shorter runs from what they have."""
+        n, first = self.n_initial_, first.copy()
+        windows = np.stack([u[np.minimum(np.arange(n), len(u) - 1)] for u in U])
+        for r, u in enumerate(U):
+            first[r, len(u) :] = np.nan
+        return start_states(self.model_, self.theta_, windows, first, self.x_mean_, self.x_precision_)
+
+    def _rest(self, u: np.ndarray) -> np.ndarray:
+        """States after a long stay at an input, (n_runs, n_states); the mean state where the model does not rest."""
+        x = np.broadcast_to(self.x_mean_, (len(u), self.n_states))
+        with np.errstate(all="ignore"):
+            for _ in range(2000):
+                x = self.model_.following(self.theta_, x, u)
+        return np.where(np.isfinite(x).all(axis=1, keepdims=True), x, self.x_mean_)
+
+    def _outputs(self, x0: np.ndarray, U: list[np.ndarray]) -> list[np.ndarray]:
+        """Free runs in units of y."""
+        rows, starts = np.concatenate(U), _starts(U)
+        x = simulate(self.model_, self.theta_, x0, rows, starts)
+        with np.errstate(all="ignore"):
+            y = self.model_.output(self.theta_, x, rows) * self.y_spread_ + self.y_mean_
+        return [y[a : a + len(u)] for a, u in zip(starts, U)]
+
+
+def _starts(parts: list[np.ndarray]) -> np.ndarray:
+    """First row of every run."""
+    return np.r_[0, np.cumsum([len(part) for part in parts])[:-1]].astype(int)
+
+
+def _padded(parts: list[np.ndarray]) -> np.ndarray:
+    """(n_runs, n_longest, n_columns), the last row repeated."""
+    longest = max(len(part) for part in parts)
+    return np.stack([part[np.minimum(np.arange(longest), len(part) - 1)] for part in parts])
+
+
+def _cut(parts: list[np.ndarray], horizon: int) -> list[np.ndarray]:
+    """Pieces of ``horizon`` rows; a last piece of one row joins the one before."""
+    out = []
+    for part in parts:
+        edges = list(range(0, len(part), horizon))
+        if len(edges) > 1 and len(part) - edges[-1] < 2:
+            edges.pop()
+        out += [part[a:b] for a, b in zip(edges, [*edges[1:], len(part)])]
+    return out

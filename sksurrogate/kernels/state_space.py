@@ -1,0 +1,483 @@
+"""State-space models ``x[t+1] = f(x[t], u[t])``, ``y[t] = g(x[t], u[t])``: subspace start, free run, output-error fit.
+
+Runs lie one behind the other, rows first: x (n_samples, n_states); ``starts`` holds the first row of every run. The free
+run and its exact sensitivities are banded solves over the whole time axis; the initial state of every run is unknown
+and eliminated run by run from the normal equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
+
+__all__ = ["Block", "StateFit", "StateModel", "fit_output_error", "simulate", "start_states", "subspace"]
+
+#: Rows whose sensitivities are held at once.
+ROWS = 20_000
+
+
+@dataclass(frozen=True)
+class Block:
+    """``z -> z W + b + network(z)``; without hidden layers an affine map.
+
+    Attributes
+    ----------
+    n_in, n_out : int
+    hidden : tuple of int
+        Units of the tanh layers of the network.
+    """
+
+    n_in: int
+    n_out: int
+    hidden: tuple[int, ...] = ()
+
+    @property
+    def shapes(self) -> list[tuple[int, ...]]:
+        """Of W, b, and the network's weights and biases."""
+        sizes = [self.n_in, *self.hidden, self.n_out] if self.hidden else []
+        layers = [shape for a, b in zip(sizes[:-1], sizes[1:]) for shape in ((a, b), (b,))]
+        return [(self.n_in, self.n_out), (self.n_out,), *layers]
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return sum(int(np.prod(shape)) for shape in self.shapes)
+
+    @property
+    def penalised(self) -> np.ndarray:
+        """Which parameters are weights of the network, (size,) of bool."""
+        return np.concatenate([np.full(int(np.prod(s)), k > 1 and len(s) == 2) for k, s in enumerate(self.shapes)])
+
+    def parts(self, theta: np.ndarray) -> list[np.ndarray]:
+        """Cut flat parameters."""
+        out, place = [], 0
+        for shape in self.shapes:
+            n = int(np.prod(shape))
+            out.append(theta[place : place + n].reshape(shape))
+            place += n
+        return out
+
+    def value(self, theta: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """(n_rows, n_in) -> (n_rows, n_out)."""
+        W, b, *layers = self.parts(theta)
+        out = z @ W + b
+        if layers:
+            for k in range(0, len(layers) - 2, 2):
+                z = np.tanh(z @ layers[k] + layers[k + 1])
+            out = out + z @ layers[-2] + layers[-1]
+        return out
+
+    def jacobians(self, theta: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Value, slopes by z (n_rows, n_out, n_in) and by theta (n_rows, n_out, size)."""
+        W, b, *layers = self.parts(theta)
+        n, eye = len(z), np.broadcast_to(np.eye(self.n_out), (len(z), self.n_out, self.n_out))
+        by_theta = [(z[:, None, :, None] * eye[:, :, None, :]).reshape(n, self.n_out, -1), eye]
+        value, by_z = z @ W + b, np.broadcast_to(W.T, (n, *W.T.shape))
+        if layers:
+            values = [z]
+            for k in range(0, len(layers) - 2, 2):
+                values.append(np.tanh(values[-1] @ layers[k] + layers[k + 1]))
+            value = value + values[-1] @ layers[-2] + layers[-1]
+            back, found = eye, []
+            for k in range(len(values) - 1, -1, -1):
+                found[:0] = [(values[k][:, None, :, None] * back[:, :, None, :]).reshape(n, self.n_out, -1), back]
+                back = back @ layers[2 * k].T
+                if k:
+                    back = back * (1.0 - values[k] ** 2)[:, None, :]
+            by_theta += found
+            by_z = by_z + back
+        return value, by_z, np.concatenate(by_theta, axis=2)
+
+
+@dataclass(frozen=True)
+class StateModel:
+    """f on (x, u) and g on x, or on (x, u) with feedthrough.
+
+    Attributes
+    ----------
+    n_states, n_inputs, n_outputs : int
+    hidden : tuple of int
+    feedthrough : bool
+    """
+
+    n_states: int
+    n_inputs: int
+    n_outputs: int
+    hidden: tuple[int, ...] = ()
+    feedthrough: bool = False
+
+    @property
+    def f(self) -> Block:
+        """The next state."""
+        return Block(self.n_states + self.n_inputs, self.n_states, self.hidden)
+
+    @property
+    def g(self) -> Block:
+        """The output."""
+        return Block(self.n_states + self.n_inputs * self.feedthrough, self.n_outputs, self.hidden)
+
+    def following(self, theta: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The states one sample later."""
+        return self.f.value(theta[: self.f.size], np.concatenate([x, u], axis=1))
+
+    def seen(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What g sees."""
+        return np.concatenate([x, u], axis=1) if self.feedthrough else x
+
+    def output(self, theta: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Outputs at states and inputs."""
+        return self.g.value(theta[self.f.size :], self.seen(x, u))
+
+    def affine(
+        self, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, b: np.ndarray, c: np.ndarray
+    ) -> np.ndarray:
+        """Parameters of ``x' = A x + B u + b``, ``y = C x + D u + c`` with networks at zero."""
+        seen = np.concatenate([C, D], axis=1) if self.feedthrough else C
+        flat = []
+        for block, W, bias in ((self.f, np.concatenate([A, B], axis=1), b), (self.g, seen, c)):
+            theta = np.zeros(block.size)
+            theta[: W.size + len(bias)] = np.concatenate([W.T.ravel(), bias])
+            flat.append(theta)
+        return np.concatenate(flat)
+
+    @property
+    def penalised(self) -> np.ndarray:
+        """Which parameters are weights of the networks."""
+        return np.concatenate([self.f.penalised, self.g.penalised])
+
+
+def simulate(
+    model: StateModel,
+    theta: np.ndarray,
+    x0: np.ndarray,
+    U: np.ndarray,
+    starts: np.ndarray,
+    guess: np.ndarray | None = None,
+) -> np.ndarray:
+    """States of a free run, (n_samples, n_states): Newton over time from a guess, else all runs abreast step by step.
+
+    Parameters
+    ----------
+    model, theta
+    x0 : ndarray (n_runs, n_states)
+    U : ndarray (n_samples, n_inputs)
+    starts : ndarray of int (n_runs,)
+    guess : ndarray (n_samples, n_states), optional
+        A trajectory near it; an affine model needs none.
+    """
+    if guess is None and not model.hidden:
+        guess = np.zeros((len(U), model.n_states))
+    if guess is not None:
+        x = guess.copy()
+        x[starts] = x0
+        last = np.inf
+        with np.errstate(all="ignore"):
+            for _ in range(10):
+                z = np.concatenate([x, U], axis=1)
+                after, by_z, _ = model.f.jacobians(theta[: model.f.size], z)
+                defect = np.zeros_like(x)
+                defect[1:] = after[:-1] - x[1:]
+                defect[starts] = 0.0
+                size = float(np.abs(defect).max())
+                if not np.isfinite(size) or (size > 1e6 and model.hidden):
+                    break
+                band = recursion_band(by_z[:, :, : model.n_states].transpose(1, 2, 0), starts)
+                step = solve_recursion(band, defect.T[:, None, :])[:, 0].T
+                moved = float(np.abs(step).max())
+                if not np.isfinite(moved) or moved > 2 * last + 1e3:
+                    break
+                x = x + step
+                if moved < 1e-9 * (1.0 + float(np.abs(x).max())) or not model.hidden:
+                    return x
+                last = moved
+    return _abreast(model, theta, x0, U, starts)
+
+
+def _abreast(model: StateModel, theta: np.ndarray, x0: np.ndarray, U: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Step by step, runs in order of length so that finished ones drop out."""
+    lengths = np.diff(np.r_[starts, len(U)])
+    order = np.argsort(-lengths, kind="stable")
+    alive = np.searchsorted(-lengths[order], -np.arange(1, lengths.max() + 1), side="right")
+    out, x, first = np.empty((len(U), model.n_states)), x0[order], starts[order]
+    f, part = model.f, theta[: model.f.size]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for t in range(int(lengths.max())):
+            rows = first[: alive[t]] + t
+            x = x[: alive[t]]
+            out[rows] = x
+            x = f.value(part, np.concatenate([x, U[rows]], axis=1))
+    return out
+
+
+def start_states(
+    model: StateModel,
+    theta: np.ndarray,
+    U: np.ndarray,
+    Y: np.ndarray,
+    mean: np.ndarray,
+    precision: np.ndarray,
+    n_steps: int = 6,
+) -> np.ndarray:
+    """Initial states from the first outputs: Gauss-Newton with a normal prior on the state.
+
+    Parameters
+    ----------
+    model, theta
+    U : ndarray (n_windows, n_rows, n_inputs)
+    Y : ndarray (n_windows, n_rows, n_outputs)
+        nan counts as not measured.
+    mean : ndarray (n_states,)
+    precision : ndarray (n_states, n_states)
+        Of the prior, in units of the squared output error.
+
+    Returns
+    -------
+    ndarray (n_windows, n_states)
+    """
+    R, L, n = len(U), U.shape[1], model.n_states
+    x0, known = np.broadcast_to(mean, (R, n)).copy(), np.isfinite(Y)
+    target, best, damping = np.where(known, Y, 0.0), np.full(R, np.inf), np.full(R, 1e-6)
+    kept = x0.copy()
+    for _ in range(n_steps if model.hidden else 2):
+        x, S = x0, np.broadcast_to(np.eye(n), (R, n, n))
+        normal = np.broadcast_to(precision, (R, n, n)).copy()
+        gradient = (x0 - mean) @ precision
+        cost = np.einsum("ri,ij,rj->r", x0 - mean, precision, x0 - mean)
+        with np.errstate(all="ignore"):
+            for t in range(L):
+                y, by_seen, _ = model.g.jacobians(theta[model.f.size :], model.seen(x, U[:, t]))
+                J = np.where(known[:, t, :, None], by_seen[:, :, :n] @ S, 0.0)
+                e = np.where(known[:, t], y - target[:, t], 0.0)
+                cost = cost + (e**2).sum(axis=1)
+                normal = normal + J.transpose(0, 2, 1) @ J
+                gradient = gradient + (J.transpose(0, 2, 1) @ e[:, :, None])[:, :, 0]
+                x, by_z, _ = model.f.jacobians(theta[: model.f.size], np.concatenate([x, U[:, t]], axis=1))
+                S = by_z[:, :, :n] @ S
+        better = np.isfinite(cost) & (cost <= best) & np.isfinite(normal).all(axis=(1, 2))
+        kept[better], best[better] = x0[better], cost[better]
+        damping = np.where(better, damping / 10, damping * 100)
+        if not better.any():
+            break
+        normal[~better], gradient[~better] = np.eye(n), 0.0
+        step = np.linalg.solve(normal + damping[:, None, None] * np.eye(n), gradient[:, :, None])[:, :, 0]
+        x0 = np.where(better[:, None], x0 - step, 0.5 * (x0 + kept))
+    return kept if model.hidden else x0
+
+
+def subspace(
+    U: Sequence[np.ndarray], Y: Sequence[np.ndarray], n_states: int, n_past: int, feedthrough: bool
+) -> tuple[np.ndarray, ...] | None:
+    """A, B, C, D, b, c of a linear model by projection of the future on the past (N4SID), runs of any lengths.
+
+    Parameters
+    ----------
+    U, Y : sequence of ndarray (n_samples, n_inputs) and (n_samples, n_outputs)
+    n_states, n_past : int
+        Order; rows of the past and of the future.
+    feedthrough : bool
+
+    Returns
+    -------
+    tuple, or None where the runs are too short
+
+    References
+    ----------
+    Van Overschee, De Moor, *N4SID*, Automatica 30 (1994).
+    """
+    p = n_past
+    pieces = [(u, y) for u, y in zip(U, Y) if len(u) >= 2 * p + 1]
+    o, m = Y[0].shape[1], U[0].shape[1]
+    count = sum(len(u) - 2 * p + 1 for u, _ in pieces)
+    if p * o < n_states or count < 3 * p * (o + m):
+        return None
+
+    def hankel(values: np.ndarray, first: int, n: int) -> np.ndarray:
+        return np.concatenate([values[first + k : first + k + n] for k in range(p)], axis=1)
+
+    past, future, inputs = [], [], []
+    for u, y in pieces:
+        n = len(u) - 2 * p + 1
+        past.append(np.concatenate([hankel(y, 0, n), hankel(u, 0, n)], axis=1))
+        future.append(hankel(y, p, n))
+        inputs.append(hankel(u, p, n))
+    Z, F, V = (np.concatenate(part) for part in (past, future, inputs))
+    regressors = np.concatenate([Z, V, np.ones((len(Z), 1))], axis=1)
+    normal = regressors.T @ regressors
+    normal[np.diag_indices_from(normal)] += 1e-8 * np.trace(normal) / len(normal)
+    L = np.linalg.solve(normal, regressors.T @ F)[: Z.shape[1]]
+    covariance = np.cov(Z.T).reshape(len(L), len(L)) + 1e-10 * np.eye(len(L))
+    root = np.linalg.cholesky(covariance + 1e-9 * np.trace(covariance) / len(L) * np.eye(len(L)))
+    left, values, _ = np.linalg.svd(root.T @ L, full_matrices=False)
+    if len(values) < n_states or values[n_states - 1] <= 0:
+        return None
+    project = np.linalg.solve(root.T, left[:, :n_states])  # unit variance of every state over the data
+    now, nxt, u_now, y_now = [], [], [], []
+    for (u, y), z in zip(pieces, past):
+        x = z @ project
+        now.append(x[:-1]), nxt.append(x[1:])
+        u_now.append(u[p : p + len(x) - 1]), y_now.append(y[p : p + len(x) - 1])
+    x, x_next, u, y = (np.concatenate(part) for part in (now, nxt, u_now, y_now))
+    ones = np.ones((len(x), 1))
+    by_f = np.linalg.lstsq(np.concatenate([x, u, ones], axis=1), x_next, rcond=None)[0].T
+    seen = np.concatenate([x, u, ones] if feedthrough else [x, ones], axis=1)
+    by_g = np.linalg.lstsq(seen, y, rcond=None)[0].T
+    A, radius = by_f[:, :n_states], float(np.abs(np.linalg.eigvals(by_f[:, :n_states])).max())
+    if radius > 0.998:
+        A = A * (0.998 / radius)
+    D = by_g[:, n_states:-1] if feedthrough else np.zeros((o, m))
+    return A, by_f[:, n_states:-1], by_g[:, :n_states], D, by_f[:, -1], by_g[:, -1]
+
+
+@dataclass(frozen=True, eq=False)
+class StateFit:
+    """Result of :func:`fit_output_error`.
+
+    Attributes
+    ----------
+    theta : ndarray
+    x0 : ndarray (n_runs, n_states)
+    x : ndarray (n_samples, n_states)
+    cost : float
+        Mean squared error and penalty.
+    n_iter : int
+    """
+
+    theta: np.ndarray
+    x0: np.ndarray
+    x: np.ndarray
+    cost: float
+    n_iter: int
+
+
+class _Objective:
+    """Mean squared output error of the free run, and its normal equations with the initial states eliminated."""
+
+    def __init__(self, model: StateModel, U: np.ndarray, Y: np.ndarray, starts: np.ndarray, alpha: float):
+        self.model, self.U, self.Y, self.starts = model, U, Y, starts
+        self.known = np.isfinite(Y)
+        self.scale = 1.0 / max(int(self.known.sum()), 1)
+        self.penalty = alpha * model.penalised
+        # only holds the states in place where the outputs do not see them
+        self.tie = 1e-12
+
+    def cost(self, theta: np.ndarray, x0: np.ndarray, guess: np.ndarray | None) -> tuple[float, np.ndarray]:
+        x = simulate(self.model, theta, x0, self.U, self.starts, guess)
+        with np.errstate(all="ignore"):
+            e = np.where(self.known, self.model.output(theta, x, self.U) - self.Y, 0.0)
+            total = self.scale * float((e**2).sum()) + float(self.penalty @ theta**2) + self.tie * float((x0**2).sum())
+        return (total if np.isfinite(total) else np.inf), x
+
+    def blocks(self) -> list[tuple[int, int]]:
+        """Runs in blocks of at most ROWS rows."""
+        edges = np.r_[self.starts, len(self.U)]
+        out, a = [], 0
+        for r in range(1, len(self.starts) + 1):
+            if r == len(self.starts) or edges[r + 1] - edges[a] > ROWS:
+                out.append((a, r))
+                a = r
+        return out
+
+    def normal(self, theta: np.ndarray, x0: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """H (n, n), its gradient, and per run the coupling to x0, the block of x0 and its gradient."""
+        model, n, nf = self.model, self.model.n_states, self.model.f.size
+        size, R = len(theta), len(self.starts)
+        H, gradient = np.diag(self.penalty), self.penalty * theta
+        couple, own, own_gradient = np.zeros((R, size, n)), np.zeros((R, n, n)), self.tie * x0
+        own += self.tie * np.eye(n)
+        edges = np.r_[self.starts, len(self.U)]
+        for a, b in self.blocks():
+            rows, first = slice(edges[a], edges[b]), self.starts[a:b] - edges[a]
+            u, now = self.U[rows], x[rows]
+            _, by_z, by_f = model.f.jacobians(theta[:nf], np.concatenate([now, u], axis=1))
+            rhs = np.zeros((n, nf + n, len(now)))
+            rhs[:, :nf, 1:] = by_f[:-1].transpose(1, 2, 0)
+            rhs[:, :, first] = 0.0
+            rhs[:, nf:, first] = np.eye(n)[:, :, None]
+            S = solve_recursion(recursion_band(by_z[:, :, :n].transpose(1, 2, 0), first), rhs).transpose(2, 0, 1)
+            value, by_x, by_g = model.g.jacobians(theta[nf:], model.seen(now, u))
+            moved = by_x[:, :, :n] @ S
+            J = np.concatenate([moved[:, :, :nf], by_g], axis=2)
+            known = self.known[rows]
+            J, Jx = np.where(known[:, :, None], J, 0.0), np.where(known[:, :, None], moved[:, :, nf:], 0.0)
+            e = np.where(known, value - np.where(known, self.Y[rows], 0.0), 0.0)
+            flat = J.reshape(-1, size)
+            H += self.scale * flat.T @ flat
+            gradient = gradient + self.scale * flat.T @ e.ravel()
+            for r in range(a, b):
+                part = slice(edges[r] - edges[a], edges[r + 1] - edges[a])
+                Jr, Xr, er = J[part].reshape(-1, size), Jx[part].reshape(-1, n), e[part].ravel()
+                couple[r] = self.scale * Jr.T @ Xr
+                own[r] += self.scale * Xr.T @ Xr
+                own_gradient[r] += self.scale * Xr.T @ er
+        return H, gradient, couple, own, own_gradient
+
+
+def fit_output_error(
+    model: StateModel,
+    theta: np.ndarray,
+    x0: np.ndarray,
+    U: np.ndarray,
+    Y: np.ndarray,
+    starts: np.ndarray,
+    *,
+    alpha: float = 0.0,
+    max_iter: int = 100,
+    tol: float = 1e-6,
+) -> StateFit:
+    """Levenberg-Marquardt on the free run, parameters and the initial state of every run together.
+
+    Parameters
+    ----------
+    model : StateModel
+    theta : ndarray
+        Start.
+    x0 : ndarray (n_runs, n_states)
+        Start.
+    U : ndarray (n_samples, n_inputs)
+    Y : ndarray (n_samples, n_outputs)
+        nan counts as not measured.
+    starts : ndarray of int (n_runs,)
+    alpha : float
+        Penalty on the networks' weights beside the mean squared error.
+    max_iter, tol
+        Steps at most; relative decrease at which it stops.
+
+    Returns
+    -------
+    StateFit
+    """
+    objective = _Objective(model, U, Y, starts, alpha)
+    cost, x = objective.cost(theta, x0, None)
+    damping, done, slow = 1e-3, 0, 0
+    while done < max_iter and np.isfinite(cost):
+        done += 1
+        H, gradient, couple, own, own_gradient = objective.normal(theta, x0, x)
+        if not (np.all(np.isfinite(H)) and np.all(np.isfinite(couple))):
+            break
+        size, own_size = np.diag(H) + 1e-9 * np.diag(H).max(), np.einsum("rii->ri", own)
+        before = cost
+        for _ in range(12):
+            inverse = np.linalg.inv(own + damping * own_size[:, :, None] * np.eye(model.n_states))
+            taken = couple @ inverse
+            reduced = H + damping * np.diag(size) - np.einsum("rin,rjn->ij", taken, couple)
+            rhs = gradient - np.einsum("rin,rn->i", taken, own_gradient)
+            try:
+                step = np.linalg.solve(reduced, rhs)
+            except np.linalg.LinAlgError:
+                damping *= 4
+                continue
+            own_step = np.einsum("rnm,rm->rn", inverse, own_gradient - np.einsum("rin,i->rn", couple, step))
+            trial, trial_x0 = theta - step, x0 - own_step
+            new, x_new = objective.cost(trial, trial_x0, x)
+            if new < cost:
+                theta, x0, cost, x, damping = trial, trial_x0, new, x_new, max(damping / 5, 1e-10)
+                break
+            damping *= 4
+        slow = slow + 1 if before - cost <= tol * before else 0
+        if slow >= 3 or before == cost:
+            break
+    return StateFit(theta, x0, x, cost, done)
