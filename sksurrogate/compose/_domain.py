@@ -1,0 +1,44 @@
+"""The region that the data covered, and how a correction fades outside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Domain"]
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """A box of features.
+
+    Attributes
+    ----------
+    low, high : ndarray (n_features,)
+        Range in the training data.
+    fade : float
+        Share of the range by which a feature may leave it before the correction fades; after twice that more, little is
+        left (``exp(-4)``). ``inf``: never.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    fade: float
+
+    @classmethod
+    def of(cls, phi: np.ndarray, fade: float) -> Domain:
+        """The box of the rows of ``phi``."""
+        return cls(phi.min(axis=0), phi.max(axis=0), float(fade))
+
+    def distance(self, phi: np.ndarray) -> np.ndarray:
+        """How far rows lie outside, as a share of the range of the feature that lies farthest: (n_rows,)."""
+        size = np.maximum(self.high - self.low, 1e-2 * np.maximum(np.abs(self.high), np.abs(self.low)) + 1e-12)
+        return np.max(np.maximum(np.maximum(self.low - phi, phi - self.high), 0.0) / size, axis=1, initial=0.0)
+
+    def weight(self, phi: np.ndarray) -> np.ndarray:
+        """1 inside and a little beyond, then down to 0: (n_rows,)."""
+        if not np.isfinite(self.fade):
+            return np.ones(len(phi))
+        beyond = np.maximum(self.distance(phi) - self.fade, 0.0)
+        return np.exp(-((beyond / max(self.fade, 1e-12)) ** 2))

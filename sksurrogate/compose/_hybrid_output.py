@@ -1,0 +1,309 @@
+"""Corrections of a simulator's output: on lags of the deviation and the inputs, static, or in series."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+from sksurrogate.compose._domain import Domain
+from sksurrogate.compose._residual import FreeRunResidual
+from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting
+from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
+from sksurrogate.exceptions import DataError
+from sksurrogate.physics._simulator import describe
+
+__all__ = ["Free", "OutputCorrection", "simulate_runs"]
+
+#: Penalties and degrees that the default residual of the static forms is chosen from, by its free run.
+_PENALTIES = (1e-8, 1e-5, 1e-3, 1e-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Free:
+    """Free runs: outputs, spread of the fitted maps, and the weight of the correction; one array a run."""
+
+    y: list[np.ndarray]
+    spread: list[np.ndarray]
+    weight: list[np.ndarray]
+
+
+def simulate_runs(
+    simulator: Any, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], n_outputs: int
+) -> list[np.ndarray]:
+    """Free runs of the simulator (zeros without one); states that are outputs start at the first measurement."""
+    if simulator is None:
+        return [np.zeros((len(U), n_outputs)) for U in inputs]
+    plant = describe(simulator)
+    places = plant.output_states if plant.states else None
+    out = []
+    for U, y in zip(inputs, first):
+        x0 = None
+        if y is not None and len(y) and places is not None:
+            x0 = plant.x0.copy()
+            x0[list(places)] = y[0]
+        out.append(np.asarray(simulator.simulate(U, x0=x0), dtype=float).reshape(len(U), -1))
+    if out[0].shape[1] != n_outputs:
+        raise DataError(
+            f"y has {n_outputs} columns, but the simulator gives {out[0].shape[1]} outputs: give y the outputs of the "
+            "simulator, in its order."
+        )
+    return out
+
+
+class OutputCorrection:
+    """``y_h[t] = y_s[t] + f(d[t-1..t-n], u[t..t-n], y_s[t])``, ``d = y_h - y_s``; without d for "static" and "series".
+
+    Parameters
+    ----------
+    simulator : simulator or None
+    residual : regressor or None
+    form : {"output", "static", "series"}
+    loss : {"one_step", "shooting"}
+    n_lags : int
+    fade : float
+    shrinkage : float
+    random_state : int, RandomState or None
+    """
+
+    def __init__(
+        self, simulator: Any, residual: Any, form: str, loss: str, n_lags: int, fade: float, shrinkage: float, random_state: Any
+    ):  # fmt: skip
+        self.simulator, self.residual, self.form, self.loss = simulator, residual, form, loss
+        self.n_lags, self.fade, self.shrinkage, self.random_state = n_lags, fade, shrinkage, random_state
+
+    def fit(
+        self, inputs: list[np.ndarray], measured: list[np.ndarray], before: OutputCorrection | None = None
+    ) -> OutputCorrection:
+        """Fit on runs; ``before``: a fitted correction to go on from."""
+        self.n_outputs = measured[0].shape[1]
+        base = simulate_runs(self.simulator, inputs, measured, self.n_outputs)
+        deviation = [y - b for y, b in zip(measured, base)]
+        known = [self.known(U, b) for U, b in zip(inputs, base)]
+        phi = np.concatenate([self._rows(d, k) for d, k in zip(deviation, known)])
+        target = np.concatenate([d[self.n_lags :] for d in deviation])
+        self.domain = Domain.of(phi, self.fade)
+        self.reach = np.sqrt(np.mean(target**2, axis=0))
+        self.bound = 3.0 * np.abs(target).max(axis=0) + 1e-300
+        self._learn(known, deviation, phi, target, before)
+        free = self.run(inputs, [y[: self.n_lags] for y in measured])
+        error = np.concatenate([(f - y)[self.n_lags :] for f, y in zip(free.y, measured)])
+        self.rmse = np.sqrt(np.mean(error**2, axis=0))
+        return self
+
+    def known(self, U: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """Inputs of now and before (the first row repeated before the start) and the simulator's output."""
+        lags = np.maximum(np.arange(len(U))[:, None] - np.arange(self.n_lags + 1), 0)
+        return np.concatenate([U[lags].reshape(len(U), -1), base], axis=1)
+
+    def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None]) -> Free:
+        """Free runs from the first rows (None: from no deviation)."""
+        base = simulate_runs(self.simulator, inputs, first, self.n_outputs)
+        known = [self.known(U, b) for U, b in zip(inputs, base)]
+        longest = max(len(k) for k in known)
+        stacked = np.stack([np.concatenate([k, np.repeat(k[-1:], longest - len(k), axis=0)]) for k in known], axis=1)
+        begun = np.array([0 if f is None else min(len(f), len(b), self.n_lags) for f, b in zip(first, base)])
+        starts = np.zeros((self.n_lags, len(base), self.n_outputs))
+        for r, (f, b) in enumerate(zip(first, base)):
+            if f is not None and begun[r]:
+                starts[: begun[r], r] = f[: begun[r]] - b[: begun[r]]
+        d, weight = self._deviations(self.step, self.net, stacked, starts, begun)
+        spread = np.zeros_like(d)
+        if len(self.members) > 1:
+            every = [self._deviations(net, net, stacked, starts, begun)[0] for net in self.members]
+            spread = np.std(every, axis=0)
+        cut_off = [len(b) for b in base]
+        return Free(
+            [b + d[:n, r] for r, (b, n) in enumerate(zip(base, cut_off))],
+            [spread[:n, r] for r, n in enumerate(cut_off)],
+            [weight[:n, r] for r, n in enumerate(cut_off)],
+        )
+
+    def one_step(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> list[np.ndarray]:
+        """One step ahead from measured outputs; nan where the past is missing."""
+        base = simulate_runs(self.simulator, inputs, measured, self.n_outputs)
+        out = []
+        for U, y, b in zip(inputs, measured, base):
+            part = np.full(b.shape, np.nan)
+            if len(U) > self.n_lags:
+                phi = self._rows(y - b, self.known(U, b))
+                part[self.n_lags :] = b[self.n_lags :] + self.domain.weight(phi)[:, None] * self.step(phi)
+            out.append(part)
+        return out
+
+    # ---- parts ------------------------------------------------------------------------------------------------------
+    def _rows(self, d: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """Features of rows n_lags.. of one run."""
+        if self.form != "output":
+            return known[self.n_lags :]
+        return features(d[:, None], known[:, None], self.n_lags)[:, 0]
+
+    def _learn(self, known: list, deviation: list, phi: np.ndarray, target: np.ndarray, before: Any) -> None:
+        """The residual, its step as a plain function, and the maps it is made of."""
+        self.net: SkipNet | None = None
+        self.members: list[SkipNet] = []
+        if self.residual is None and self.form == "output":
+            if before is not None and isinstance(before.fitted, FreeRunResidual):
+                self.fitted: Any = before.fitted.go_on(known, deviation)
+            else:
+                # what the inputs' columns are: input after input, each of this age
+                ages = np.concatenate(
+                    [np.repeat(np.arange(self.n_lags + 1), self._n_inputs(known)), np.ones(self.n_outputs)]
+                )
+                self.fitted = FreeRunResidual(
+                    alpha=self.shrinkage, loss=self.loss, random_state=self.random_state
+                ).fit_runs(known, deviation, ages, self.n_lags)
+            self.net, self.members = self.fitted.net_, self.fitted.members_
+            self.step: Callable[[np.ndarray], np.ndarray] = self.net
+            return
+        wanted = target + (phi[:, -self.n_outputs :] if self.form == "series" else 0.0)
+        wanted = wanted if self.n_outputs > 1 else wanted[:, 0]
+        self.fitted = clone(self.residual) if self.residual is not None else self._chosen(known, deviation, phi, wanted)
+        self.fitted.fit(phi, wanted)
+        if self.loss == "shooting" and self.residual is not None and self.form == "output":
+            self._shoot(known, deviation)
+        step = compiled(self.fitted)
+        self.step = _Deviation(step, self.n_outputs) if self.form == "series" else step
+
+    def _n_inputs(self, known: list) -> int:
+        return (known[0].shape[1] - self.n_outputs) // (self.n_lags + 1)
+
+    def _shoot(self, known: list, deviation: list) -> None:
+        """Go on from the one-step fit through the free run, for residuals whose slopes are known."""
+        net = as_skip_net(self.fitted)
+        if net is None:
+            raise DataError(
+                f'loss="shooting" needs slopes of the residual, and {type(self.fitted).__name__} gives none: use the default '
+                'residual, a linear model, an MLPRegressor with one tanh or logistic layer (also behind a StandardScaler), or loss="one_step".'
+            )
+        model = getattr(self.fitted, "steps", [(0, self.fitted)])[-1][1]
+        penalised = np.concatenate([np.ones(net.skip.size + net.hidden.size), np.zeros(net.hidden_bias.size), np.ones(net.out.size), np.zeros(net.bias.size)])  # fmt: skip
+        penalty = penalised * max(float(getattr(model, "alpha", 0.0)), 1e-10)
+        free = cut(known, deviation, self.n_lags, 200, 4000)
+        frozen = net.theta * (0.0 if net.hidden.size == 0 else 1.0)
+        if net.hidden.size:
+            penalty[: net.skip.size] = 1e12  # the net has no linear part: it stays at zero
+        prior = np.where(penalty > 1e11, frozen, 0.0)
+        net, _ = levenberg_marquardt(net, shooting(free), penalty, prior, 60, 1e-6)
+        write_back(self.fitted, net)
+        self.net = net
+
+    def _chosen(self, known: list, deviation: list, phi: np.ndarray, wanted: np.ndarray) -> Any:
+        """Ridge on polynomials, degree and penalty chosen on every fourth run."""
+        lengths = [len(d) - self.n_lags for d in deviation]
+        run_of_row = np.repeat(np.arange(len(lengths)), lengths)
+        held = run_of_row % 4 == 1 if len(lengths) >= 4 else np.arange(len(phi)) % 4 == 1
+        best, chosen = np.inf, None
+        for candidate in _defaults(phi.shape[1]):
+            found = clone(candidate).fit(phi[~held], wanted[~held]).predict(phi[held])
+            error = float(np.mean((found - wanted[held]) ** 2))
+            if chosen is None or error < best:
+                best, chosen = error, candidate
+        return clone(chosen)
+
+    def _deviations(
+        self, step: Any, net: SkipNet | None, known: np.ndarray, starts: np.ndarray, begun: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Deviations (n_steps, n_runs, n_outputs) and the correction's weight (n_steps, n_runs)."""
+        n, steps, runs = self.n_lags, *known.shape[:2]
+        weight = np.ones((steps, runs))
+        if self.form != "output":
+            rows = known.reshape(steps * runs, -1)
+            weight = self.domain.weight(rows).reshape(steps, runs)
+            d = step(rows).reshape(steps, runs, -1) * weight[:, :, None]
+            for r in range(runs):
+                d[: begun[r], r] = starts[: begun[r], r]
+            return d, weight
+        if net is not None and begun.min() == n and steps > n:
+            # without fading first: where nothing fades on the way, this is the answer
+            d = roll(net, known, starts)
+            if np.all(np.isfinite(d)) and np.all(np.abs(d) <= self.bound):
+                phi = features(d, known, n).reshape(-1, len(self.domain.low))
+                weight[n:] = self.domain.weight(phi).reshape(-1, runs)
+                if np.all(weight == 1.0):
+                    return d, weight
+        return self._step_by_step(step, known, starts, begun)
+
+    def _step_by_step(
+        self, step: Any, known: np.ndarray, starts: np.ndarray, begun: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The same, one call a step, with fading and the bound on the deviation."""
+        n, steps, runs = self.n_lags, *known.shape[:2]
+        d, weight = np.zeros((steps + n, runs, self.n_outputs)), np.ones((steps, runs))
+        for r in range(runs):  # n rows of no deviation come before the start
+            d[n : n + begun[r], r] = starts[: begun[r], r]
+        for t in range(int(begun.min(initial=n)), steps):
+            phi = np.concatenate([*(d[n + t - k] for k in range(1, n + 1)), known[t]], axis=1)
+            w = self.domain.weight(phi)
+            new = np.clip(w[:, None] * step(phi), -self.bound, self.bound)
+            weight[t] = w
+            d[n + t] = np.where((t >= begun)[:, None], new, d[n + t])
+        return d[n:], weight
+
+
+class _Deviation:
+    """A predictor of the output as one of the deviation: what it adds to the simulator's output, the last features."""
+
+    def __init__(self, step: Any, n_outputs: int):
+        self.step, self.n_outputs = step, n_outputs
+
+    def __call__(self, phi: np.ndarray) -> np.ndarray:
+        return self.step(phi) - phi[:, -self.n_outputs :]
+
+
+class _Predict:
+    """A fitted regressor as a function of features, always with two dimensions."""
+
+    def __init__(self, residual: Any):
+        self.residual = residual
+
+    def __call__(self, phi: np.ndarray) -> np.ndarray:
+        return np.asarray(self.residual.predict(phi)).reshape(len(phi), -1)
+
+
+class _Polynomial:
+    """The default of the static forms (scaler, polynomials, scaler, ridge) in plain numpy."""
+
+    def __init__(self, steps: Sequence[Any]):
+        self.scale, poly, second, ridge = steps
+        index = [np.repeat(np.arange(len(row)), row) for row in poly.powers_]
+        self.table = np.full((max(len(i) for i in index), len(index)), poly.n_features_in_)
+        for column, factors in enumerate(index):
+            self.table[: len(factors), column] = factors
+        coef = np.atleast_2d(ridge.coef_) / second.scale_
+        self.coef, self.intercept = coef.T, np.atleast_1d(ridge.intercept_) - coef @ second.mean_
+
+    def __call__(self, phi: np.ndarray) -> np.ndarray:
+        z = np.concatenate([(phi - self.scale.mean_) / self.scale.scale_, np.ones((len(phi), 1))], axis=1)
+        product = z[:, self.table[0]]
+        for row in self.table[1:]:
+            product = product * z[:, row]
+        return product @ self.coef + self.intercept
+
+
+def compiled(residual: Any) -> Callable[[np.ndarray], np.ndarray]:
+    """The prediction of a fitted residual on (n_rows, n_features) as (n_rows, n_outputs); plain numpy where possible."""
+    net = as_skip_net(residual)
+    if net is not None:
+        return net
+    steps = [step for _, step in getattr(residual, "steps", None) or []]
+    kinds = [type(step).__name__ for step in steps]
+    if kinds == ["StandardScaler", "PolynomialFeatures", "StandardScaler", "Ridge"]:
+        return _Polynomial(steps)
+    return _Predict(residual)
+
+
+def _defaults(n_features: int) -> list[Any]:
+    """Ridge on polynomials of degree 1, 2 and, for few features, 3."""
+    degrees = [1, 2] + ([3] if n_features <= 14 else [])
+    return [
+        make_pipeline(StandardScaler(), PolynomialFeatures(degree, include_bias=False), StandardScaler(), Ridge(alpha))
+        for degree in degrees
+        for alpha in _PENALTIES
+    ]

@@ -1,0 +1,137 @@
+"""The hybrid keeps scikit-learn's contract; nested parameters, gradual improvement, the domain."""
+
+import pickle
+
+import numpy as np
+import pytest
+import sklearn
+from sklearn.linear_model import LinearRegression, Ridge
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from sksurrogate.compose import HybridRegressor
+from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
+from sksurrogate.exceptions import DataError
+
+ORDER = "row order matters to lags"
+EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subset_invariance": ORDER}
+
+
+@parametrize_with_checks(
+    [HybridRegressor(None), HybridRegressor(None, Ridge(), n_lags=2)],
+    expected_failed_checks=lambda estimator: EXPECTED,
+    xfail_strict=True,
+)
+def test_sklearn_contract(estimator, check):
+    check(estimator)
+
+
+def _rmse(a, b):
+    return float(np.sqrt(np.mean((a - b) ** 2)))
+
+
+def test_nested_parameters_of_the_simulator_and_the_residual_are_searched():
+    X, y, groups = make_reactor_runs(4, 60, random_state=0)
+    hybrid = HybridRegressor(make_reactor(flow=3.0), Ridge(1e-3), "static")
+    grid = {"simulator__params__flow": [2.0, 3.0], "residual__alpha": [1e-3, 1.0]}
+    with sklearn.config_context(enable_metadata_routing=True):
+        search = GridSearchCV(hybrid, grid, cv=GroupKFold(2)).fit(X, y, groups=groups)
+    assert search.best_params_["simulator__params__flow"] == 2.0
+    assert hybrid.simulator.params["flow"] == 3.0
+
+
+def test_more_runs_improve_the_hybrid_step_by_step():
+    X, y, groups = make_reactor_runs(9, 120, noise=0.02, random_state=3)
+    new_X, new_y, new = make_reactor_runs(6, 120, noise=0.02, random_state=4)
+    first = np.stack([new_y[new == k][:5] for k in range(6)])[:, :, None]
+    hybrid, errors = HybridRegressor(linear_reactor()), []
+    for part in (groups < 2, (groups >= 2) & (groups < 5), groups >= 5):
+        hybrid.partial_fit(X[part], y[part], groups=groups[part])
+        errors.append(_rmse(hybrid.predict(new_X, y0=first, groups=new), new_y))
+    assert errors[2] < errors[1] < errors[0]
+
+
+def test_warm_start_goes_on_from_the_last_fit():
+    X, y, groups = make_reactor_runs(4, 100, random_state=0)
+    cold = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    warm = HybridRegressor(linear_reactor(), warm_start=True).fit(X, y, groups=groups)
+    before = warm.residual_.net_.theta.size
+    warm.fit(X, y, groups=groups)
+    assert warm.residual_.net_.theta.size == before
+    assert warm.free_run_rmse_ <= 1.05 * cold.free_run_rmse_
+
+
+def test_far_from_the_data_the_physics_is_left_alone_and_the_spread_says_so():
+    X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)
+    hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    inside, far = np.full((60, 1), 0.1), np.full((60, 1), 0.6)
+    assert np.all(hybrid.validity(inside) == 1.0) and np.all(hybrid.validity(far)[10:] < 1e-3)
+    np.testing.assert_allclose(hybrid.predict(far)[10:], linear_reactor().simulate(far)[10:, 0], rtol=1e-2)
+    mean, near = hybrid.predict(inside, return_std=True)
+    _, wide = hybrid.predict(far, return_std=True)
+    assert mean.shape == near.shape == (60,) and np.all(wide[10:] > 5 * near[10:].max())
+
+
+def test_two_standard_deviations_hold_most_of_unseen_runs():
+    X, y, groups = make_reactor_runs(8, 120, noise=0.02, random_state=0)
+    new_X, new_y, new = make_reactor_runs(6, 120, noise=0.02, random_state=5)
+    hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    first = np.stack([new_y[new == k][:5] for k in range(6)])[:, :, None]
+    mean, std = hybrid.predict(new_X, y0=first, groups=new, return_std=True)
+    assert np.all(std.reshape(6, 120)[:, :5] == 0.0)
+    inside = np.abs(mean - new_y)[std > 0] < 2 * std[std > 0]
+    assert inside.mean() > 0.75
+
+
+@pytest.mark.parametrize(
+    "residual",
+    [
+        LinearRegression(),
+        make_pipeline(
+            StandardScaler(),
+            MLPRegressor(
+                hidden_layer_sizes=(4,), activation="tanh", solver="lbfgs", alpha=1e-4, max_iter=300, random_state=0
+            ),
+        ),
+        MLPRegressor(
+            hidden_layer_sizes=(4,), activation="logistic", solver="lbfgs", alpha=1e-4, max_iter=300, random_state=0
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:lbfgs failed to converge")
+def test_shooting_lowers_the_free_run_error_of_your_residual(residual):
+    X, y, groups = make_reactor_runs(5, 100, noise=0.05, random_state=0)
+    one = HybridRegressor(linear_reactor(), residual).fit(X, y, groups=groups)
+    shot = HybridRegressor(linear_reactor(), residual, loss="shooting").fit(X, y, groups=groups)
+    assert shot.free_run_rmse_ < one.free_run_rmse_
+    # the fitted numbers are in the user's own estimator, and the hybrid steps with exactly these
+    phi = np.random.default_rng(0).normal(size=(7, 12))
+    np.testing.assert_allclose(shot.residual_.predict(phi), shot.correction_.step(phi)[:, 0], rtol=1e-9)
+
+
+def test_shooting_without_slopes_speaks():
+    from sklearn.ensemble import RandomForestRegressor
+
+    X, y, groups = make_reactor_runs(2, 60, random_state=0)
+    with pytest.raises(DataError, match="RandomForestRegressor gives none"):
+        HybridRegressor(linear_reactor(), RandomForestRegressor(3), loss="shooting").fit(X, y, groups=groups)
+
+
+def test_a_calibrated_simulator_is_fitted_first():
+    from sksurrogate.physics import CalibratedSimulator
+
+    X, y, groups = make_reactor_runs(3, 80, random_state=0)
+    hybrid = HybridRegressor(CalibratedSimulator(make_reactor(flow=2.5), ["flow"])).fit(X, y, groups=groups)
+    assert hybrid.simulator_.params["flow"] == pytest.approx(2.0, abs=1e-3)
+
+
+def test_two_outputs_and_pickle():
+    X, y, groups = make_reactor_runs(3, 80, random_state=0)
+    Y = np.c_[y, 0.5 * y + 1.0]
+    hybrid = HybridRegressor(None).fit(X, Y, groups=groups)
+    assert hybrid.score(X, Y, groups=groups) > 0.95
+    again = pickle.loads(pickle.dumps(hybrid))
+    np.testing.assert_array_equal(again.predict(X, groups=groups), hybrid.predict(X, groups=groups))
