@@ -1,5 +1,8 @@
 """Principal component regression against the singular value decomposition and scikit-learn."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import LinAlgWarning
@@ -8,8 +11,9 @@ from sklearn.decomposition import PCA
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import SplineTransformer, StandardScaler
+from sklearn.preprocessing import StandardScaler
 
+from sksurrogate.features import SplineFeatures
 from sksurrogate.linear import PCRRegressor
 
 
@@ -109,14 +113,27 @@ def test_search_over_knots_degree_and_rank():
     x = rng.uniform(size=(120, 1))
     y = np.sin(6 * x[:, 0]) + 0.1 * rng.normal(size=120)
     grid = {
-        "splinetransformer__n_knots": [3, 8],
-        "splinetransformer__degree": [1, 3],
+        "splinefeatures__n_knots": [3, 8],
+        "splinefeatures__degree": [1, 3],
         "pcrregressor__n_components": [2, 6, None, "gcv"],
     }
-    search = GridSearchCV(make_pipeline(SplineTransformer(sparse_output=True), PCRRegressor()), grid).fit(x, y)
+    search = GridSearchCV(make_pipeline(SplineFeatures(sparse_output=True), PCRRegressor()), grid).fit(x, y)
     assert search.best_score_ > 0.95
     # and the same through the features of the regressor, in blocks
-    one = PCRRegressor(5, features=SplineTransformer(8), block_size=13).fit(x, y)
-    two = make_pipeline(SplineTransformer(8), PCRRegressor(5)).fit(x, y)
+    one = PCRRegressor(5, features=SplineFeatures(8), block_size=13).fit(x, y)
+    two = make_pipeline(SplineFeatures(8), PCRRegressor(5)).fit(x, y)
     np.testing.assert_allclose(one.predict(x), two.predict(x), atol=1e-10)
     assert clone(one).get_params()["features__n_knots"] == 8
+    inside = np.linspace(0.1, 0.9, 7)[:, None]
+    slope = (one.predict(inside + 1e-5) - one.predict(inside - 1e-5)) / 2e-5
+    np.testing.assert_allclose(one.jacobian(inside)[:, 0], slope, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_example_of_knots_and_rank(monkeypatch):
+    example = Path(__file__).parents[2] / "examples" / "plot_choose_knots_and_rank.py"
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    monkeypatch.setattr(pyplot, "show", lambda: None)
+    found = runpy.run_path(str(example))
+    pyplot.close("all")
+    assert found["grade"] < 0.22
