@@ -31,5 +31,5 @@ def test_forms_without_a_past_do_not_need_the_first_outputs(form):
 
 
 def test_an_unknown_form_speaks():
-    with pytest.raises(ValueError, match="'form' parameter of HybridRegressor must be.*Got 'nope'"):
+    with pytest.raises(ValueError, match=r"'form' parameter of HybridRegressor must be.*Got 'nope'"):
         HybridRegressor(linear_reactor(), form="nope").fit(np.ones((20, 1)), np.ones(20))
