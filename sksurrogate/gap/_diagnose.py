@@ -15,6 +15,7 @@ from sklearn.utils import check_random_state
 from sksurrogate._columns import by_name
 from sksurrogate.effects._catalogue import build_effects, kinematic_states
 from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.gap._excerpt import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._questions import Questions
 from sksurrogate.gap._select import Search
@@ -55,13 +56,14 @@ class GapDiagnoser(BaseEstimator):
     augmented_ : AugmentedSimulator
         The simulator with the effects added and free parameters at their re-tuned values.
     initial_states_ : ndarray (n_runs, n_states)
-        Initial states of the runs that go with it.
+        Initial states of the runs that go with it; nan for runs of a long record that took no part.
 
     Notes
     -----
     A rival's evidence is the likelihood of its own output-error fit, initial states unknown in every run, under its own
     noise: white sensor noise, coloured forces in the balances, coloured sensor noise. ``T = 2 (L - L_null)`` must exceed
-    ``k ln N + 2 ln M`` for k parameters, N measured values and M rivals.
+    ``k ln N + 2 ln M`` for k parameters, N measured values and M rivals. Of more than 9000 samples the rivals see pieces
+    spread over the record; what they name is fitted again on up to 60000.
 
     References
     ----------
@@ -144,7 +146,8 @@ class GapDiagnoser(BaseEstimator):
         if plant.access == "trajectory":
             self.report_, self.augmented_ = diagnose_trajectory(self, plant, runs, free, seed, begun)
             return self
-        record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
+        whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
+        record, rows = excerpt(whole, SEARCHED_SAMPLES)
         model = PlantModel(plant)
         model.probe(record.u[:, 0])
         kinematic = kinematic_states(model)
@@ -153,7 +156,7 @@ class GapDiagnoser(BaseEstimator):
         problem, smoothed = build_problem(plant, model, record, free, balances)
         self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
         search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
-        questions = Questions(problem, search, runs, correction=self.correction, seed=seed, say=self._say)
+        questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
         try:
             with np.errstate(all="ignore"):  # rivals that run away are met everywhere with finite checks
                 search.fit_null()
@@ -169,8 +172,10 @@ class GapDiagnoser(BaseEstimator):
         with np.errstate(all="ignore"):
             self.report_ = questions.answer(time.perf_counter() - begun)
         self.augmented_ = questions.augmented()
-        final = questions.final
-        self.initial_states_ = final.fit.x[: len(plant.states), record.starts].T.copy()
+        self.initial_states_ = np.full((len(runs), len(plant.states)), np.nan)
+        known = np.isin(rows[record.starts], whole.starts)
+        at = np.searchsorted(whole.starts, rows[record.starts[known]])
+        self.initial_states_[at] = questions.final.fit.x[: len(plant.states), record.starts[known]].T
         return self
 
     def _say(self, message: str) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._problem import Problem, Rival, fit_last, scanned
 from sksurrogate.gap._screen import Start
 from sksurrogate.kernels.output_error import Fit
 
-__all__ = ["best_starts", "fit_added", "fit_chunk", "mean_start", "open_null"]
+__all__ = ["best_starts", "distinct", "fit_added", "fit_chunk", "mean_start", "numerics_matter", "open_null"]
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
 HOPELESS = 40.0
@@ -81,3 +82,23 @@ def open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Rival:
     y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
     cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
     return Rival((), model, Fit(theta, x, y, cost, 0, False, None))
+
+
+def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:
+    """The first rivals with different sets of effects."""
+    chosen: list[Rival] = []
+    for rival in rivals:
+        key = frozenset(rival.keys)
+        if key not in taken and len(chosen) < most:
+            taken = taken | {key}
+            chosen.append(rival)
+    return chosen
+
+
+def numerics_matter(finer: Problem, rival: Rival) -> bool:
+    """Whether shorter steps and sharper kinks move the free run by more than a twentieth of the noise."""
+    shifted = frozen_fit(finer, Rival(rival.effects, finer.augmented(rival.effects), rival.fit), rival.fit.theta)
+    if shifted is None:
+        return False
+    change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))
+    return bool(change > 0.03)

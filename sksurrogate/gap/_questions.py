@@ -12,13 +12,15 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
+from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, Shrink, Table, Trace, Where
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, generic_correction, held_out, measure, shares
 from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, missing_term, places
 from sksurrogate.gap._verdict import _of, decide, facts_of, intervals, probabilities, ranking, retuned_table
+from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
 
 __all__ = ["Questions"]
@@ -41,6 +43,7 @@ class _Found:
     shrink: Shrink | None = None
     held: HeldOut | None = None
     experiment: NextExperiment | None = None
+    fitted: Rival | None = None
     bounds: tuple[np.ndarray, np.ndarray] | None = None
     shares: list[float] | None = None
     retuned: bool = False
@@ -50,9 +53,17 @@ class Questions:
     """Asks the questions in order; an interrupt leaves what is known."""
 
     def __init__(
-        self, problem: Problem, search: Search, runs: Runs, *, correction: Any, seed: int, say: Callable[[str], None]
+        self,
+        problem: Problem,
+        search: Search,
+        runs: Runs,
+        whole: Record,
+        *,
+        correction: Any,
+        seed: int,
+        say: Callable[[str], None],
     ):
-        self.problem, self.search, self.runs = problem, search, runs
+        self.problem, self.search, self.runs, self.whole = problem, search, runs, whole
         self.correction, self.seed, self.say = correction, seed, say
         self.found = _Found([])
         self.complete = True
@@ -78,7 +89,7 @@ class Questions:
         say("what is left")
         found.latent = latent_force(at, final)
         found.law = law_of(at, found.latent, self.seed)
-        found.places = places(problem, null)
+        found.places = places(problem, null, (10.0,) if final.effects and left(final) < 1.2 else (5.0, 25.0))
         say("how far the gap shrinks on runs left out")
         correction = generic_correction(problem.plant.simulator, self.correction, problem.plant.outputs)
         found.held = held_out(problem, final, null, correction)
@@ -88,9 +99,24 @@ class Questions:
             final = self.final
         if final.effects:
             found.shares = shares(problem, final, found.shrink.fraction_power)
-        if final.effects or problem.free:
-            found.bounds = intervals(at, final)
         found.experiment = next_experiment(problem, final, found.slots)
+        if final.effects or problem.free:
+            larger, found.fitted = self.fitted(final)
+            found.bounds = intervals(larger, found.fitted)
+
+    def fitted(self, final: Rival) -> tuple[Problem, Rival]:
+        """The rival that stands, fitted on more of a long record."""
+        at = self.search.at(final)
+        if self.whole.n_samples == at.record.n_samples:
+            return at, final
+        self.say("fitting what was named on more of the record")
+        record, _ = excerpt(self.whole, FITTED_SAMPLES)
+        larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances)
+        larger = replace(larger, n_sub=at.n_sub, sharpness=at.sharpness, scale=at.scale, caps=at.caps)
+        rival = larger.fit(final.effects, final.fit.theta, smoothed.x)
+        if rival is None or final.noise is None:
+            return at, final
+        return larger, estimate_noise(larger, rival, final.noise, final.curvature, max_iterations=5)
 
     def say_uncertified(self) -> None:
         """The named effects close too little on runs left out: no name is given; the null stands."""
@@ -137,6 +163,7 @@ class Questions:
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found
+        best = found.fitted or final
         low, high = found.bounds if found.bounds is not None else (final.fit.theta * np.nan, final.fit.theta * np.nan)
         chances = (
             probabilities(self.search, final, found.slots, verdict == "unknown")
@@ -154,7 +181,7 @@ class Questions:
                     str(effect.location),
                     effect.variable,
                     float(found.shares[i]) if found.shares else float("nan"),
-                    dict(zip(names, (float(v) for v in effect.canonical(tuple(final.theta_of(i)))))),
+                    dict(zip(names, (float(v) for v in effect.canonical(tuple(best.theta_of(i)))))),
                     {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
                     chances[i],
                     [
@@ -195,7 +222,7 @@ class Questions:
         return out
 
     def retuned(self) -> Table:
-        final = self.final
+        final = self.found.fitted or self.final
         bounds = self.found.bounds or (final.fit.theta, final.fit.theta)
         return retuned_table(self.problem, final, bounds)
 
@@ -273,6 +300,11 @@ class Questions:
                 "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
                 "repeat a run with the same inputs to tell a disturbance from an effect."
             )
+        if self.whole.n_samples > self.problem.record.n_samples:
+            notes.append(
+                f"The rivals were compared on {self.problem.record.n_samples} of {self.whole.n_samples} samples, in pieces "
+                "spread over the record; what is named was fitted on more of them."
+            )
         loop = closed_loop(self.problem, self.final)
         if loop is not None:
             notes.append(
@@ -299,7 +331,7 @@ class Questions:
 
     def augmented(self) -> AugmentedSimulator:
         """The simulator with what was found."""
-        final, plant = self.final, self.problem.plant
+        final, plant = self.found.fitted or self.final, self.problem.plant
         values = [
             {p.name: float(v) for p, v in zip(effect.parameters, final.theta_of(i))}
             for i, effect in enumerate(final.effects)

@@ -151,14 +151,28 @@ def _eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.n
     return G[np.ix_(keep, keep)] - cross.T @ inverse @ cross
 
 
+def _eliminate_rows(
+    rows: np.ndarray, diagonal: np.ndarray, precision: np.ndarray, pull: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the Gram of [r, nuisance, candidates], as rows of the first two: r' v and v' v with the nuisance fitted."""
+    k = len(rows)
+    if k == 1:
+        return rows[0, 1:], diagonal[1:]
+    H = rows[1:, 1:k] + np.diag(precision)
+    cross, mine = rows[1:, k:], rows[1:, 0] + pull
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+    return rows[0, k:] - mine @ inverse @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, inverse @ cross)
+
+
 def _scores(
-    G: np.ndarray, linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray
+    g: np.ndarray, h: np.ndarray, linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Drop and amplitude of every column: free where the effect is linear, within 0.5..2 of the start where not.
 
     The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
     """
-    g, h = G[0, 1:], np.maximum(np.diag(G)[1:], 1e-300)
+    h = np.maximum(h, 1e-300)
     amplitude = g / h
     clipped = np.where(linear, amplitude, np.clip(amplitude, np.where(small, 0.0, 0.5), 2.0))
     clipped = np.where(linear & one_signed, np.maximum(clipped, 0.0), clipped)
@@ -224,12 +238,13 @@ def _screen(
     white = project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
     flat = white.reshape(len(white), -1)
     reduced = _eliminate(flat @ flat.T, len(P), precision, pull)
-    drop, amplitude = _scores(reduced, linear, one_signed, small)
+    drop, amplitude = _scores(reduced[0, 1:], np.diag(reduced)[1:], linear, one_signed, small)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
-        G, _ = D.gram(stack.transpose(1, 0, 2), noise)
-        forced, _ = _scores(_eliminate(G, len(P), precision, pull), linear, one_signed, small)
+        rows, diagonal = D.gram_rows(stack.transpose(1, 0, 2), noise, 1 + len(P))
+        g, h = _eliminate_rows(rows, diagonal, precision, pull)
+        forced, _ = _scores(g, h, linear, one_signed, small)
     pairs = _quadratures(taken, values, reduced)
     ordered: list[Start] = []
     for k, effect in enumerate(taken):

@@ -10,12 +10,12 @@ from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
-from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, mean_start, open_null
+from sksurrogate.gap._fits import best_starts, distinct, fit_added, fit_chunk, mean_start, numerics_matter, open_null
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._screen import Start, screen
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["Search"]
+__all__ = ["EQUAL", "Search"]
 
 #: A further effect must beat the bar by this much more: a mismatch of numerics can pass the bar alone.
 EXTRA = 10.0
@@ -23,6 +23,8 @@ EXTRA = 10.0
 SMALLEST_SHARE = 1e-3
 #: Free runs that stay within this many times the noise need no further effect where none passed.
 FAR = 5.0
+#: Sets of effects that are kept beside the best one, far from the data.
+RUNNERS = 3
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
 #: Forms that contain a simpler one; it is named where the richer form removes hardly more of the gap's power.
@@ -39,6 +41,8 @@ NESTED = {
     "hidden_relaxation": ("linear_loss",),
 }
 NESTED_SHARE = 5e-4
+#: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
+EQUAL = 6.0
 #: Samples of a structural error that count as one.
 CORRELATED = 10.0
 #: Most effects named at once.
@@ -74,6 +78,7 @@ class Search:
     fitted: dict = field(default_factory=dict)
     first_round: list[Rival] = field(default_factory=list)
     first_screen: list[Start] = field(default_factory=list)
+    runners: list[Rival] = field(default_factory=list)
     richer: dict = field(default_factory=dict)
     nominal_left: float = float("nan")
 
@@ -156,6 +161,8 @@ class Search:
                 break
             best, passed = better, True
             self.final = best
+        if self.final is not None and self.is_far(self.final):
+            self.final = self.simplify(self.final, far=True)
         return self.final or null
 
     def one_more(self, best: Rival, passed: bool) -> Rival | None:
@@ -165,12 +172,13 @@ class Search:
         if trial and not self.passes(trial[0], best, passed):
             if passed and left(best) < 1.5:
                 return None
-        beam = self.beam(best) if len(best.effects) == 1 else []
-        for base in beam:
+        for base in self.beam(best):
             trial.extend(self.ranked(self.expand(base, 6, 3), base))
         if not trial:
             return None
-        top = self.best_polished(sorted(trial, key=self.order(trial), reverse=True))
+        trial.sort(key=self.order(trial), reverse=True)
+        top = self.best_polished(trial)
+        self.runners = distinct([rival for rival in trial if rival is not top], {frozenset(top.keys)}, RUNNERS)
         if not self.passes(top, best, passed):
             return None
         top = self.simplify(self.swap(top))
@@ -201,18 +209,20 @@ class Search:
             return False
         extra = 2.0 * (rival.log_likelihood - best.log_likelihood)
         if self.is_far(rival):
-            extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
+            extra = EXTRA + self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
         return extra > self.bar(max(rival.n_parameters - best.n_parameters, 1)) + EXTRA
 
     def beam(self, best: Rival) -> list[Rival]:
-        """Other singles worth a second effect: the next by likelihood and the next by cost."""
+        """Other sets of this size worth one effect more.
+
+        Of singles the next by likelihood and the next by cost; far from the data, where the first choice is often a
+        stand-in for several effects, the runners-up of every round.
+        """
+        if len(best.effects) > 1:
+            return self.runners if self.is_far(best) else []
         others = [rival for rival in self.first_round if rival.keys != best.keys]
         by_cost = sorted(others, key=lambda rival: rival.fit.cost)
-        chosen: list[Rival] = []
-        for rival in [*others[:2], *by_cost[:2]]:
-            if all(rival is not known for known in chosen):
-                chosen.append(rival)
-        return chosen
+        return distinct([*others[:2], *by_cost[:2]], set(), 4)
 
     def swap(self, rival: Rival) -> Rival:
         """Leave each effect out in turn and choose it again with the others kept; twice at most."""
@@ -274,17 +284,33 @@ class Search:
             base = Rival(
                 base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
             )
-        starts = screen(problem, candidates, base, guess, base.noise)
-        if not base.effects and among is None:
-            self.first_screen = starts
+        starts = self.screened(problem, candidates, base, guess, among is None)
         chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
-        rivals = self.fit_all(problem, base, chosen)
+        again = [] if base.effects else [rival for c in chosen if (rival := self.known(problem, c)) is not None]
+        have = {rival.keys for rival in again}
+        rivals = again + self.fit_all(problem, base, [c for c in chosen if (c[0].effect.key,) not in have])
         for rival in rivals:
             known = self.fitted.get(frozenset(rival.keys))
             if known is None or rival.fit.cost < known.fit.cost:
                 self.fitted[frozenset(rival.keys)] = rival
         return rivals
+
+    def screened(
+        self, problem: Problem, candidates: Sequence[BaseEffect], base: Rival, guess: np.ndarray, whole: bool
+    ) -> list[Start]:
+        """The screen of a base; that of the null is made once."""
+        if base.effects or not whole:
+            return screen(problem, candidates, base, guess, base.noise)
+        if not self.first_screen:
+            self.first_screen = screen(problem, candidates, base, guess, base.noise)
+        return self.first_screen
+
+    def known(self, problem: Problem, starts: list[Start]) -> Rival | None:
+        """A single effect that was fitted before with the same numerics."""
+        rival = self.fitted.get(frozenset([starts[0].effect.key]))
+        same = rival is not None and (rival.model.n_sub, rival.model.sharpness) == (problem.n_sub, problem.sharpness)
+        return rival if same else None
 
     def fit_all(self, problem: Problem, base: Rival, chosen: Sequence[list[Start]]) -> list[Rival]:
         """Fit rivals, best first; in worker processes where asked."""
@@ -339,7 +365,7 @@ class Search:
         best = rival
         for n_sub, sharpness in () if self.is_far(rival) else ((4, 150.0), (8, 500.0)):
             finer = replace(problem, n_sub=max(n_sub, 2 * best.model.n_sub), sharpness=sharpness)
-            if not _numerics_matter(finer, best):
+            if not numerics_matter(finer, best):
                 break
             fitted = finer.fit(best.effects, best.fit.theta, best.fit.x, open_steps=0, settled=True)
             if fitted is None or fitted.fit.cost > best.fit.cost + 2.0:
@@ -350,10 +376,12 @@ class Search:
             estimate_noise(self.at(best), best, rival.noise or self.null.noise, rival.curvature)
         return best
 
-    def simplify(self, rival: Rival) -> Rival:
-        """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class."""
-        assert self.null is not None
-        if self.is_far(rival):
+    def simplify(self, rival: Rival, far: bool = False) -> Rival:
+        """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class.
+
+        Far from the data the search goes on with the richer form and ends with this question.
+        """
+        if self.is_far(rival) and not far:
             return rival
         for i, effect in enumerate(rival.effects):
             for name in NESTED.get(effect.name, ()):
@@ -364,11 +392,17 @@ class Search:
                     continue
                 for other in self.ranked(self.expand(base, 2, 0, simple), base)[:1]:
                     fitted = self.polish(other)
-                    reach = NESTED_SHARE * (self.null.fit.cost - self.n_values)
-                    if fitted.fit.cost < rival.fit.cost + reach:
+                    if self.as_good(fitted, rival):
                         self.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)
-                        return self.simplify(fitted)
+                        return self.simplify(fitted, far)
         return rival
+
+    def as_good(self, simple: Rival, rich: Rival) -> bool:
+        """Whether a simpler form does as well: hardly more gap left, or far from the data no evidence by size."""
+        assert self.null is not None
+        if self.is_far(rich):
+            return 2.0 * (self.size_score(rich) - self.size_score(simple)) < EQUAL
+        return simple.fit.cost < rich.fit.cost + NESTED_SHARE * (self.null.fit.cost - self.n_values)
 
 
 def left(rival: Rival) -> float:
@@ -376,14 +410,3 @@ def left(rival: Rival) -> float:
     assert rival.noise is not None
     r = rival.model.record.y - rival.fit.y
     return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / rival.noise.sigma))
-
-
-def _numerics_matter(finer: Problem, rival: Rival) -> bool:
-    """Whether shorter steps and sharper kinks move the free run by more than a twentieth of the noise."""
-    from sksurrogate.gap._evidence import frozen_fit
-
-    shifted = frozen_fit(finer, Rival(rival.effects, finer.augmented(rival.effects), rival.fit), rival.fit.theta)
-    if shifted is None:
-        return False
-    change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))
-    return bool(change > 0.03)

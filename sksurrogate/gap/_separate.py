@@ -10,14 +10,12 @@ import numpy as np
 from sksurrogate.gap._evidence import quick_likelihood
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment, Table
-from sksurrogate.gap._select import Search
+from sksurrogate.gap._select import EQUAL, Search
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
-__all__ = ["EQUAL", "Slot", "equivalents", "next_experiment"]
+__all__ = ["Slot", "equivalents", "next_experiment"]
 
-#: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
-EQUAL = 6.0
 #: Outputs closer than this share of the noise are the same prediction.
 SAME = 0.02
 

@@ -100,8 +100,11 @@ class Place:
     log_likelihood: float
 
 
-def places(problem: Problem, null: Rival) -> list[Place]:
-    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor."""
+def places(problem: Problem, null: Rival, starts: Sequence[float] = (5.0, 25.0)) -> list[Place]:
+    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
+
+    ``starts`` are correlation times, in samples, from which the signal's size is fitted.
+    """
     theta, model, record = null.fit.theta, null.model, problem.record
     with np.errstate(all="ignore"):
         smoothed = problem.smooth(model, theta, null.fit.x)
@@ -125,7 +128,7 @@ def places(problem: Problem, null: Rival) -> list[Place]:
                 force = 1e-4 * unit
                 coloured = coloured.copy()
                 coloured[sensor] = np.std(record.y[sensor]) * 0.1
-            for tau in (5.0, 25.0):
+            for tau in starts:
                 start = Noise(problem.sd.copy(), np.array([force]), tau, coloured, tau)
                 try:
                     best = max(best, fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=10)[1])

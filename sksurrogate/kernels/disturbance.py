@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dpbtrf, dpbtrs
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 
@@ -95,7 +95,21 @@ class Disturbance:
         G = np.concatenate([self.A, self.B], axis=2) * self.inner[:, None, None]
         self.G = G
         self.GG = G.transpose(0, 2, 1) @ (G / slack[:, None] ** 2)
-        self.CC = [np.einsum("ki,kj->kij", self.C[:, j], self.C[:, j]) for j in range(self.m)]
+        self.constant = self._constant()
+
+    def _constant(self) -> np.ndarray:
+        """Lower band of the posterior precision without what depends on the noise parameters (n_samples, size, 2 size)."""
+        n, size, top = self.n, self.size, self.n + self.b
+        q_x = 1.0 / self.slack**2
+        band = np.zeros((self.n_samples, size, 2 * size))
+        for i in range(top):
+            for j in range(i + 1):
+                band[:, j, i - j] = self.GG[:, i, j]
+        for i in range(n):
+            band[:, i, 0] += self.later * q_x[i] + (1.0 - self.later) / self.start_sd[i] ** 2
+            for j in range(top):
+                band[:, j, size + i - j] = -q_x[i] * self.G[:, i, j]
+        return band
 
     def _factor(self, noise: Noise) -> tuple[np.ndarray, float]:
         """Banded Cholesky factor of the posterior precision, and log determinant of the prior precision."""
@@ -103,62 +117,66 @@ class Disturbance:
         a_w, a_v = np.exp(-1.0 / noise.tau), np.exp(-1.0 / noise.tau_sensor)
         q_w = 1.0 / (noise.force**2 * (1 - a_w**2))
         q_v = 1.0 / (noise.coloured**2 * (1 - a_v**2))
-        q_x = 1.0 / self.slack**2
-        band = np.zeros((self.n_samples, size, 2 * size))
         inner, later = self.inner, self.later
         first = 1.0 - later
         top = n + b
-        D = np.zeros((self.n_samples, size, size))
-        D[:, :top, :top] = self.GG
-        for i in range(n):
-            D[:, i, i] += later * q_x[i] + first / self.start_sd[i] ** 2
+        band = self.constant.copy()
         for i in range(b):
-            D[:, n + i, n + i] += q_w[i] * (inner * a_w**2 + later) + first / noise.force[i] ** 2
-        for j in range(m):
-            w = 1.0 / noise.sigma[j] ** 2
-            D[:, :n, :n] += w * self.CC[j]
-            D[:, :n, top + j] += w * self.C[:, j]
-            D[:, top + j, :n] += w * self.C[:, j]
-            D[:, top + j, top + j] += w + q_v[j] * (inner * a_v**2 + later) + first / noise.coloured[j] ** 2
-        for i in range(size):
-            band[:, : size - i, i] = 0.0
-            for j in range(i + 1):
-                band[:, j, i - j] = D[:, i, j]
-        for i in range(n):
-            for j in range(top):
-                band[:, j, size + i - j] = -q_x[i] * self.G[:, i, j]
-        for i in range(b):
+            band[:, n + i, 0] += q_w[i] * (inner * a_w**2 + later) + first / noise.force[i] ** 2
             band[:, n + i, size] = -q_w[i] * a_w * inner
         for j in range(m):
+            w, C = 1.0 / noise.sigma[j] ** 2, self.C[:, j]
+            for i in range(n):
+                for k in range(i + 1):
+                    band[:, k, i - k] += w * C[:, i] * C[:, k]
+                band[:, i, top + j - i] += w * C[:, i]
+            band[:, top + j, 0] += w + q_v[j] * (inner * a_v**2 + later) + first / noise.coloured[j] ** 2
             band[:, top + j, size] = -q_v[j] * a_v * inner
         factor, info = dpbtrf(band.reshape(self.n_samples * size, 2 * size).T, lower=1, overwrite_ab=1)
         if info != 0:
             raise np.linalg.LinAlgError("the posterior precision is not positive definite")
         steps, runs = float(self.later.sum()), len(self.starts)
-        prior = steps * (np.sum(np.log(q_x)) + np.sum(np.log(q_w)) + np.sum(np.log(q_v)))
+        prior = steps * (np.sum(np.log(1.0 / self.slack**2)) + np.sum(np.log(q_w)) + np.sum(np.log(q_v)))
         prior -= (
             2 * runs * (np.sum(np.log(self.start_sd)) + np.sum(np.log(noise.force)) + np.sum(np.log(noise.coloured)))
         )
         return factor, float(prior)
 
     def _load(self, r: np.ndarray, noise: Noise) -> np.ndarray:
-        """``H' R^-1 r`` for residuals (n_outputs, n_columns, n_samples) -> (n_samples * size, n_columns)."""
-        out = np.zeros((self.n_samples, self.size, r.shape[1]))
+        """``H' R^-1 r`` of residuals (n_outputs, n_columns, n_samples): (n_samples * size, n_columns), column by column."""
+        k, top = r.shape[1], self.n + self.b
+        out = np.zeros((k, self.n_samples, self.size))
         for j in range(self.m):
-            scaled = r[j].T / noise.sigma[j] ** 2
-            out[:, : self.n] += self.C[:, j, :, None] * scaled[:, None]
-            out[:, self.n + self.b + j] += scaled
-        return out.reshape(self.n_samples * self.size, r.shape[1])
+            scaled = r[j] / noise.sigma[j] ** 2
+            for i in range(self.n):
+                out[:, :, i] += self.C[:, j, i] * scaled
+            out[:, :, top + j] += scaled
+        return out.reshape(k, self.n_samples * self.size).T
+
+    def _log_det(self, factor: np.ndarray, prior: float, noise: Noise) -> float:
+        """log det S."""
+        posterior = 2.0 * float(np.sum(np.log(factor[0])))
+        return posterior - prior + 2.0 * self.n_samples * float(np.sum(np.log(noise.sigma)))
 
     def gram(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, float]:
         """``r' S^-1 r`` of columns r (n_outputs, n_columns, n_samples) with S the covariance of the residual, and log det S."""
         factor, prior = self._factor(noise)
-        load = np.asfortranarray(self._load(r, noise))
-        solved, _ = dpbtrs(factor, load, lower=1)
+        half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
         flat = (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1)
-        inner = flat @ flat.T - load.T @ solved
-        posterior = 2.0 * float(np.sum(np.log(factor[0])))
-        return inner, posterior - prior + 2.0 * self.n_samples * float(np.sum(np.log(noise.sigma)))
+        return flat @ flat.T - half.T @ half, self._log_det(factor, prior, noise)
+
+    def gram_rows(self, r: np.ndarray, noise: Noise, n_rows: int, block: int = 64) -> tuple[np.ndarray, np.ndarray]:
+        """First rows (n_rows, n_columns) and the diagonal (n_columns,) of :meth:`gram`, for many columns."""
+        factor, _ = self._factor(noise)
+        solved, _ = dpbtrs(factor, self._load(r[:, :n_rows], noise), lower=1)
+        flat = (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1)
+        rows, diagonal = flat[:n_rows] @ flat.T, np.einsum("ki,ki->k", flat, flat)
+        for a in range(0, r.shape[1], block):
+            load = self._load(r[:, a : a + block], noise)
+            rows[:, a : a + block] -= solved.T @ load
+            half, _ = dtbtrs(factor, load, uplo="L", overwrite_b=1)
+            diagonal[a : a + block] -= np.einsum("ik,ik->k", half, half)
+        return rows, diagonal
 
     def log_likelihood(self, r: np.ndarray, noise: Noise) -> float:
         """Of a residual (n_outputs, n_samples), without the constant."""
@@ -269,52 +287,64 @@ def fit_noise(
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
 
-    def objective(eta: np.ndarray) -> float:
+    def objective(eta: np.ndarray) -> tuple[float, np.ndarray | None]:
+        """Negative log likelihood at the best parameters of the model, and these."""
         noise = start.unpack(eta)
         try:
             G, logdet = model.gram(columns, noise)
         except np.linalg.LinAlgError:
-            return np.inf
+            return np.inf, None
         if not np.all(np.isfinite(G)):
-            return np.inf
-        value = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, unit)
+            return np.inf, None
+        value, best = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, unit), np.zeros(k)
         if k:
             H = G[1:, 1:] + (np.diag(precision) if precision is not None else 0.0)
             g = G[1:, 0] + (pull if pull is not None else 0.0)
             scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
             normal, right = H / np.outer(scale, scale), g / scale
             if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
-                return np.inf
-            value -= 0.5 * float(right @ np.linalg.lstsq(normal, right, rcond=1e-10)[0])
+                return np.inf, None
+            best = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
+            value -= 0.5 * float(right @ best)
+            best = best / scale
+        return (float(value), best) if np.isfinite(value) else (np.inf, None)
+
+    def frozen(eta: np.ndarray, residual: np.ndarray) -> float:
+        """Negative log likelihood of one residual, up to what does not depend on the noise."""
+        noise = start.unpack(eta)
+        try:
+            G, logdet = model.gram(residual, noise)
+        except np.linalg.LinAlgError:
+            return np.inf
+        value = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, unit)
         return float(value) if np.isfinite(value) else np.inf
 
+    def gradient(eta: np.ndarray, best: np.ndarray) -> np.ndarray:
+        """Forward differences with the parameters frozen at their best (envelope theorem)."""
+        residual = r[:, None] - np.einsum("okt,k->ot", columns[:, 1:], best)[:, None]
+        base, out, step = frozen(eta, residual), np.zeros(len(eta)), 1e-3
+        for i in np.flatnonzero(low < high):
+            h = step if eta[i] + step <= high[i] else -step
+            shifted = eta.copy()
+            shifted[i] += h
+            out[i] = (frozen(shifted, residual) - base) / h
+        return out
+
     eta, value, inverse = _quasi_newton(
-        objective, np.clip(start.pack(), low, high), low, high, max_iterations, curvature
+        objective, gradient, np.clip(start.pack(), low, high), low, high, max_iterations, curvature
     )
     noise = start.unpack(eta)
     return noise, -value - _log_prior(noise, unit), inverse
 
 
-def _quasi_newton(objective, eta, low, high, max_iterations, inverse):
-    """BFGS with forward differences within bounds, started from a given inverse Hessian; stops when little is to be gained."""
+def _quasi_newton(objective, gradient, eta, low, high, max_iterations, inverse):
+    """BFGS within bounds, started from a given inverse Hessian; stops when little is to be gained."""
     n = len(eta)
     H = 0.02 * np.eye(n) if inverse is None else inverse.copy()
-    value = objective(eta)
-    step = 1e-3
-
-    def gradient(at: np.ndarray, base: float) -> np.ndarray:
-        out = np.empty(n)
-        for i in range(n):
-            if low[i] == high[i]:
-                out[i] = 0.0
-                continue
-            h = step if at[i] + step <= high[i] else -step
-            shifted = at.copy()
-            shifted[i] += h
-            out[i] = (objective(shifted) - base) / h
-        return out
-
-    g = gradient(eta, value)
+    value, best = objective(eta)
+    if best is None:
+        return eta, value, H
+    g = gradient(eta, best)
     for _ in range(max_iterations):
         if not np.all(np.isfinite(g)):
             break
@@ -332,20 +362,21 @@ def _quasi_newton(objective, eta, low, high, max_iterations, inverse):
         t = 1.0
         for _ in range(8):
             new = np.clip(eta + t * d, low, high)
-            new_value = objective(new)
+            new_value, new_best = objective(new)
             if new_value < value + 1e-4 * (g @ (new - eta)):
                 break
             t *= 0.3
         else:
             break
         gained = value - new_value
-        new_g = gradient(new, new_value)
+        if gained < 0.02:
+            eta, value = new, new_value
+            break
+        new_g = gradient(new, new_best)
         s, yv = new - eta, new_g - g
         if s @ yv > 1e-10:
             rho = 1.0 / (s @ yv)
             V = np.eye(n) - rho * np.outer(s, yv)
             H = V @ H @ V.T + rho * np.outer(s, s)
         eta, value, g = new, new_value, new_g
-        if gained < 0.02:
-            break
     return eta, value, H

@@ -1,0 +1,71 @@
+"""Long records: the part on which rivals are compared, and the larger part on which the winner is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.kernels.record import Record
+
+__all__ = ["FITTED_SAMPLES", "SEARCHED_SAMPLES", "excerpt"]
+
+#: Rivals are compared on at most this many samples: what more of them could tell apart is below any practical bar.
+SEARCHED_SAMPLES = 9_000
+#: The rival that won is fitted again on at most this many.
+FITTED_SAMPLES = 60_000
+#: Samples of a piece that is cut out of a long run.
+PIECE = 1_500
+
+
+def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
+    """Pieces spread evenly over a record, at most ``most`` samples in all; short runs stay whole.
+
+    Parameters
+    ----------
+    record : Record
+    most : int
+
+    Returns
+    -------
+    part : Record
+        Every piece is a run of its own, with its own unknown initial state.
+    rows : ndarray of int
+        Rows of the record that it holds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.kernels.record import Record
+    >>> whole = Record(np.zeros((1, 100_000)), np.zeros((1, 100_000)), np.arange(1e5), np.array([0]), 1.0)
+    >>> part, rows = excerpt(whole, 6000)
+    >>> part.n_samples, len(part.starts), int(rows[0]), int(rows[-1])
+    (5970, 4, 0, 99999)
+    """
+    if record.n_samples <= most:
+        return record, np.arange(record.n_samples)
+    ends = np.r_[record.starts[1:], record.n_samples]
+    pieces = [
+        (start, stop)
+        for a, b in zip(record.starts, ends)
+        for start, stop in zip(*_cut(int(a), int(b), max(1, round((b - a) / PIECE))))
+    ]
+    length = float(np.median([min(b - a, PIECE) for a, b in pieces]))
+    n = min(len(pieces), max(1, int(most / length)))
+    chosen = np.unique(np.round(np.linspace(0, len(pieces) - 1, n)).astype(int))
+    bounds, total = [], 0
+    for k in chosen:
+        a, b = pieces[k]
+        if total + b - a > most:
+            a = b - (most - total) if k == len(pieces) - 1 else a
+            b = min(b, a + most - total)
+        if b - a >= 8:
+            bounds.append((a, b))
+            total += b - a
+    rows = np.concatenate([np.arange(a, b) for a, b in bounds])
+    starts = np.cumsum([0] + [b - a for a, b in bounds[:-1]])
+    return Record(record.u[:, rows], record.y[:, rows], record.t[rows], starts, record.dt), rows
+
+
+def _cut(a: int, b: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """First and last rows of n equal pieces."""
+    edges = np.round(np.linspace(a, b, n + 1)).astype(int)
+    return edges[:-1], edges[1:]
