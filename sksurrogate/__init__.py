@@ -13,9 +13,11 @@ __version__ = "0.1.0"
 #: Public name -> module that holds it.
 _HOME = {
     "AugmentedSimulator": "effects",
+    "BlockedSplit": "model_selection",
     "CATALOGUE": "effects",
     "CalibratedSimulator": "physics",
     "CallableSimulator": "physics",
+    "ConformalFreeRun": "model_selection",
     "ControlSimulator": "physics",
     "DerivativeRegressor": "compose",
     "FMUSimulator": "physics",
@@ -56,7 +58,9 @@ _HOME = {
     "physics": "",
     "runs": "",
     "save_augmented": "effects",
+    "scan_orders": "model_selection",
     "simulate_experiments": "datasets",
+    "split_runs": "model_selection",
     "stack_runs": "runs",
     "testing": "",
     "unstack_runs": "runs",
