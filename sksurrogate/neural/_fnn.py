@@ -271,10 +271,9 @@ class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _begin(self, X: Any, y: Any, sample_weight: Any) -> tuple[Rows, Plan, str]:
         """Checked and scaled data, what to train, and with which solver."""
         data, target, weights = self._checked(X, y, sample_weight, reset=True)
-        hidden = read_sizes(self.hidden_layer_sizes)
-        activations = read_activations(self.activation, hidden)
+        activations = read_activations(self.activation, read_sizes(self.hidden_layer_sizes))
         rows = prepare(data, target, weights, activations[-1] == "identity")
-        solver = choose(self.solver, (data.shape[1], *hidden, target.shape[1]), len(rows))
+        solver = choose(self.solver, self._sizes(rows), len(rows))
         self.solver_, self.activations_ = solver, activations
         return rows, self._plan(rows, solver), solver
 
@@ -292,10 +291,14 @@ class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 raise DataError("sample_weight is zero everywhere: at least one row must count.")
         return X, np.asarray(y, dtype=float).reshape(len(X), -1), weights
 
+    def _sizes(self, rows: Rows) -> tuple[int, ...]:
+        """Inputs, hidden units, outputs."""
+        return (rows.X.shape[1], *read_sizes(self.hidden_layer_sizes), rows.Y.shape[1])
+
     def _plan(self, rows: Rows, solver: str) -> Plan:
         seed = check_random_state(self.random_state).randint(2**31 - 1)
         return Plan(
-            (rows.X.shape[1], *read_sizes(self.hidden_layer_sizes), rows.Y.shape[1]),
+            self._sizes(rows),
             self.activations_,
             float(self.alpha),
             self.n_starts or STARTS.get(solver, 1),
@@ -308,8 +311,8 @@ class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return Torch(self.learning_rate, self.batch_size, self.dtype, self.device, self.loss, self.net_params)
 
     def _one_thread(self, rows: Rows) -> Any:
-        """Small matrices are faster with one thread; large blocks keep what the user set."""
-        small = self.solver_ not in GRADIENT and len(rows) <= FEW_ROWS
+        """One BLAS thread for small matrices: a second one only waits, for ages where the machine is shared."""
+        small = len(rows) <= FEW_ROWS or choose("auto", self._sizes(rows), len(rows)) == "lm"
         return _get_threadpool_controller().limit(limits=1 if small else None, user_api="blas")
 
     def _keep(self, trained: Trained, rows: Rows, plan: Plan) -> None:

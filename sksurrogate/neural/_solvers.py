@@ -252,7 +252,7 @@ def train_least_squares(
         max_iter=plan.max_iter if memory is not None else min(plan.max_iter, 15),
         floor=FLOOR * rows.total,
         window=4,
-        least_gain=0.02,
+        least_gain=0.01,
         watch=None if validation is None else validation.watch(template.at),
     )
     layers = template.at(fit.theta)
