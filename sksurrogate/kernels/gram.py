@@ -89,17 +89,25 @@ class Moments:
         _write_dense(block, Z)
         if targets is not None:
             Z[:, p:] = targets
-        if weights is None:
-            mean = np.ones(n) @ Z / n
-            Z -= mean
-            return self._merge(n, float(n), mean, Z.T @ Z)
-        total = float(weights.sum())
+        w = np.ones(n) if weights is None else weights
+        total = float(w.sum())
         if total == 0:
             return self
-        mean = weights @ Z / total
+        mean = w @ Z / total
+        count = n if weights is None else int(np.count_nonzero(weights))
+        root = None if weights is None else np.sqrt(weights)[:, None]
+        if hasattr(block, "toarray"):
+            # rows of mostly zeros: the mean may come off afterwards, it takes less than a digit
+            Z[:, p:] -= mean[p:]
+            Z = Z if root is None else np.multiply(Z, root, out=Z)
+            scatter, left = Z.T @ Z, np.concatenate([mean[:p], np.zeros(len(mean) - p)])
+            if np.all(total * left**2 <= 0.9 * np.diag(scatter)):
+                return self._merge(count, total, mean, scatter - total * np.outer(left, left))
+            Z[:, :p] -= mean[:p] if root is None else root * mean[:p]
+            return self._merge(count, total, mean, Z.T @ Z)
         Z -= mean
-        Z *= np.sqrt(weights)[:, None]
-        return self._merge(int(np.count_nonzero(weights)), total, mean, Z.T @ Z)
+        Z = Z if root is None else np.multiply(Z, root, out=Z)
+        return self._merge(count, total, mean, Z.T @ Z)
 
     def _merge(self, n_rows: int, weight: float, mean: np.ndarray, scatter: np.ndarray) -> Moments:
         """Join two sets of rows: the scatter grows by that between their means."""
@@ -167,7 +175,8 @@ def triangle(blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]]) -> np.
 
     Returns
     -------
-    ndarray (1 + n_features + n_outputs,) * 2
+    ndarray (n_rows, 1 + n_features + n_outputs)
+        Square, or as many rows as the data where these are fewer.
     """
     R: np.ndarray | None = None
     for block, targets, weights in blocks:
@@ -184,7 +193,7 @@ def triangle(blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]]) -> np.
             Z[len(R) :] *= np.sqrt(weights)[:, None]
         R = np.triu(lapack.dgeqrf(Z, overwrite_a=True)[0][: min(Z.shape)])
     assert R is not None
-    return np.vstack([R, np.zeros((R.shape[1] - len(R), R.shape[1]))])
+    return R
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +259,7 @@ def solve_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, float, bool]
     alive = values > noise
     doubtful = bool(np.any(values[alive] < CONDITION_LIMIT**-2 * values[-1] * 100))
     scaled = V[:, alive] @ ((V[:, alive].T @ b) / values[alive][:, None])
-    theta[keep] = _least_norm(scaled / d[:, None], V[:, ~alive] / d[:, None])
+    theta[keep] = _within(scaled / d[:, None], V[:, alive] * d[:, None])
     condition = np.inf if not alive.all() else float(np.sqrt(values[-1] / values[0]))
     return theta, condition, doubtful
 
@@ -287,19 +296,19 @@ def solve_rows(A: np.ndarray, B: np.ndarray, n_rows: int | None = None) -> tuple
     if not keep.any():
         return theta, np.inf
     d = d[keep]
-    U, s, Vt = linalg.svd(A[:, keep] / d, full_matrices=True, lapack_driver="gesvd")
+    U, s, Vt = linalg.svd(A[:, keep] / d, full_matrices=False)
     rank = int(np.sum(s > 10 * max(len(d), np.sqrt(n_rows or len(A))) * _EPS * s[0]))
     scaled = Vt[:rank].T @ ((U[:, :rank].T @ B) / s[:rank, None])
-    theta[keep] = _least_norm(scaled / d[:, None], Vt[rank:].T / d[:, None])
+    theta[keep] = _within(scaled / d[:, None], Vt[:rank].T * d[:, None])
     return theta, float(s[0] / s[-1]) if rank == len(d) else np.inf
 
 
-def _least_norm(theta: np.ndarray, null: np.ndarray) -> np.ndarray:
-    """Project out the null space: of all solutions the shortest."""
-    if not null.shape[1]:
+def _within(theta: np.ndarray, row_space: np.ndarray) -> np.ndarray:
+    """Of all solutions the shortest: the one within the row space of the features."""
+    if row_space.shape[1] == len(theta):
         return theta
-    Q = linalg.qr(null, mode="economic")[0]
-    return theta - Q @ (Q.T @ theta)
+    Q = linalg.qr(row_space, mode="economic")[0]
+    return Q @ (Q.T @ theta)
 
 
 def gcv_path(

@@ -213,6 +213,13 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.intercept_ = float(intercept[0]) if self._flat else intercept
         return self
 
+    def _route(self, blocks: Blocks | None, regular: bool = False) -> str:
+        """Where to begin: not with the Gram matrix where fewer rows than features make it singular for sure."""
+        if blocks is None or self.solver == "gram":
+            return "gram"
+        few = not regular and self.moments_.n_rows < self._n_features
+        return "qr" if self.solver == "qr" or few else "gram"
+
     def _phi(self, X: Any) -> Any:
         """Features of some rows, dense or sparse."""
         if self.features_ is None:

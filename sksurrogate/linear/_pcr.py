@@ -107,7 +107,7 @@ class PCRRegressor(BaseBlockedRegressor):
         constant = variance <= (10 * _EPS * np.abs(moments.mean[:p])) ** 2
         scale = np.sqrt(variance) if self.scale else np.ones(p)
         scale = np.where(constant, 1.0, scale)
-        self.solver_ = "qr" if self.solver == "qr" and blocks is not None else "gram"
+        self.solver_ = self._route(blocks)
         if self.solver_ == "gram":
             S = np.where(np.outer(~constant, ~constant), moments.scatter[:p, :p], 0.0) / np.outer(scale, scale)
             values, V = linalg.eigh(S)
@@ -125,8 +125,9 @@ class PCRRegressor(BaseBlockedRegressor):
         if self.solver_ == "qr":
             assert blocks is not None
             R = triangle(blocks())[1:, 1:]
+            R = R if len(R) else np.zeros((1, R.shape[1]))  # a single row has no scatter
             factor = np.where(constant, 0.0, R[:, :p]) / scale
-            U, s, Vt = linalg.svd(factor, full_matrices=False, lapack_driver="gesvd")
+            U, s, Vt = linalg.svd(factor, full_matrices=False)
             values, V, loads = s**2, Vt.T, s[:, None] * (U.T @ R[:, p:])
             rank = _rank(values, (10 * max(p, np.sqrt(moments.n_rows)) * _EPS) ** 2)
             r = self._choose(values, loads, rank)

@@ -129,7 +129,7 @@ class PenalizedRegressor(BaseBlockedRegressor):
             self.alpha_ = float(self.alpha)
         root = np.sqrt(self.alpha_)
         total = data.plus(root * rows, root * targets)
-        self.solver_ = "qr" if self.solver == "qr" and blocks is not None else "gram"
+        self.solver_ = self._route(blocks, regular=bool(np.any(root * rows)))
         if self.solver_ == "gram":
             theta, self.condition_, doubtful = solve_normal(total.H, total.g)
             if self.solver == "auto" and blocks is not None and self.condition_ > CONDITION_LIMIT:

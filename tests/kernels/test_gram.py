@@ -87,9 +87,12 @@ def test_triangle_is_a_factor_of_the_moments(weighted, block):
     np.testing.assert_allclose(R[0, 1:] * R[0, 0] / moments.weight, moments.mean, atol=1e-12)
 
 
-def test_triangle_of_fewer_rows_than_columns_is_square():
-    R = triangle([(np.ones((2, 5)), np.ones((2, 1)), None)])
-    assert R.shape == (7, 7)
+def test_triangle_of_fewer_rows_than_columns():
+    X, Y = rng.normal(size=(3, 5)), rng.normal(size=(3, 1))
+    R = triangle([(X[:2], Y[:2], None), (X[2:], Y[2:], None)])
+    Z = np.c_[np.ones(3), X, Y]
+    assert R.shape == (3, 7)
+    np.testing.assert_allclose(R.T @ R, Z.T @ Z, atol=1e-12)
 
 
 def test_normal_equations_give_lstsq():

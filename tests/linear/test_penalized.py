@@ -383,3 +383,12 @@ def test_errors_name_the_parameter_and_the_way_out(params, message):
     X, Y = data()
     with pytest.raises(DataError, match=message):
         PenalizedRegressor(**params).fit(X, Y)
+
+
+def test_many_more_features_than_rows():
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(30, 1500)), rng.normal(size=30)
+    slash = PenalizedRegressor().fit(X, y)
+    np.testing.assert_allclose(slash.coef_, LinearRegression().fit(X, y).coef_, atol=1e-12)
+    ridge = PenalizedRegressor([Ridge(5.0)]).fit(X, y)
+    np.testing.assert_allclose(ridge.coef_, SklearnRidge(5.0).fit(X, y).coef_, atol=1e-10)
