@@ -31,8 +31,8 @@ __all__ = [
     "tensor",
 ]
 
-#: Rows that are worked on at a time: their weights stay in the second-level cache.
-BLOCK = 2048
+#: Rows that are worked on at a time: their weights stay in the cache.
+BLOCK = 8192
 
 
 @lru_cache(maxsize=64)
@@ -287,12 +287,11 @@ def spline_csr(
     index = np.int32 if max(n_samples * width, n_features) < np.iinfo(np.int32).max else np.int64
     data = np.empty((n_samples, width))
     columns = np.empty((n_samples, width), dtype=index)
-    lean = not product and not any(orders) and _all_alike(splines)
-    for a in range(0, n_samples, BLOCK):
-        rows = slice(a, min(a + BLOCK, n_samples))
-        if lean:
-            _fill_uniform(X[rows], splines, data[rows], columns[rows])
-        else:
+    if not product and not any(orders) and _all_alike(splines):
+        _fill_uniform(X, splines, data, columns)
+    else:
+        for a in range(0, n_samples, BLOCK):
+            rows = slice(a, a + BLOCK)
             _fill(X[rows], splines, orders, product, data[rows], columns[rows])
     starts = np.arange(0, n_samples * width + 1, width, dtype=index)
     out = sp.csr_array((data.reshape(-1), columns.reshape(-1), starts), shape=(n_samples, n_features), copy=False)
@@ -308,22 +307,30 @@ def _all_alike(splines: Sequence[Spline]) -> bool:
 
 
 def _fill_uniform(X: np.ndarray, splines: Sequence[Spline], data: np.ndarray, columns: np.ndarray) -> None:
-    """Write a block of rows: the powers of the place within the interval times a constant matrix."""
-    rows, n_inputs = X.shape
+    """Write all rows, block by block: powers of the place within the interval times a constant matrix."""
+    n_samples, n_inputs = X.shape
     width = splines[0].degree + 1
     low = np.array([spline.low for spline in splines])
     n = np.array([spline.n_intervals for spline in splines])
-    s = (X - low) * (n / (np.array([spline.high for spline in splines]) - low))
-    np.clip(s, 0, n, out=s)
-    first = np.minimum(s, n - 1).astype(np.int32)
-    s -= first
-    first += np.r_[0, np.cumsum([spline.n_splines for spline in splines])[:-1]].astype(np.int32)
-    powers = np.empty((rows, n_inputs, width))
-    powers[..., 0] = 1.0
-    for k in range(1, width):
-        np.multiply(powers[..., k - 1], s, out=powers[..., k])
-    np.matmul(powers.reshape(-1, width), cardinal_coefficients(width - 1), out=data.reshape(-1, width))
-    np.add(first[..., None], np.arange(width, dtype=np.int32), out=columns.reshape(rows, n_inputs, width))
+    scale = n / (np.array([spline.high for spline in splines]) - low)
+    last = n - 1
+    offsets = np.r_[0, np.cumsum([spline.n_splines for spline in splines])[:-1]].astype(columns.dtype)
+    coefficients = cardinal_coefficients(width - 1)
+    powers = np.ones((min(BLOCK, n_samples), n_inputs, width))
+    for a in range(0, n_samples, BLOCK):
+        s = X[a : a + BLOCK] - low
+        rows = len(s)
+        s *= scale
+        np.clip(s, 0, n, out=s)
+        first = np.minimum(s, last).astype(columns.dtype)
+        s -= first
+        first += offsets
+        block, place = powers[:rows], columns[a : a + rows].reshape(rows, n_inputs, width)
+        for k in range(width):
+            np.add(first, k, out=place[..., k])
+            if k:
+                np.multiply(block[..., k - 1], s, out=block[..., k])
+        np.matmul(block.reshape(-1, width), coefficients, out=data[a : a + rows].reshape(-1, width))
 
 
 def _fill(
@@ -369,16 +376,9 @@ def steps(x: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
 def fourier(x: np.ndarray, wavelengths: np.ndarray, constant: bool = True, derivative: int = 0) -> np.ndarray:
     """1, sin(2 pi x / w_1), cos(2 pi x / w_1), sin(2 pi x / w_2), ... (section 2.1, iii) or their derivatives.
 
-    Parameters
-    ----------
-    x : ndarray (n_samples,)
-    wavelengths : ndarray (n,)
-    constant : bool, default=True
-    derivative : int, default=0
-
     Returns
     -------
-    ndarray (n_samples, constant + 2 n)
+    ndarray (n_samples, constant + 2 * n_wavelengths)
     """
     rate = 2 * np.pi / wavelengths
     # d/dx turns the phase by a quarter of the wave and multiplies by the rate
