@@ -65,14 +65,14 @@ def peak(peer: str, degree: int, n_rows: int) -> dict[str, float]:
 
 
 def times(degree: int, n_rows: int) -> dict[str, list[float]]:
-    """Seconds of every peer, one after the other in each round: other load on the machine then meets all alike."""
+    """Processor seconds of every peer (one thread), one after the other in each round: other load on the machine then meets all alike."""
     X = inputs(n_rows)
     found: dict[str, list[float]] = {peer: [] for peer in PEERS}
     for _ in range(REPEATS + 1):  # the first round warms up
         for peer in PEERS:
-            start = time.perf_counter()
+            start = time.process_time()
             work(peer, degree, X)
-            found[peer].append(time.perf_counter() - start)
+            found[peer].append(time.process_time() - start)
     return {peer: seconds[1:] for peer, seconds in found.items()}
 
 
@@ -95,7 +95,7 @@ def main() -> None:
     for degree in (0, 1, 3):
         seconds = times(degree, n_rows)
         print(f"## Degree {degree}\n")
-        print("| basis | s | MiB traced | MiB resident | time, times ours | memory, times ours |")
+        print("| basis | processor s | MiB traced | MiB resident | time, times ours | memory, times ours |")
         print("|---|---|---|---|---|---|")
         for peer in PEERS:
             ours = "ours, sparse" if peer.endswith("sparse") else "ours, dense"
