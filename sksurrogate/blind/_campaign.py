@@ -17,7 +17,7 @@ from sksurrogate.blind._own import plant_of
 from sksurrogate.blind._score import score
 from sksurrogate.blind._seal import close_seal
 from sksurrogate.blind._solve import DEFAULT, Solver
-from sksurrogate.blind._table import BlindResult
+from sksurrogate.blind._table import BlindResult, stored_rows
 from sksurrogate.exceptions import SurrogateError
 
 __all__ = ["run_blind_check", "run_case"]
@@ -91,7 +91,7 @@ def run_blind_check(
     plant = runs = None
     if simulator is not None:
         plant, runs = plant_of(simulator, X=X, groups=groups, input_ranges=input_ranges, x0_spread=x0_spread)
-    rows = _stored(resume)
+    rows = stored_rows(resume)
     wanted = [(names[k % len(names)], k // len(names)) for k in range(int(cases))]
     if seed is None:
         have = {arm: sum(row["arm"] == arm for row in rows) for arm in names}
@@ -202,18 +202,6 @@ def line(row: dict[str, Any]) -> str:
         f"{'right' if row['right'] else 'WRONG'} {row['arm']} seed={row['seed']} {row['plant']}: "
         f"{truths or 'nothing'} -> {row['verdict']} {named}; {row['seconds']:.1f} s"
     )
-
-
-def _stored(path: Any) -> list[dict[str, Any]]:
-    """Rows of earlier blocks; a last line broken off is left out."""
-    rows = []
-    if path is not None and Path(path).exists():
-        for text in Path(path).read_text(encoding="utf-8").splitlines():
-            try:
-                rows.append(json.loads(text))
-            except json.JSONDecodeError:
-                continue
-    return rows
 
 
 def _store(path: Any, row: dict[str, Any]) -> None:

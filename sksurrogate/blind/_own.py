@@ -27,6 +27,8 @@ class Looped:
         self.rhs = rhs
 
     def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any]) -> np.ndarray:
+        if np.ndim(x[0]) == 0:
+            return np.array(self.rhs(t, x, u, p), dtype=float)
         width = x.shape[1]
         columns = [
             self.rhs(t, x[:, c], u[:, c], {k: float(np.broadcast_to(v, (width,))[c]) for k, v in p.items()})

@@ -42,17 +42,12 @@ class BlindResult:
         DataError
             The file is not there or holds other lines.
         """
-        file = Path(path)
-        if not file.is_file():
+        if not Path(path).is_file():
             raise DataError(f"path={str(path)!r}: there is no such file.")
-        try:
-            return cls(
-                tuple(json.loads(text) for text in file.read_text(encoding="utf-8").splitlines() if text.strip())
-            )
-        except json.JSONDecodeError as error:
-            raise DataError(
-                f"path={str(path)!r}, line {error.lineno}: not a row of a blind check ({error.msg})."
-            ) from error
+        rows = stored_rows(path)
+        if not rows:
+            raise DataError(f"path={str(path)!r} holds no row of a blind check (JSON lines).")
+        return cls(tuple(rows))
 
     def scores(self, by: str = "arm") -> list[dict[str, Any]]:
         """One row of scores for each value of a column.
@@ -140,6 +135,20 @@ class BlindResult:
 
     def _repr_html_(self) -> str:
         return _html_table(self.scores())
+
+
+def stored_rows(path: Any) -> list[dict[str, Any]]:
+    """Rows of a file; a line that was broken off is left out."""
+    rows = []
+    if path is not None and Path(path).exists():
+        for text in Path(path).read_text(encoding="utf-8").splitlines():
+            try:
+                row = json.loads(text)
+            except json.JSONDecodeError:
+                continue
+            if isinstance(row, dict) and "arm" in row:
+                rows.append(row)
+    return rows
 
 
 def summary(rows: Sequence[Row]) -> dict[str, Any]:

@@ -1,0 +1,273 @@
+"""Cases, seal, the other process, scores, resuming."""
+
+import gc
+import json
+import os
+import pickle
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sksurrogate.blind import ARMS, PLANTS, BlindResult, Case, draw, run_blind_check, run_case
+from sksurrogate.blind import _score as scoring
+from sksurrogate.blind._seal import Seal, close_seal
+from sksurrogate.blind._solve import Solver
+from sksurrogate.blind._truths import KINDS
+from sksurrogate.exceptions import DataError, SimulatorError, SurrogateError
+from sksurrogate.physics import ODESimulator
+
+HERE = __name__
+
+
+# ---- what the other process runs in these tests
+
+
+def says_nothing(question):
+    """The answer of somebody who never sees a gap."""
+    predicted = [question.simulator.simulate(U, x0=x) for U, x in zip(question.X_test, question.x0_test)]
+    return {"verdict": "none", "effects": [], "where": {"location": None}, "predicted": predicted, "seconds": 0.0}
+
+
+def looks_around(question):
+    """Everything that the diagnosing process can see, as text."""
+    from sksurrogate.blind._cases import Case as TheCase
+    from sksurrogate.blind._seal import Seal as TheSeal
+
+    held = [type(thing).__name__ for thing in gc.get_objects() if isinstance(thing, (TheCase, TheSeal))]
+    seals = [str(p) for p in Path.cwd().rglob("*.sealed")][:50]
+    texts = [Path(p).read_text() for p in seals]
+    seen = json.dumps(
+        {"question": repr(vars(question)), "argv": sys.argv, "environment": dict(os.environ), "files": texts}
+    )
+    return {**says_nothing(question), "held": held, "seen": seen, "effects_left": question.effects}
+
+
+def raises(question):
+    raise ValueError("lost the thread")
+
+
+def dies(question):
+    os._exit(3)
+
+
+def sleeps(question):
+    time.sleep(60)
+
+
+@pytest.fixture(scope="module")
+def solver():
+    with Solver(f"{HERE}:says_nothing") as one:
+        yield one
+
+
+# ---- cases
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_case_holds_what_its_arm_says(arm):
+    case = draw(arm, 0)
+    assert len(case.truths) == {"two": 2}.get(arm, 0 if arm in ("none", "disturbed", "coloured") else 1)
+    question, gap = case.question, case.facts["gap_over_noise"]
+    assert question.X.shape[0] == question.y.shape[0] == question.groups.shape[0] == case.states.shape[0]
+    assert np.isfinite(question.y).all() and np.isfinite(case.y_test).all()
+    if arm in ("effect", "detuned", "region", "time", "outside", "novel"):
+        assert 2.0 < gap < 120
+    if arm == "weak":
+        assert gap < 4.0
+    if arm in ("none", "coloured", "unexcited"):
+        assert gap < 0.02
+    if arm == "outside":
+        assert question.effects and not {t.name for t in case.truths} & set(question.effects)
+    else:
+        assert question.effects is None
+    assert (question.free_params == "all") == (arm == "detuned")
+    if arm != "detuned":
+        assert question.simulator.params == PLANTS[case.facts["plant"]].params
+
+
+def test_a_seed_repeats_a_case_and_no_seed_does_not():
+    one, two, other = draw("effect", 3), draw("effect", 3), draw("none")
+    np.testing.assert_array_equal(one.question.y, two.question.y)
+    assert one.facts == two.facts and other.facts["seed"] != draw("none").facts["seed"]
+
+
+def test_the_noise_is_what_it_is_said_to_be():
+    case = draw("none", 1)
+    groups, simulator = case.question.groups, case.question.simulator
+    clean = np.concatenate([simulator.simulate(case.question.X[groups == r], x0=x) for r, x in enumerate(case.starts)])
+    np.testing.assert_allclose((case.question.y - clean).std(axis=0), case.noise, rtol=0.15)
+
+
+# ---- seal and process
+
+
+def test_a_seal_opens_only_with_its_pad_and_only_unchanged(tmp_path):
+    seal = close_seal({"truths": [{"name": "sensor_bias"}]}, tmp_path)
+    assert seal.open() == {"truths": [{"name": "sensor_bias"}]}
+    assert json.loads(seal.path.read_text())["sha256"] == seal.sha256
+    with pytest.raises(SurrogateError, match="its hash differs"):
+        Seal(seal.path, seal.sha256, bytes(len(seal.pad))).open()
+    with pytest.raises(TypeError, match="stays in the process"):
+        pickle.dumps(seal)
+    stored = json.loads(seal.path.read_text())
+    stored["sealed"] = ("1" if stored["sealed"][0] == "0" else "0") + stored["sealed"][1:]
+    seal.path.write_text(json.dumps(stored))
+    with pytest.raises(SurrogateError, match="its hash differs"):
+        seal.open()
+
+
+def test_the_diagnosis_cannot_reach_the_truth():
+    """The other process looks at its objects, arguments, environment and every seal it finds; and finds nothing."""
+    found = {}
+    row = run_case(
+        "outside", 5, diagnosis=f"{HERE}:looks_around", look=lambda case, answer: found.update(case=case, answer=answer)
+    )
+    case, answer = found["case"], found["answer"]
+    assert row["sha256"] and "error" not in answer and answer["held"] == []
+    truth = case.truths[0]
+    names = {name for name in KINDS if name in answer["seen"]}
+    assert names <= set(answer["effects_left"]) and truth.name not in names
+    for text in (str(case.facts["seed"]), row["sha256"][:16], *(f"{float(v):.8g}" for v in truth.params.values())):
+        assert text not in answer["seen"]
+
+
+def test_a_question_holds_no_part_of_the_case():
+    case = draw("effect", 7)
+    known = pickle.dumps(case.question)
+    assert not any(name.encode() in known for name in KINDS) and not isinstance(case.question, Case)
+    assert set(vars(case.question)) == {"simulator", "X", "y", "groups", "free_params", "effects", "X_test", "x0_test"}
+
+
+def test_a_diagnosis_that_fails_dies_or_hangs_is_a_row_of_its_own():
+    question = draw("none", 0).question
+    for function, limit, said in (("raises", 60, "lost the thread"), ("dies", 60, "ended"), ("sleeps", 3, "in time")):
+        with Solver(f"{HERE}:{function}", limit) as one:
+            assert said in one.ask(question)["error"]
+
+
+# ---- scores
+
+
+def answer_of(case, *effects, verdict="explained", location=None):
+    """An answer that names these (name, location, variable, params) and predicts perfectly."""
+    return {
+        "verdict": verdict,
+        "effects": [
+            {"name": n, "location": l, "variable": v, "params": dict(p), "probability": 0.9,
+             "intervals": {k: [0.9 * q - 1e-9, 1.1 * q + 1e-9] if q > 0 else [1.1 * q - 1e-9, 0.9 * q + 1e-9] for k, q in p.items()},
+             "equivalents": [list(e) for e in equal]}
+            for n, l, v, p, equal in effects
+        ],
+        "where": {"location": location}, "predicted": case.y_test, "seconds": 1.0, "shrink": {"fraction": 1.0},
+    }  # fmt: skip
+
+
+def test_the_truth_scores_full_marks_up_to_twins():
+    case = draw("effect", 0)
+    truth = case.truths[0]
+    row = scoring.score(case, answer_of(case, (*truth.key, truth.params, []), location=truth.location))
+    assert row["right"] and row["exact"] == 1 and row["place"] and all(row["covered"]) and row["shrink"] == 1.0
+    assert 0.9 < row["oracle"] <= 1.0
+    twin = scoring.score(case, answer_of(case, ("sensor_bias", "elsewhere", None, {"value": 1.0}, [truth.key])))
+    assert twin["right"] and twin["exact"] == 0 and twin["classes"] == [2]
+    wrong = scoring.score(case, answer_of(case, ("sensor_bias", "elsewhere", None, {"value": 1.0}, [])))
+    assert not wrong["right"] and wrong["false_names"] == 1 and wrong["imitated"]
+    beside = scoring.score(
+        case, answer_of(case, (*truth.key, truth.params, []), ("drift", "elsewhere", None, {"rate": 1.0}, []))
+    )
+    assert not beside["right"] and beside["named"] == 1
+
+
+def test_controls_and_unknowns():
+    case = draw("none", 2)
+    assert scoring.score(case, answer_of(case, verdict="none"))["right"]
+    assert not scoring.score(case, answer_of(case, ("drift", "x", None, {"rate": 1.0}, [])))["right"]
+    novel = draw("novel", 2)
+    said = scoring.score(novel, answer_of(novel, verdict="unknown", location=novel.truths[0].location))
+    assert said["right"] and said["place"]
+    assert not scoring.score(novel, answer_of(novel, verdict="none"))["right"]
+
+
+def test_the_oracle_pays_for_the_noise_alone():
+    """Half the noise, half the oracle's error."""
+    case = draw("time", 1)
+    full = scoring.oracle_error(case)
+    groups = case.question.groups
+    keys = [(0, name) for name in case.truths[0].params]
+    U = case.question.X.reshape(int(groups.max()) + 1, -1, case.question.X.shape[1])
+    clean = scoring._columns(case, U, case.starts, keys, [1e-9] * len(keys))[0].reshape(case.question.y.shape)
+    case.question.y[:] = clean + 0.5 * (case.question.y - clean)
+    assert scoring.oracle_error(case) == pytest.approx(0.5 * full, rel=0.05)
+
+
+# ---- campaign
+
+
+def test_a_broken_off_check_is_taken_up_again(tmp_path, solver):
+    file = tmp_path / "rows.jsonl"
+    first = run_blind_check(2, ["none", "coloured"], seed=1, diagnosis=f"{HERE}:says_nothing", resume=file)
+    with file.open("a") as stream:
+        stream.write('{"arm": "none", "broken')
+    again = run_blind_check(4, ["none", "coloured"], seed=1, diagnosis=f"{HERE}:says_nothing", resume=file)
+    assert len(first.rows) == 2 and len(again.rows) == 4
+    assert [row["sha256"] for row in again.rows[:2]] == [row["sha256"] for row in first.rows]
+    assert len({(row["arm"], row["seed"]) for row in again.rows}) == 4
+    assert all(row["right"] for row in again.rows) and len(BlindResult.load(file).rows) == 4
+
+
+def test_arms_and_files_that_are_not_there_say_so(tmp_path):
+    with pytest.raises(SurrogateError, match=r"arms: \['nune'\] unknown"):
+        run_blind_check(1, "nune")
+    with pytest.raises(DataError, match="there is no such file"):
+        BlindResult.load(tmp_path / "none.jsonl")
+
+
+def test_tables_and_page(tmp_path, solver):
+    rows = []
+    for arm, seed in (("none", 1), ("effect", 0), ("novel", 2)):
+        case = draw(arm, seed)
+        rows.append(scoring.score(case, solver.ask(case.question)))
+    result = BlindResult((*rows, {"arm": "none", "seed": 9, "error": "ValueError: broke", "right": False}))
+    scores = {row["arm"]: row for row in result.scores()}
+    assert scores["none"]["cases"] == 2 and scores["none"]["failed"] == 1 and scores["effect"]["right"] == 0.0
+    kinds = dict(result.failures())
+    assert set(kinds) == {"no answer", "not named, said none", "none where it should be unknown"}
+    page = result.to_html(tmp_path / "page.html")
+    assert "<h2>By plant</h2>" in page and (tmp_path / "page.html").read_text() == page
+    assert "not named, said none" in result.to_markdown()
+
+
+# ---- a simulator of the user's own
+
+
+def own_rhs(t, x, u, p):
+    if x[0] > 1e9:  # branches on values: goes column by column
+        return [0.0, 0.0]
+    return [x[1], p["b"] * u[0] - p["k"] * x[0] - p["c"] * x[1]]
+
+
+def own(**more):
+    return ODESimulator(
+        own_rhs, states=["q", "v"], inputs=["f"], outputs=["q"], params={"b": 1.0, "k": 4.0, "c": 0.5}, dt=0.1, **more
+    )
+
+
+def test_a_simulator_of_your_own(solver):
+    from sksurrogate.blind._own import plant_of
+
+    U = np.repeat(np.random.default_rng(0).uniform(-1, 1, 24), 5)[:, None]
+    plant, runs = plant_of(own(), X=U, groups=np.repeat([0, 1], 60), x0_spread=[0.1, 0.1])
+    assert plant.kinematic == {"q": "v"} and [len(run) for run in runs] == [60, 60]
+    for arm in ("effect", "none"):
+        case = draw(arm, 4, plant=plant, runs=runs)
+        np.testing.assert_array_equal(case.question.X, U)
+        assert case.facts["excitation"] == "recorded" and "error" not in solver.ask(case.question)
+    with pytest.raises(SimulatorError, match="give recorded inputs"):
+        plant_of(own())
+    with pytest.raises(SimulatorError, match="'f' is missing"):
+        plant_of(own(), input_ranges={"g": (0, 1)})
+    with pytest.raises(SimulatorError, match="x0_spread has 1 values"):
+        plant_of(own(), input_ranges={"f": (0, 1)}, x0_spread=[0.1])
