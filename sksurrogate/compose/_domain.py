@@ -31,6 +31,14 @@ class Domain:
         """The box of the rows of ``phi``."""
         return cls(phi.min(axis=0), phi.max(axis=0), float(fade))
 
+    def held(self, z: np.ndarray, margin: float = 0.1) -> np.ndarray:
+        """Features (n_features, *s) held within the box widened by a share of its size."""
+        if not np.isfinite(self.fade):
+            return z
+        wide = (slice(None), *(None,) * (z.ndim - 1))
+        room = margin * (self.high - self.low)
+        return np.clip(z, (self.low - room)[wide], (self.high + room)[wide])
+
     def distance(self, phi: np.ndarray) -> np.ndarray:
         """How far rows lie outside, as a share of the range of the feature that lies farthest: (n_rows,)."""
         size = np.maximum(self.high - self.low, 1e-2 * np.maximum(np.abs(self.high), np.abs(self.low)) + 1e-12)

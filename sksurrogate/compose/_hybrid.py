@@ -12,6 +12,7 @@ from sklearn.metrics import r2_score
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
+from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
 from sksurrogate.compose._hybrid_output import Free, OutputCorrection
 from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.runs import Runs, resolve_runs
@@ -34,14 +35,20 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         deviations, inputs, and the simulator's own output. Default for "output": the mean of three small tanh nets with
         a linear part, trained through the free run, judged on runs left out; for "static" and "series": ridge on
         polynomials, chosen on runs left out.
-    form : {"output", "static", "series"}, default="output"
+        For "dynamics" and "input": transformers and a linear model; default: monomials, degree chosen on runs left out.
+    form : {"output", "static", "series", "dynamics", "input"}, default="output"
         "output": past deviations are features, as in the paper. "static": only inputs (with their lags) and the
         simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
+        "dynamics": a term of states and inputs is added to dx/dt (or the next states of a step). "input": a term of the
+        inputs is added to them. The last two need a simulator with ``rhs`` or ``step``.
     loss : {"one_step", "shooting"}, optional
-        Whether the correction is fitted one step ahead or through its own free run. Default: "shooting" for the default
-        residual, "one_step" for yours.
+        Whether the correction is fitted one step ahead or through its own free run. Default: "one_step" for
+        a residual of yours outside the plant, else "shooting".
     n_lags : int, default=5
         Past deviations and inputs.
+    states : list of str, optional
+        With "dynamics": the states whose derivative is corrected; by default all whose balance is not an identity such
+        as ``dq/dt = v``.
     shrinkage : float, default=1e-2
         Penalty of the default residual: how much evidence a correction needs.
     fade : float, default=1.0
@@ -89,8 +96,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     _parameter_constraints = {
         "simulator": "no_validation",
         "residual": "no_validation",
-        "form": [StrOptions({"output", "static", "series"})],
+        "form": [StrOptions({"output", "static", "series", "dynamics", "input"})],
         "loss": [StrOptions({"one_step", "shooting"}), None],
+        "states": ["array-like", None],
         "n_lags": [Interval(Integral, 1, None, closed="left")],
         "shrinkage": [Interval(Real, 0, None, closed="left")],
         "fade": [Interval(Real, 0, None, closed="both")],
@@ -107,6 +115,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         *,
         loss: str | None = None,
         n_lags: int = 5,
+        states: Sequence[str] | None = None,
         shrinkage: float = 1e-2,
         fade: float = 1.0,
         warm_start: bool = False,
@@ -118,6 +127,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         self.form = form
         self.loss = loss
         self.n_lags = n_lags
+        self.states = states
         self.shrinkage = shrinkage
         self.fade = fade
         self.warm_start = warm_start
@@ -283,10 +293,18 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         return fitted.simulator_
 
     def _correction(self) -> Any:
-        loss = self.loss if self.loss is not None else ("shooting" if self.residual is None else "one_step")
+        loss = self.loss if self.loss is not None else self._default_loss()
+        if self.form in ("dynamics", "input"):
+            return DynamicsCorrection(
+                self.simulator_, self.residual, self.form, loss, self.states, self.fade, self.shrinkage
+            )
         return OutputCorrection(
             self.simulator_, self.residual, self.form, loss, self.n_lags, self.fade, self.shrinkage, self.random_state
         )
+
+    def _default_loss(self) -> str:
+        inside = self.form in ("dynamics", "input")
+        return "shooting" if self.residual is None or inside else "one_step"
 
     def _free(self, X: Any, y0: Any, groups: Any) -> tuple[Runs, Free, list]:
         """Runs, their free runs, and the rows these start from."""

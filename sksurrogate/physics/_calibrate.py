@@ -153,7 +153,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         theta = np.clip(theta, low, high)
         unit = np.where(theta != 0, np.abs(theta), 1.0)
         with np.errstate(all="ignore"):
-            model, guess = _prepared(plant, record, names, theta, starts, x0 is not None, self.fit_x0)
+            model, guess = prepared(plant, record, names, theta, starts, x0 is not None, self.fit_x0)
             sd = noise_of_differences(record.y, record.starts)
             fit, self.method_ = self._fitted(model, theta, guess, sd, unit, (low, high))
             if fit is None:
@@ -315,7 +315,7 @@ def replace_params(estimator: CalibratedSimulator, simulator: Any) -> Calibrated
     return CalibratedSimulator(simulator, [], fit_x0=True, max_iter=estimator.max_iter, run=estimator.run)
 
 
-def _prepared(
+def prepared(
     plant: Plant, record: Record, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool, fit_x0: bool
 ) -> tuple[FitModel, np.ndarray]:
     """The model with substeps that its error asks for, and a trajectory to start from."""

@@ -1,0 +1,264 @@
+"""Corrections inside a simulator: a term added to its derivatives, or to its inputs, fitted through the free run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from sksurrogate.compose._domain import Domain
+from sksurrogate.compose._hybrid_output import Free
+from sksurrogate.compose._term import Basis, TermModel
+from sksurrogate.effects._catalogue import kinematic_states
+from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.kernels.output_error import output_error
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import noise_of_differences
+from sksurrogate.physics._calibrate import prepared
+from sksurrogate.physics._free_run import free_run
+from sksurrogate.physics._simulator import Plant, describe
+
+__all__ = ["DynamicsCorrection"]
+
+#: Most functions that a default basis may have.
+MOST_FUNCTIONS = 40
+
+
+class DynamicsCorrection:
+    """``dx/dt = rhs(t, x, u, p) + g(x, u)`` ("dynamics") or ``rhs(t, x, u + g(u), p)`` ("input").
+
+    Parameters
+    ----------
+    simulator : simulator with a right-hand side or a step
+    residual : pipeline of transformers and a linear model, or None
+        Its transformers give the functions g is made of, its last step gets the coefficients. None: monomials whose
+        degree is chosen on runs left out.
+    form : {"dynamics", "input"}
+    loss : {"one_step", "shooting"}
+    states : list of str, optional
+        States whose derivative is corrected ("dynamics"); by default all whose balance is not an identity.
+    fade : float
+    shrinkage : float
+        Precision of the prior around no correction, coefficients in units of the spread of the derivative (or input).
+    """
+
+    #: Rows that a free run starts from.
+    n_lags = 1
+    theta: np.ndarray
+
+    def __init__(self, simulator: Any, residual: Any, form: str, loss: str, states: Any, fade: float, shrinkage: float):
+        self.simulator, self.residual, self.form, self.loss = simulator, residual, form, loss
+        self.states, self.fade, self.shrinkage = states, fade, shrinkage
+
+    def fit(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any = None) -> DynamicsCorrection:
+        """Fit on runs; ``before``: a fitted correction to start from."""
+        self.n_outputs = measured[0].shape[1]
+        plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+        if plant.access == "trajectory":
+            raise SimulatorError(
+                f'form="{self.form}" needs a simulator with rhs or step and states; {type(self.simulator).__name__} gives '
+                'trajectories only: use form="output", "static" or "series".'
+            )
+        times = [plant.dt * np.arange(len(U)) for U in inputs]
+        record = Record.from_runs(inputs, measured, times, plant.dt)
+        with np.errstate(all="ignore"):
+            starts = np.repeat(plant.x0[None], len(inputs), axis=0)
+            model, guess = prepared(plant, record, [], np.zeros(0), starts, False, True)
+        self.noise = noise_of_differences(record.y, record.starts)
+        z = record.u if self.form == "input" else np.concatenate([guess, record.u])
+        self.domain = Domain.of(z.T, self.fade)
+        everything = list(range(len(inputs)))
+        judges = everything[1::4] if len(everything) >= 4 else everything
+        pupils = [r for r in everything if r not in judges] or everything
+        best, bases = np.inf, self._bases(z)
+        self.terms: Any = None
+        for basis in bases:
+            if len(bases) > 1:
+                self._learn(plant, model, guess, basis, pupils, None)
+                error = self._error([inputs[r] for r in judges], [measured[r] for r in judges])
+            else:
+                error = 0.0
+            if self.terms is None or error < best:
+                best, chosen = error, basis
+                self.terms = self.terms if self.terms is not None else model
+        self._learn(plant, model, guess, chosen, everything, before)
+        free = self.run(inputs, [y[:1] for y in measured])
+        self.rmse = np.sqrt(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2, axis=0))
+        alone = [np.asarray(self.simulator.simulate(U, x0=self._start(plant, y[:1]))) for U, y in zip(inputs, measured)]
+        self.reach = np.sqrt(
+            np.mean(np.concatenate([a.reshape(y.shape) - y for a, y in zip(alone, measured)]) ** 2, axis=0)
+        )
+        self.fitted = self._filled()
+        return self
+
+    def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None]) -> Free:
+        """Free runs from the first row (None: the simulator's own start), each with its own number of samples."""
+        plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
+        lengths = np.array([len(U) for U in inputs])
+        outputs: list[Any] = [None] * len(inputs)
+        weights: list[Any] = [None] * len(inputs)
+        for length in np.unique(lengths):
+            chosen = [int(r) for r in np.flatnonzero(lengths == length)]
+            U = np.stack([inputs[r] for r in chosen])
+            X0 = np.stack([self._start(plant, first[r]) for r in chosen])
+            X = self._states(plant, rate, U, X0)
+            t = plant.dt * np.arange(length)
+            Y = self.terms.plant.inner.output(t, X.transpose(2, 0, 1), U.transpose(2, 0, 1)).transpose(1, 2, 0)
+            z = U if self.form == "input" else np.concatenate([X, U], axis=2)
+            w = self.domain.weight(z.reshape(-1, z.shape[2])).reshape(len(chosen), length)
+            for k, r in enumerate(chosen):
+                outputs[r], weights[r] = np.array(Y[k]), w[k]
+                given = first[r]
+                if given is not None:
+                    outputs[r][: len(given)] = given[:length]
+        return Free(outputs, [np.zeros_like(y) for y in outputs], weights)
+
+    def one_step(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> list[np.ndarray]:
+        """One step ahead from measured outputs, where these are all the states; else from the free run's states."""
+        plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
+        places = self._whole_state(plant)
+        out = []
+        for U, y in zip(inputs, measured):
+            x = np.empty((len(U), len(plant.states)))
+            x[:, places] = y
+            pairs = np.stack([U[:-1], U[1:]], axis=1)
+            part = np.full(y.shape, np.nan)
+            part[1:] = self._states(plant, rate, pairs, x[:-1])[:, 1][:, places]
+            out.append(part)
+        return out
+
+    def rhs(self, t: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """dx/dt with the correction, on columns (n_states, n_points) and (n_inputs, n_points)."""
+        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
+        return rate(t, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
+
+    # ---- parts ------------------------------------------------------------------------------------------------------
+    def _states(self, plant: Plant, rate: Any, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
+        """(n_runs, n_samples, n_states)."""
+        t = plant.dt * np.arange(U.shape[1])
+        if plant.access == "rhs":
+            method = str(getattr(self.simulator, "method", "auto"))
+            order = 0 if plant.hold == "zoh" else 1
+            return free_run(rate, U, X0, t, order=order, method=method, states=plant.states)
+        X = np.empty((*U.shape[:2], X0.shape[1]))
+        X[:, 0] = X0
+        for k in range(U.shape[1] - 1):
+            X[:, k + 1] = rate(np.full(len(U), t[k]), X[:, k].T, U[:, k].T).T
+        return X
+
+    def _start(self, plant: Plant, y: np.ndarray | None) -> np.ndarray:
+        """Initial state; states that are outputs start at the measurement."""
+        x0 = plant.x0.copy()
+        if y is not None and len(y) and plant.output_states is not None:
+            x0[list(plant.output_states)] = y[0]
+        return x0
+
+    def _whole_state(self, plant: Plant) -> list[int]:
+        """Places of the outputs in the state, where they are all of it."""
+        places = plant.output_states
+        if places is None or len(set(places)) < len(plant.states):
+            raise DataError(
+                f'one step ahead needs all states {list(plant.states)} among the outputs {list(plant.outputs)}: use loss="shooting".'
+            )
+        return list(places)
+
+    def _targets(self, plant: Plant, inner: Any) -> tuple[int, ...]:
+        """Positions of the states or inputs that get a term."""
+        if self.form == "input":
+            return tuple(range(len(plant.inputs)))
+        if self.states is not None:
+            unknown = [name for name in self.states if name not in plant.states]
+            if unknown:
+                raise SimulatorError(f"states={list(self.states)}: the simulator has no state {unknown[0]!r}; it has {list(plant.states)}.")  # fmt: skip
+            return tuple(plant.states.index(name) for name in self.states)
+        fixed = kinematic_states(inner) if plant.access == "rhs" else ()
+        return tuple(k for k, name in enumerate(plant.states) if name not in fixed)
+
+    def _bases(self, z: np.ndarray) -> list[Basis]:
+        """Candidates for the functions that the term is made of."""
+        if self.residual is not None:
+            steps = [step for _, step in getattr(self.residual, "steps", None) or [("model", self.residual)]]
+            if not hasattr(steps[-1], "fit_intercept"):
+                raise DataError(
+                    f'residual={self.residual!r}: form="{self.form}" wants transformers and a linear model at the end, '
+                    "for example make_pipeline(PolynomialFeatures(2, include_bias=False), Ridge())."
+                )
+            return [Basis(z.T, 1, clone(self.residual)[:-1] if len(steps) > 1 else None)]
+        found = [Basis(z.T, degree) for degree in (1, 2, 3, 4)]
+        return [basis for basis in found if basis.size <= MOST_FUNCTIONS] or found[:1]
+
+    def _learn(self, plant: Plant, model: Any, guess: np.ndarray, basis: Basis, runs: list[int], before: Any) -> None:
+        """Coefficients of one basis on some of the runs: one step ahead where all states are measured, then shooting."""
+        record = model.record.select(runs)
+        rows = np.isin(model.record.run_of_row, runs)
+        inner = type(model)(model.inner, [], record, model.n_sub, model.scale)
+        x = guess[:, rows]
+        targets = self._targets(plant, model.inner)
+        if self.form == "input":
+            size = np.std(model.record.u, axis=1)[list(targets)]
+        else:
+            size = np.std(np.diff(guess, axis=1), axis=1)[list(targets)]
+            size = size / plant.dt if plant.access == "rhs" else size
+        term = TermModel(inner, basis, targets, np.where(size > 0, size, 1.0), self.form == "input")
+        theta = np.zeros(term.n_theta)
+        if before is not None and isinstance(before, DynamicsCorrection) and len(before.theta) == len(theta):
+            theta = before.theta * np.repeat(before.terms.size / term.size, basis.size)
+        elif plant.output_states is not None and len(set(plant.output_states)) == len(plant.states):
+            theta = self._one_step_fit(term, x)
+        elif self.loss == "one_step":
+            self._whole_state(plant)
+        if self.loss == "shooting":
+            sd = np.maximum(self.noise, 1e-3 * np.std(record.y, axis=1) + 1e-300)
+            unlimited = (np.full(len(theta), -np.inf), np.full(len(theta), np.inf))
+            prior = np.full(len(theta), 1.0 / np.sqrt(max(self.shrinkage, 1e-12)))
+            fit = output_error(
+                term, theta, x, sd, unit=np.full(len(theta), 0.1), bounds=unlimited, prior=prior, open_steps=2, max_steps=30
+            )  # fmt: skip
+            theta = fit.theta if fit is not None else theta
+        self.terms, self.theta = term, theta
+
+    def _one_step_fit(self, term: TermModel, x: np.ndarray) -> np.ndarray:
+        """Two Gauss-Newton steps on ``x[k+1] - F(x[k])``, with the prior."""
+        k, theta = term.n_theta, np.zeros(term.n_theta)
+        inside = np.ones(x.shape[1], bool)
+        inside[term.record.starts] = False
+        for _ in range(2):
+            values = np.repeat(theta[:, None], 1 + k, axis=1)
+            values[np.arange(k), 1 + np.arange(k)] += 1e-4
+            after = term.bind(values)(np.repeat(x[:, None], 1 + k, axis=1))[:, :, :-1]
+            wide = term.scale[:, None]
+            error = ((x[:, 1:] - after[:, 0]) / wide)[:, inside[1:]].ravel()
+            J = ((after[:, 1:] - after[:, :1]) / 1e-4 / wide[:, None])[:, :, inside[1:]]
+            J = J.transpose(0, 2, 1).reshape(-1, k)
+            good = np.isfinite(error) & np.isfinite(J).all(axis=1)
+            J, error = J[good], error[good]
+            noise = np.mean(error**2) + 1e-300
+            normal = J.T @ J + self.shrinkage * noise * np.eye(k) + 1e-9 * np.eye(k) * np.trace(J.T @ J) / k
+            theta = theta + np.linalg.solve(normal, J.T @ error - self.shrinkage * noise * theta)
+        return theta
+
+    def _error(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> float:
+        """Mean square error of the free run from the first measured row."""
+        free = self.run(inputs, [y[:1] for y in measured])
+        error = float(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2))
+        return error if np.isfinite(error) else np.inf
+
+    def _filled(self) -> Any:
+        """The user's pipeline with the fitted coefficients, or the basis."""
+        coef = self.terms.coefficients(self.theta[:, None])[:, :, 0] * self.terms.size[:, None]
+        self.coef = coef
+        if self.residual is None:
+            return self.terms.basis
+        fitted = clone(self.residual)
+        last = fitted
+        if hasattr(fitted, "steps"):
+            names = [name for name, _ in fitted.steps]
+            steps = getattr(self.terms.basis.transformer, "steps", [])
+            fitted.steps = [*steps, (names[-1], fitted.steps[-1][1])]
+            last = fitted.steps[-1][1]
+        last.coef_, last.intercept_ = coef[:, 1:], coef[:, 0]
+        return fitted
