@@ -74,6 +74,8 @@ def write_network(estimator: Any, net: Net) -> bool:
 
 def agrees(net: Net, estimator: Any, phi: np.ndarray) -> bool:
     """Whether the network is what the regressor predicts."""
+    if len(net.mean) != phi.shape[1]:
+        return False
     wanted = np.asarray(estimator.predict(phi), dtype=float).reshape(len(phi), -1)
     found = net(phi)
     return found.shape == wanted.shape and bool(np.allclose(found, wanted, rtol=1e-5, atol=1e-7 * np.ptp(wanted)))
@@ -143,8 +145,8 @@ def _layers(model: Any) -> tuple[list[np.ndarray], list[np.ndarray], tuple[str, 
         if len(every) != len(weights) or every[-1] != "identity" or not all(kind in _KNOWN for kind in kinds):
             return None
         return weights, [np.asarray(b, dtype=float) for b in model.intercepts_], kinds
-    if not hasattr(model, "coef_") or not hasattr(model, "intercept_"):
-        return None
+    if not hasattr(model, "coef_") or not hasattr(model, "intercept_") or getattr(model, "features_", None) is not None:
+        return None  # weights of features that the model makes itself are not weights of its inputs
     coef = np.atleast_2d(np.asarray(model.coef_, dtype=float))
     if coef.ndim != 2 or hasattr(model, "dual_coef_"):
         return None

@@ -14,7 +14,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin, lengthened
+from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened
 from sksurrogate.compose._free_fit import shoot
 from sksurrogate.compose._lagged import barely_fitted, diverged, name_features, stacked
 from sksurrogate.compose._network import agrees, describe_network, write_network
@@ -339,7 +339,9 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         """Free runs of equal length, (n_runs, n_steps, n_outputs)."""
         model = self._lag_net() if self.compiled_ else None
         if model is None:
-            return march(self._step, U, first, self.output_lags_, self.input_terms_)
+            far = FAR * (self.y_spread_ + np.abs(self.y_mean_))  # no predict is asked beyond
+            limits = self.y_mean_ - far, self.y_mean_ + far
+            return march(self._step, U, first, self.output_lags_, self.input_terms_, limits)
         return free_run(model, U, first)
 
     def _run_free(self, inputs: Sequence[np.ndarray], first: Any) -> tuple[Any, list[tuple[int, int]]]:

@@ -27,6 +27,7 @@ def march(
     first: np.ndarray,
     output_lags: Sequence[int],
     input_terms: Sequence[tuple[int, int]],
+    limits: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
     """Free run of any one-step model, all runs abreast, one call a step.
 
@@ -40,11 +41,13 @@ def march(
     output_lags : sequence of int
     input_terms : sequence of (int, int)
         Column and lag of every input feature.
+    limits : (ndarray, ndarray), optional
+        Lowest and highest outputs, (n_outputs,) each, with which ``step`` is called again.
 
     Returns
     -------
     ndarray (n_runs, n_steps, n_outputs)
-        nan from where a run left the finite numbers.
+        nan after a run left the finite numbers or the limits.
     """
     n_runs, n_steps, _ = U.shape
     n_first, o = first.shape[1:]
@@ -58,8 +61,10 @@ def march(
         phi = np.concatenate([*(y[alive, t - k] for k in output_lags), known[:, alive, t - n_first].T], axis=1)
         found = step(phi)
         y[alive, t] = found
-        if not np.isfinite(found).all():
-            alive = alive[np.isfinite(found).all(axis=1)]
+        low, high = limits or (-np.inf, np.inf)
+        within = np.isfinite(found) & (found >= low) & (found <= high)
+        if not within.all():
+            alive = alive[within.all(axis=1)]
             if not len(alive):
                 break
     return y

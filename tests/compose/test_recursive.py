@@ -309,6 +309,9 @@ def test_a_diverging_training_run_is_told():
     X, y, groups = planted()
     model = RecursivePredictor(FixedRegressor(), 1, 2)
     assert model.fit(X, y, groups=groups).free_run_rmse_ == np.inf
+    model.compiled_ = False
+    with pytest.raises(SimulationDiverged, match=r"run 0, step 2\d; 3 of 3"):
+        model.predict(X, groups=groups)
 
 
 class FixedRegressor(LinearRegression):
