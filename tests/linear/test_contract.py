@@ -10,6 +10,7 @@ from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, Splin
 from sklearn.utils import estimator_checks
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
+from sksurrogate.compose import RecursivePredictor
 from sksurrogate.exceptions import DataError
 from sksurrogate.linear import Bounds, Curvature, PCRRegressor, PenalizedRegressor, Ridge
 
@@ -144,3 +145,26 @@ def test_a_jacobian_of_the_features_is_used():
     X, Y, _ = data()
     model = PenalizedRegressor(features=Squares()).fit(X, Y)
     np.testing.assert_array_equal(model.jacobian(X), np.einsum("qj,nj->nqj", model.coef_, 2 * X))
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+@pytest.mark.parametrize("features", [None, SplineTransformer(4)])
+def test_frames_keep_their_names(library, features):
+    frames = pytest.importorskip(library)
+    X, Y, _ = data()
+    frame = frames.DataFrame({name: X[:, j] for j, name in enumerate("abcd")})
+    target = frames.Series(Y[:, 0])
+    model = PenalizedRegressor([Ridge()], features=features).fit(frame, target)
+    assert list(model.feature_names_in_) == list("abcd")
+    np.testing.assert_allclose(model.predict(frame), clone(model).fit(X, Y[:, 0]).predict(X))
+    with pytest.raises(ValueError, match="feature names"):
+        model.predict(frame[["b", "a", "c", "d"]])
+
+
+def test_free_runs_of_a_model_with_its_own_features():
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(300, 1)), np.zeros(300)
+    for t in range(1, 300):
+        y[t] = 0.8 * y[t - 1] + np.tanh(X[t - 1, 0])
+    splines = PenalizedRegressor([Ridge(1e-3)], features=SplineTransformer(8, extrapolation="linear"))
+    assert RecursivePredictor(splines, [1], 1).fit(X, y).free_run_rmse_ < 0.05
