@@ -1,0 +1,86 @@
+"""Lags: against pandas' shift within each run, and the contract."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.base import clone
+from sklearn.utils import estimator_checks as checks
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from sksurrogate.exceptions import DataError, RunError
+from sksurrogate.features import LagEmbedding
+
+TIME_AWARE = {
+    "check_methods_sample_order_invariance": "rows are in time order: a lag is a row earlier in the same run",
+    "check_methods_subset_invariance": "a subset of rows has another past",
+}
+SETTINGS = [LagEmbedding(), LagEmbedding([0, 3], fill=0.0)]
+
+
+@parametrize_with_checks(SETTINGS, expected_failed_checks=lambda _: TIME_AWARE)
+def test_check_estimator(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.filterwarnings("ignore:X (does not have valid|has) feature names:UserWarning")
+@pytest.mark.parametrize("estimator", SETTINGS, ids=repr)
+@pytest.mark.parametrize(
+    "check",
+    [
+        checks.check_set_output_transform,
+        checks.check_set_output_transform_pandas,
+        checks.check_set_output_transform_polars,
+        checks.check_dataframe_column_names_consistency,
+        checks.check_get_feature_names_out_error,
+        checks.check_transformer_get_feature_names_out,
+        checks.check_transformer_get_feature_names_out_pandas,
+    ],
+    ids=lambda check: check.__name__,
+)
+def test_checks_that_third_parties_do_not_get(estimator, check):
+    check(type(estimator).__name__, clone(estimator))
+
+
+@given(lengths=st.lists(st.integers(1, 9), min_size=1, max_size=5), lags=st.sets(st.integers(0, 6), min_size=1))
+@settings(max_examples=50, deadline=None)
+def test_lags_are_pandas_shift_within_each_run(lengths, lags):
+    groups = np.repeat(np.arange(len(lengths)), lengths)
+    frame = pd.DataFrame(np.random.default_rng(0).normal(size=(len(groups), 2)), columns=["u", "v"])
+    out = LagEmbedding(sorted(lags), fill="nan").set_output(transform="pandas").fit_transform(frame, groups=groups)
+    for column in ("u", "v"):
+        for lag in lags:
+            expected = frame[column].groupby(groups).shift(lag)
+            np.testing.assert_array_equal(out[f"{column}_lag{lag}"], expected)
+
+
+def test_run_as_a_column_equals_groups():
+    frame = pd.DataFrame({"u": np.arange(6.0), "batch": [3, 3, 3, 8, 8, 8]})
+    by_column = LagEmbedding(2, run="batch").fit(frame)
+    by_groups = LagEmbedding(2).fit(frame[["u"]])
+    np.testing.assert_array_equal(
+        by_column.transform(frame), by_groups.transform(frame[["u"]], groups=frame["batch"].to_numpy())
+    )
+    assert by_column.get_feature_names_out().tolist() == ["u_lag0", "u_lag1", "u_lag2"]
+    np.testing.assert_array_equal(by_column.complete(frame), [False, False, True] * 2)
+    kept = LagEmbedding([0], run="batch", keep_run=True).set_output(transform="pandas").fit_transform(frame)
+    assert kept.columns.tolist() == ["u_lag0", "batch"] and kept["batch"].tolist() == [3, 3, 3, 8, 8, 8]
+
+
+def test_lags_by_column():
+    X = np.arange(8.0).reshape(4, 2)
+    out = LagEmbedding({1: [2], 0: 1}).fit(X)
+    assert out.get_feature_names_out(["u", "v"]).tolist() == ["v_lag2", "u_lag0", "u_lag1"]
+    np.testing.assert_array_equal(out.transform(X)[3], [3.0, 6.0, 4.0])
+
+
+def test_errors():
+    with pytest.raises(DataError, match="every lag must be at least 0"):
+        LagEmbedding([-1]).fit(np.zeros((4, 1)))
+    with pytest.raises(DataError, match="fill='past' must be"):
+        LagEmbedding(fill="past").fit(np.zeros((4, 1)))
+    with pytest.raises(DataError, match="asks for no column"):
+        LagEmbedding({}).fit(np.zeros((4, 1)))
+    with pytest.raises(RunError, match="in two pieces"):
+        LagEmbedding().fit(np.zeros((3, 1)), groups=[0, 1, 0])
