@@ -1,6 +1,6 @@
 """
 Figure 3: what do experiments with the plant of Eq. (9) look like?
-=================================================================
+==================================================================
 
 One input, ten held levels, and runs from eight initial states: only a simulator lets y(0) be chosen.
 """

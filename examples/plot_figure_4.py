@@ -1,6 +1,6 @@
 """
 Figure 4: how much of the vector field do experiments see?
-=========================================================
+==========================================================
 
 Runs from many y(0) cover the surface dy/dt = f(y, u) of Eq. (9); a plant that cannot choose its start sees a fraction.
 """

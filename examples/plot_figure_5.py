@@ -1,6 +1,6 @@
 """
 Figure 5: is a model fitted on one operating regime good elsewhere?
-==================================================================
+===================================================================
 
 dy/dt = FNN(y, u) from the simulator's own derivatives: fitted on the run from y(0) = 15 alone, and on all runs.
 """

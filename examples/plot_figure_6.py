@@ -1,6 +1,6 @@
 """
 Figure 6: is a model that is good one step ahead good in recursion?
-==================================================================
+===================================================================
 
 y[t] = FNN(y[t-1], u[t], u[t-1]) with 3 nodes on noisy runs: the one-step fit looks fine, its recursion drifts. The same
 network trained on its own free run (shooting) is drawn beside it.

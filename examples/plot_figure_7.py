@@ -1,8 +1,9 @@
 """
 Figure 7: do five lags make the recursion decent?
-================================================
+=================================================
 
-y[t] = FNN(y[t-1], ..., y[t-5], u[t], ..., u[t-5]) with 3 nodes, on the noisy runs of Figure 6.
+y[t] = FNN(y[t-1], ..., y[t-5], u[t], ..., u[t-5]) with 3 nodes, on the noisy runs of Figure 6;
+beside it a recurrent network (GRU), which the paper leaves open.
 """
 
 import warnings
@@ -16,6 +17,7 @@ from sklearn.preprocessing import StandardScaler
 
 from sksurrogate.compose import RecursivePredictor
 from sksurrogate.datasets import make_reactor_experiments
+from sksurrogate.neural import RecurrentRegressor
 
 warnings.simplefilter("ignore", ConvergenceWarning)
 X, y, groups, _ = make_reactor_experiments(noise=0.2, random_state=0)
@@ -47,10 +49,11 @@ for lags in (1, 5):
     models[lags] = fitted[int(np.argsort(errors[lags])[3])]
     print(f"{lags} lags, free runs of seven starts, RMSE: {np.round(np.sort(errors[lags]), 2).tolist()}")
 
+gru = RecurrentRegressor("gru", 8, max_epochs=300, batch_size=8, random_state=0).fit(X, y, groups=groups)
 panels = {
     "five lags, one step ahead": models[5].predict_one_step(X, y, groups=groups),
     "five lags, recursion": free_run(models[5]),
-    "one lag, recursion (Figure 6)": free_run(models[1]),
+    "beyond the paper: recurrent network": free_run(gru),
 }
 figure, axes = plt.subplots(1, 3, figsize=(13, 4.5), sharey=True, constrained_layout=True)
 for ax, (name, found) in zip(axes, panels.items()):
@@ -61,7 +64,13 @@ for ax, (name, found) in zip(axes, panels.items()):
 axes[0].set_ylabel("y (solid: plant, dotted: model)")
 
 # %%
-# Five lags average the noise out of the past; the middle one of seven starts is decent in recursion.
+# Five lags average the noise out of the past; the middle one of seven starts is decent in recursion. The recurrent
+# network is trained on its free run, without feedback of outputs, and is twice as good; the one-lag network trained by
+# shooting (Figure 6) is as good with far fewer weights.
+
+recurrent = rmse(free_run(gru))
+print(f"recurrent network: RMSE {recurrent:.3f}")
+assert recurrent < 0.1
 
 assert np.median(errors[5]) < 0.15
 assert np.median(errors[1]) > 2 * np.median(errors[5])
