@@ -1,6 +1,7 @@
 """Sphinx configuration. ``SKSURROGATE_GALLERY=1`` runs the examples; without it they are shown unrun."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -77,5 +78,17 @@ def skip_requests(app, what, name, obj, skip, options):
     return True if name.startswith("set_") and name.endswith("_request") else skip
 
 
+def keep_underscores(app, what, name, obj, options, lines):
+    """``coef_`` in a docstring is a name, not a link to "coef"."""
+    in_example = False
+    for i, line in enumerate(lines):
+        in_example = line.strip().startswith(">>>") or (in_example and bool(line.strip()))
+        if not in_example:
+            parts = re.split(r"(`+[^`]*`+_*)", line)
+            parts[::2] = [re.sub(r"(?<![\\\w])(\w+)_(?!\w)", r"\1\\_", part) for part in parts[::2]]
+            lines[i] = "".join(parts)
+
+
 def setup(app):
+    app.connect("autodoc-process-docstring", keep_underscores, priority=900)
     app.connect("autodoc-skip-member", skip_requests)

@@ -30,6 +30,9 @@ __all__ = ["RecursivePredictor"]
 #: Rows in a block of one-step predictions.
 BLOCK = 65536
 
+#: Features are held within it, so that squares of a free run that diverges between two checks stay finite.
+_HELD = 1e50
+
 
 class RecursivePredictor(FreeRunMixin, BaseEstimator):
     """``y[t] = f(y[t-1], ..., y[t-ny], u[t], ..., u[t-nu])`` around any regressor f.

@@ -1,0 +1,181 @@
+"""Every public estimator: pickled, cloned, in worker processes, on memory maps, odd arrays and odd units.
+
+Estimators are found through the faces; one whose constructor needs arguments is built in ``BUILD``.
+"""
+
+import inspect
+import pickle
+import warnings
+from importlib import import_module
+
+import joblib
+import numpy as np
+import pytest
+from sklearn.base import BaseEstimator, clone
+from sklearn.linear_model import Ridge
+
+from sksurrogate.datasets import make_reactor, make_reactor_runs
+
+FACES = ("features", "linear", "neural", "compose", "physics", "gap")
+X, y, groups = make_reactor_runs(4, 60, y0_range=(4.0, 6.0), u_range=(0.1, 0.16), noise=0.01, random_state=0)
+
+BUILD = {
+    "RecursivePredictor": lambda c: c(Ridge(1e-3), 2, 2),
+    "DerivativeRegressor": lambda c: c(Ridge(1e-3)),
+    "HybridRegressor": lambda c: c(make_reactor(second=90.0), Ridge(1e-3)),
+    "CalibratedSimulator": lambda c: c(make_reactor(), params=["feed"]),
+    "GapDiagnoser": lambda c: c(make_reactor(feed=4.4), effects=["sensor_bias", "parameter_error"], random_state=0),
+    "FNNRegressor": lambda c: c((3,), random_state=0, max_epochs=20),
+}
+
+
+def found():
+    """Estimators that have ``fit``, by name."""
+    classes = {}
+    for face in FACES:
+        module = import_module(f"sksurrogate.{face}")
+        for name in module.__all__:
+            value = getattr(module, name)
+            if inspect.isclass(value) and issubclass(value, BaseEstimator) and hasattr(value, "fit"):
+                classes[name] = value
+    return classes
+
+
+CLASSES = found()
+ALL = pytest.mark.parametrize("name", sorted(CLASSES))
+LEARNERS = pytest.mark.parametrize("name", sorted(set(CLASSES) - {"GapDiagnoser"}))
+
+
+def build(name):
+    """An unfitted estimator."""
+    return BUILD[name](CLASSES[name]) if name in BUILD else CLASSES[name]()
+
+
+def fitted(estimator, X=X, y=y, groups=groups):
+    """Fitted, with runs where it knows of runs."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # twenty epochs are not enough to converge, and need not be
+        if "groups" in inspect.signature(estimator.fit).parameters:
+            return estimator.fit(X, y, groups=groups)
+        return estimator.fit(X, y)
+
+
+def answer(estimator, X=X, groups=groups):
+    """What a fitted estimator says."""
+    if hasattr(estimator, "report_"):
+        report = estimator.report_
+        return np.r_[report.shrink.before, report.shrink.after, [v for e in report.effects for v in e.params.values()]]
+    method = estimator.predict if hasattr(estimator, "predict") else estimator.transform
+    if "groups" in inspect.signature(method).parameters:
+        return np.asarray(method(X, groups=groups))
+    return np.asarray(method(X))
+
+
+def fit_and_answer(estimator, X, y, groups):
+    """For worker processes."""
+    return answer(fitted(estimator, X, y, groups), X, groups)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """Answers on plain arrays, made once."""
+    return {name: answer(fitted(build(name))) for name in CLASSES}
+
+
+@ALL
+def test_pickled(name, reference):
+    again = pickle.loads(pickle.dumps(fitted(build(name))))
+    np.testing.assert_array_equal(answer(again), reference[name])
+
+
+@ALL
+def test_unfitted_pickles_and_clones_fit_alike(name, reference):
+    estimator = pickle.loads(pickle.dumps(clone(build(name))))
+    np.testing.assert_array_equal(answer(fitted(estimator)), reference[name])
+
+
+@ALL
+def test_fit_writes_no_parameter(name):
+    estimator = build(name)
+    before = {key: pickle.dumps(value) for key, value in estimator.get_params(deep=False).items()}
+    fitted(estimator)
+    after = {key: pickle.dumps(value) for key, value in estimator.get_params(deep=False).items()}
+    assert before == after
+
+
+@ALL
+def test_fitted_twice_is_fitted_once(name, reference):
+    estimator = fitted(build(name), X[:120], y[:120], groups[:120])
+    np.testing.assert_array_equal(answer(fitted(estimator)), reference[name])
+
+
+def read_only(array):
+    array = array.copy()
+    array.setflags(write=False)
+    return array
+
+
+FORMS = {
+    "read-only": read_only,
+    "Fortran order": np.asfortranarray,
+    "strided": lambda a: np.repeat(a, 2, axis=0)[::2],
+    "list": lambda a: a.tolist(),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@ALL
+def test_odd_arrays(name, form, reference):
+    turn = FORMS[form]
+    found = fit_and_answer(build(name), turn(X), turn(y), turn(groups))
+    np.testing.assert_allclose(found, reference[name], rtol=1e-9, atol=1e-12)
+
+
+@ALL
+def test_memory_maps(name, tmp_path, reference):
+    maps = []
+    for key, array in {"X": X, "y": y, "groups": groups}.items():
+        np.save(tmp_path / f"{key}.npy", array)
+        maps.append(np.load(tmp_path / f"{key}.npy", mmap_mode="r"))
+    np.testing.assert_array_equal(fit_and_answer(build(name), *maps), reference[name])
+
+
+@LEARNERS
+def test_single_precision_input(name):
+    """Single precision in, the same answer as for the numbers that it holds, computed in double."""
+    rounded_X, rounded_y = X.astype(np.float32), y.astype(np.float32)
+    single = fit_and_answer(build(name), rounded_X, rounded_y, groups)
+    double = fit_and_answer(build(name), rounded_X.astype(float), rounded_y.astype(float), groups)
+    np.testing.assert_allclose(single, double, rtol=1e-4, atol=1e-5)
+
+
+@LEARNERS
+def test_one_row(name):
+    one = answer(fitted(build(name)), X[:1], groups[:1])
+    assert len(one) == 1
+
+
+@pytest.mark.parametrize("name", sorted(set(CLASSES) - {"GapDiagnoser", "HybridRegressor", "CalibratedSimulator"}))
+def test_a_constant_column(name):
+    wide = np.c_[X, np.full(len(X), 7.0)]
+    found = fit_and_answer(build(name), wide, y, groups)
+    assert np.isfinite(found).any() and not np.isinf(found).any()
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+@pytest.mark.parametrize("name", sorted(set(CLASSES) - {"GapDiagnoser", "HybridRegressor", "CalibratedSimulator"}))
+def test_huge_and_tiny_units(name, unit):
+    found = fit_and_answer(build(name), unit * X, unit * y, groups)
+    assert np.isfinite(found).any() and not np.isinf(found).any()
+
+
+def test_worker_processes(reference):
+    """All estimators fitted in two processes; arrays arrive there as read-only memory maps."""
+    names = sorted(CLASSES)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # loky's own resource tracking
+        answers = joblib.Parallel(n_jobs=2, backend="loky", max_nbytes=100)(
+            joblib.delayed(fit_and_answer)(build(name), X, y, groups) for name in names
+        )
+    for name, found in zip(names, answers):
+        np.testing.assert_allclose(found, reference[name], rtol=1e-7, atol=1e-9, err_msg=name)
