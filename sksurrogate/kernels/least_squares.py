@@ -19,6 +19,7 @@ __all__ = [
     "Separable",
     "dense",
     "levenberg_marquardt",
+    "merge_rows",
     "several_starts",
     "with_memory",
 ]
@@ -245,6 +246,28 @@ def with_memory(evaluate: Evaluate, mean: np.ndarray, information: np.ndarray) -
         return cost + float((theta - mean) @ pull), gradient + pull, gram + information
 
     return remembered
+
+
+def merge_rows(
+    X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Rows in a fixed order, repeated ones once with the sum of their weights (None where all are 1).
+
+    A search that is bent by rounding then takes the same path for integer weights and for repeated rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> merge_rows(np.array([[2.0], [1.0], [2.0]]), np.zeros((3, 1)), None)[2]
+    array([1., 2.])
+    """
+    both = np.hstack([X, Y])
+    order = np.lexsort(both.T)
+    both = both[order]
+    first = np.flatnonzero(np.append(True, np.any(both[1:] != both[:-1], axis=1)))
+    given = np.ones(len(X)) if weights is None else weights[order]
+    summed = np.add.reduceat(given, first)
+    return both[first, : X.shape[1]], both[first, X.shape[1] :], None if np.all(summed == 1.0) else summed
 
 
 class Separable:

@@ -1,6 +1,7 @@
 """Fits that are linear in their parameters."""
 
 from sksurrogate.linear._lagged import LaggedLinearRegressor
+from sksurrogate.linear._nonlinear_basis import NonlinearBasisRegressor
 from sksurrogate.linear._pcr import PCRRegressor
 from sksurrogate.linear._penalties import (
     BaseConstraint,
@@ -29,6 +30,7 @@ __all__ = [
     "LinearEquality",
     "LinearInequality",
     "Monotone",
+    "NonlinearBasisRegressor",
     "OutputBounds",
     "PCRRegressor",
     "PenalizedRegressor",

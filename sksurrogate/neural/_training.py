@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.exceptions import DataError
-from sksurrogate.kernels.least_squares import with_memory
+from sksurrogate.kernels.least_squares import merge_rows, with_memory
 from sksurrogate.neural._network import ACTIVATIONS, BLOCK, Layers, Rows, normal_equations
 from sksurrogate.neural._solvers import (
     Outcome,
@@ -109,25 +109,10 @@ def prepare(X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None, linear_out
         kept = weights > 0
         X, Y, weights = X[kept], Y[kept], weights[kept]
     if len(X) <= MERGE:
-        X, Y, weights = _merged(X, Y, weights)
+        X, Y, weights = merge_rows(X, Y, weights)
     mean, scale = _moments(X, weights)
     shift, gain = _moments(Y, weights) if linear_output else (np.zeros(Y.shape[1]), np.ones(Y.shape[1]))
     return Rows(X, Y, weights, mean, scale, shift, gain)
-
-
-def _merged(
-    X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    both = np.hstack([X, Y])
-    order = np.lexsort(both.T)
-    both = both[order]
-    new = np.append(True, np.any(both[1:] != both[:-1], axis=1))
-    if weights is None and new.all():
-        return X[order], Y[order], None
-    given = np.ones(len(X)) if weights is None else weights[order]
-    first = np.flatnonzero(new)
-    summed = np.add.reduceat(given, first)
-    return both[first, : X.shape[1]], both[first, X.shape[1] :], None if np.all(summed == 1.0) else summed
 
 
 def _moments(values: np.ndarray, weights: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
