@@ -31,8 +31,10 @@ exclude_patterns = ["_build", "auto_examples/*.ipynb", "auto_examples/*.py", "au
 suppress_warnings = ["config.cache"]
 nitpicky = True
 nitpick_ignore_regex = [
-    ("py:.*", r"(?!sksurrogate\.).*")
-]  # other projects' inventories are not fetched: builds are offline
+    ("py:.*", r"(?!sksurrogate\.).*"),  # other projects' inventories are not fetched: builds are offline
+    ("py:.*", r".*\._.*"),  # private places
+    ("py:data", r".*"),
+]
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
