@@ -337,11 +337,15 @@ def _abreast(simulator: ODESimulator, U: np.ndarray, X0: np.ndarray) -> list[Any
 def _alone(simulator: Any, U: np.ndarray, x0: np.ndarray) -> Any:
     """One run, its states and derivatives where the simulator tells them."""
     start = x0 if len(x0) else None
+    told = callable(getattr(simulator, "simulate_states", None))
+    positions = describe(simulator).output_states if told else None
     try:
-        y = np.asarray(simulator.simulate(U, start), float).reshape(len(U), -1)
-        if not callable(getattr(simulator, "simulate_states", None)):
-            return y, None, None
-        states, dxdt = simulator.simulate_states(U, start)
-        return y, np.asarray(states), np.asarray(dxdt)
+        if positions is None or not told:
+            y = np.asarray(simulator.simulate(U, start), float).reshape(len(U), -1)
+            if not told:
+                return y, None, None
+        states, dxdt = (np.asarray(part, float) for part in simulator.simulate_states(U, start))
+        # one call where the outputs are states: a simulator may be slow
+        return (states[:, list(positions)] if positions is not None else y), states, dxdt
     except SimulationDiverged:
         return None

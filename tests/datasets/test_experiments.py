@@ -88,3 +88,21 @@ def test_all_runs_lost_is_an_error():
 
     with pytest.warns(RuntimeWarning), pytest.raises(DataError, match="every run diverged"):
         simulate_experiments(Never(), None, [(0, 1)], n_runs=2, n_samples=5)
+
+
+def test_a_slow_simulator_is_called_once_a_run():
+    class Slow:
+        states, inputs, outputs, dt, calls = ["a", "b"], ["u"], ["b"], 0.02, 0
+
+        def simulate(self, U, x0=None, t=None):
+            self.calls += 1
+            return self.simulate_states(U, x0)[0][:, 1:]
+
+        def simulate_states(self, U, x0=None, t=None):
+            self.calls += 1
+            return np.cumsum(np.hstack([U, U]), axis=0) + x0, np.hstack([U, U])
+
+    slow = Slow()
+    data = simulate_experiments(slow, {"a": (0, 1), "b": (2, 3)}, {"u": (0, 1)}, n_runs=3, n_samples=5, random_state=0)
+    assert slow.calls == 3 and data.y.min() > 2
+    np.testing.assert_array_equal(data.dydt, data.X[:, 0])
