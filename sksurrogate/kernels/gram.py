@@ -104,10 +104,12 @@ class Moments:
             if np.all(total * left**2 <= 0.9 * np.diag(scatter)):
                 return self._merge(count, total, mean, scatter - total * np.outer(left, left))
             Z[:, :p] -= mean[:p] if root is None else root * mean[:p]
-            return self._merge(count, total, mean, Z.T @ Z)
-        Z -= mean
-        Z = Z if root is None else np.multiply(Z, root, out=Z)
-        return self._merge(count, total, mean, Z.T @ Z)
+        else:
+            Z -= mean
+            Z = Z if root is None else np.multiply(Z, root, out=Z)
+        # what rounding left of the mean, so that a constant column leaves nothing behind
+        left = (np.ones(n) if root is None else root[:, 0]) @ Z / total
+        return self._merge(count, total, mean + left, Z.T @ Z - total * np.outer(left, left))
 
     def _merge(self, n_rows: int, weight: float, mean: np.ndarray, scatter: np.ndarray) -> Moments:
         """Join two sets of rows: the scatter grows by that between their means."""
@@ -164,7 +166,9 @@ def _sparse_moments(block: Any, targets: np.ndarray | None, weights: np.ndarray 
     return int(np.count_nonzero(w)), total, mean, scatter
 
 
-def triangle(blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]]) -> np.ndarray:
+def triangle(
+    blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]], centre: np.ndarray | None = None
+) -> np.ndarray:
     """Triangular factor R of ``sqrt(w) [1, Phi, Y]`` over all blocks, by QR from block to block.
 
     Its first column belongs to the constant; ``R[1:, 1:]`` is the factor of the centred data.
@@ -172,6 +176,8 @@ def triangle(blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]]) -> np.
     Parameters
     ----------
     blocks : iterable of (block, targets, weights or None)
+    centre : ndarray (n_features + n_outputs,), optional
+        Taken off features and targets first.
 
     Returns
     -------
@@ -188,6 +194,8 @@ def triangle(blocks: Iterable[tuple[Any, np.ndarray, np.ndarray | None]]) -> np.
         rows = np.empty((n, R.shape[1] - 1))
         _write_dense(block, rows)
         rows[:, p:] = targets
+        if centre is not None:
+            rows -= centre
         Z[len(R) :, 1:], Z[len(R) :, 0] = rows, 1.0
         if weights is not None:
             Z[len(R) :] *= np.sqrt(weights)[:, None]
@@ -274,7 +282,9 @@ def factor_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return root * V[:, alive].T * d, (V[:, alive].T @ (g / d[:, None])) / root
 
 
-def solve_rows(A: np.ndarray, B: np.ndarray, n_rows: int | None = None) -> tuple[np.ndarray, float]:
+def solve_rows(
+    A: np.ndarray, B: np.ndarray, n_rows: int | None = None, rounding: np.ndarray | None = None
+) -> tuple[np.ndarray, float]:
     """Minimum-norm least squares ``min |A theta - B|`` by singular values of the column-scaled A.
 
     Parameters
@@ -284,6 +294,9 @@ def solve_rows(A: np.ndarray, B: np.ndarray, n_rows: int | None = None) -> tuple
     B : ndarray (n_rows, n_outputs)
     n_rows : int, optional
         Rows that a triangular factor stands for: sets what counts as rounding.
+    rounding : ndarray (n_params,), optional
+        Norm of the error that each column of A carries already (large offsets that were taken off). Directions that are
+        no longer than that are left out.
 
     Returns
     -------
@@ -297,10 +310,12 @@ def solve_rows(A: np.ndarray, B: np.ndarray, n_rows: int | None = None) -> tuple
         return theta, np.inf
     d = d[keep]
     U, s, Vt = linalg.svd(A[:, keep] / d, full_matrices=False)
-    rank = int(np.sum(s > 10 * max(len(d), np.sqrt(n_rows or len(A))) * _EPS * s[0]))
-    scaled = Vt[:rank].T @ ((U[:, :rank].T @ B) / s[:rank, None])
-    theta[keep] = _within(scaled / d[:, None], Vt[:rank].T * d[:, None])
-    return theta, float(s[0] / s[-1]) if rank == len(d) else np.inf
+    alive = s > 10 * max(len(d), np.sqrt(n_rows or len(A))) * _EPS * s[0]
+    if rounding is not None:
+        alive &= s > np.linalg.norm(Vt * (rounding[keep] / d), axis=1)
+    V = Vt[alive].T
+    theta[keep] = _within(V @ ((U[:, alive].T @ B) / s[alive, None]) / d[:, None], V * d[:, None])
+    return theta, float(s[0] / s[-1]) if len(s) == len(d) and alive.all() else np.inf
 
 
 def _within(theta: np.ndarray, row_space: np.ndarray) -> np.ndarray:

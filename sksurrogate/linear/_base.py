@@ -213,6 +213,15 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.intercept_ = float(intercept[0]) if self._flat else intercept
         return self
 
+    def _rounding(self) -> np.ndarray:
+        """Norm of the error of each centred feature: its offset was stored to a few units in the last place."""
+        m = self.moments_
+        return 4 * np.finfo(float).eps * np.abs(m.mean[: self._n_features]) * np.sqrt(m.weight)
+
+    def _constant(self) -> np.ndarray:
+        """Features that are constant to rounding: they have no say beside an intercept."""
+        return np.diag(self.moments_.scatter)[: self._n_features] <= (3 * self._rounding()) ** 2
+
     def _route(self, blocks: Blocks | None, regular: bool = False) -> str:
         """Where to begin: not with the Gram matrix where fewer rows than features make it singular for sure."""
         if blocks is None or self.solver == "gram":

@@ -104,17 +104,17 @@ class PCRRegressor(BaseBlockedRegressor):
         p = self._n_features
         variance = np.diag(moments.scatter)[:p] / moments.weight
         # a constant column leaves rounding behind, which must not be scaled up
-        constant = variance <= (10 * _EPS * np.abs(moments.mean[:p])) ** 2
+        constant = self._constant()
         scale = np.sqrt(variance) if self.scale else np.ones(p)
         scale = np.where(constant, 1.0, scale)
+        rounding = self._rounding() / scale
         self.solver_ = self._route(blocks)
         if self.solver_ == "gram":
             S = np.where(np.outer(~constant, ~constant), moments.scatter[:p, :p], 0.0) / np.outer(scale, scale)
             values, V = linalg.eigh(S)
             values, V = values[::-1], V[:, ::-1]
             loads = V.T @ (moments.scatter[:p, p:] / scale[:, None])
-            cut = 10 * max(p, 10) * _EPS
-            rank = _rank(values, cut)
+            rank = _rank(values, V, 10 * max(p, 10) * _EPS, rounding)
             r = self._choose(values, loads, rank)
             asks_all = self.n_components is None or (isinstance(self.n_components, Integral) and r < self.n_components)
             blurred = r > 0 and values[r - 1] < 100 * CONDITION_LIMIT**-2 * values[0]
@@ -124,12 +124,12 @@ class PCRRegressor(BaseBlockedRegressor):
                 warn_ill_conditioned(blocks is not None)
         if self.solver_ == "qr":
             assert blocks is not None
-            R = triangle(blocks())[1:, 1:]
+            R = triangle(blocks(), moments.mean)[1:, 1:]
             R = R if len(R) else np.zeros((1, R.shape[1]))  # a single row has no scatter
             factor = np.where(constant, 0.0, R[:, :p]) / scale
             U, s, Vt = linalg.svd(factor, full_matrices=False)
             values, V, loads = s**2, Vt.T, s[:, None] * (U.T @ R[:, p:])
-            rank = _rank(values, (10 * max(p, np.sqrt(moments.n_rows)) * _EPS) ** 2)
+            rank = _rank(values, V, (10 * max(p, np.sqrt(moments.n_rows)) * _EPS) ** 2, rounding)
             r = self._choose(values, loads, rank)
         total = max(float(values.sum()), np.finfo(float).tiny)
         self.n_components_, self.scale_ = r, scale
@@ -161,6 +161,9 @@ class PCRRegressor(BaseBlockedRegressor):
         return min(int(np.searchsorted(share, float(wanted))) + 1, rank)
 
 
-def _rank(values: np.ndarray, cut: float) -> int:
-    """Eigenvalues above rounding."""
-    return int(np.sum(values > cut * max(values[0], 0.0))) if values[0] > 0 else 0
+def _rank(values: np.ndarray, V: np.ndarray, cut: float, rounding: np.ndarray) -> int:
+    """Leading eigenvalues above rounding, that of the solver and that of the data."""
+    if values[0] <= 0:
+        return 0
+    alive = (values > cut * values[0]) & (values > np.sum((rounding[:, None] * V) ** 2, axis=0))
+    return len(alive) if alive.all() else int(np.argmin(alive))

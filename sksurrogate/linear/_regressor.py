@@ -138,9 +138,10 @@ class PenalizedRegressor(BaseBlockedRegressor):
                 warn_ill_conditioned(blocks is not None)
         if self.solver_ == "qr":
             assert blocks is not None
-            A, B = self._data_rows(triangle(blocks()))
+            A, B = self._data_rows(triangle(blocks(), self.moments_.mean if self.fit_intercept else None))
             A, B = np.vstack([A, root * rows]), np.vstack([B, root * targets])
-            theta, self.condition_ = solve_rows(A, B, self.moments_.n_rows)
+            rounding = np.append(self._rounding(), 0.0) if self.fit_intercept else None
+            theta, self.condition_ = solve_rows(A, B, self.moments_.n_rows, rounding)
         if self.constraints is not None and len(self.constraints):
             A, B = (A, B) if self.solver_ == "qr" else factor_normal(total.H, total.g)
             theta = self._constrained(A, B)
@@ -161,21 +162,18 @@ class PenalizedRegressor(BaseBlockedRegressor):
         H, g = np.zeros((p + 1, p + 1)), np.empty((p + 1, self._n_outputs))
         H[:p, :p], H[p, p] = m.scatter[:p, :p], m.weight
         g[:p], g[p] = m.scatter[:p, p:], m.weight * m.mean[p:]
-        # columns that are constant to rounding have no say beside the constant
-        constant = np.diag(H)[:p] <= m.weight * (10 * np.finfo(float).eps * np.abs(m.mean[:p])) ** 2
+        constant = self._constant()
         H[:p][constant], H[:, :p][:, constant], g[:p][constant] = 0.0, 0.0, 0.0
         return Quadratic(H, g, np.diag(m.scatter)[p:] + m.weight * m.mean[p:] ** 2)
 
     def _data_rows(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Squared errors as rows, from the triangular factor of [1, features, outputs]."""
-        p = self._n_features
+        p, m = self._n_features, self.moments_
         if not self.fit_intercept:
             return R[:, 1 : 1 + p], R[:, 1 + p :]
-        A = np.zeros((len(R), p + 1))
-        A[1:, :p], A[0, p] = R[1:, 1 : 1 + p], R[0, 0]
-        norms, means = np.linalg.norm(A[:, :p], axis=0), np.abs(R[0, 1 : 1 + p])
-        A[:, :p][:, norms <= 10 * np.finfo(float).eps * means] = 0.0
-        return A, R[:, 1 + p :]
+        A = np.hstack([R[:, 1 : 1 + p], R[:, :1]])
+        A[:, :p][:, self._constant()] = 0.0
+        return A, R[:, 1 + p :] + R[:, :1] * m.mean[p:]
 
     def _inner(self, rows: np.ndarray) -> np.ndarray:
         """Rows on coefficients and intercept, rewritten for the parameters inside."""

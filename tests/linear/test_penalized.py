@@ -392,3 +392,15 @@ def test_many_more_features_than_rows():
     np.testing.assert_allclose(slash.coef_, LinearRegression().fit(X, y).coef_, atol=1e-12)
     ridge = PenalizedRegressor([Ridge(5.0)]).fit(X, y)
     np.testing.assert_allclose(ridge.coef_, SklearnRidge(5.0).fit(X, y).coef_, atol=1e-10)
+
+
+@pytest.mark.parametrize("solver", ["gram", "qr", "auto"])
+def test_what_offsets_were_rounded_to_is_no_direction(solver):
+    # the third column is a combination of the others but for the last place of its offset
+    rng = np.random.default_rng(0)
+    a = rng.normal(size=(50, 2))
+    X = np.c_[a, a[:, 0] - a[:, 1] + 1e5, np.full(50, 0.1)]
+    y = a @ [1.0, 2.0] + 0.1 * rng.normal(size=50)
+    model = PenalizedRegressor(solver=solver).fit(X, y)
+    np.testing.assert_allclose(model.predict(X), LinearRegression().fit(a, y).predict(a), atol=1e-6)
+    assert np.abs(model.coef_).max() < 3 and model.coef_[3] == 0
