@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from math import factorial, prod
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -287,23 +288,22 @@ def spline_csr(
     index = np.int32 if max(n_samples * width, n_features) < np.iinfo(np.int32).max else np.int64
     data = np.empty((n_samples, width))
     columns = np.empty((n_samples, width), dtype=index)
-    if not product and not any(orders) and _all_alike(splines):
+    blocks: list[Any] = [slice(a, a + BLOCK) for a in range(0, n_samples, BLOCK)]
+    alike = all(s.uniform and s.degree == splines[0].degree and s.extrapolation != "periodic" for s in splines)
+    if alike and not product and not any(orders):
         _fill_uniform(X, splines, data, columns)
-    else:
-        for a in range(0, n_samples, BLOCK):
-            rows = slice(a, a + BLOCK)
-            _fill(X[rows], splines, orders, product, data[rows], columns[rows])
+        special = [
+            (x < s.low) | (x > s.high) for x, s in zip(X.T, splines) if s.extrapolation not in ("constant", "error")
+        ]
+        outside = np.flatnonzero(np.any(special, axis=0))
+        blocks = [outside[a : a + BLOCK] for a in range(0, len(outside), BLOCK)]
+    for rows in blocks:
+        data[rows], columns[rows] = _fill(X[rows], splines, orders, product)
     starts = np.arange(0, n_samples * width + 1, width, dtype=index)
     out = sp.csr_array((data.reshape(-1), columns.reshape(-1), starts), shape=(n_samples, n_features), copy=False)
     if any(spline.extrapolation == "periodic" for spline in splines):
         out.sum_duplicates()
     return out
-
-
-def _all_alike(splines: Sequence[Spline]) -> bool:
-    """Whether all inputs have equidistant knots, the same degree, and nothing special outside."""
-    plain = ("constant", "error")
-    return all(s.uniform and s.degree == splines[0].degree and s.extrapolation in plain for s in splines)
 
 
 def _fill_uniform(X: np.ndarray, splines: Sequence[Spline], data: np.ndarray, columns: np.ndarray) -> None:
@@ -334,31 +334,25 @@ def _fill_uniform(X: np.ndarray, splines: Sequence[Spline], data: np.ndarray, co
 
 
 def _fill(
-    X: np.ndarray,
-    splines: Sequence[Spline],
-    orders: Sequence[int],
-    product: bool,
-    data: np.ndarray,
-    columns: np.ndarray,
-) -> None:
-    """Write a block of rows for any splines, side by side or multiplied."""
-    rows = len(X)
-    values, places = np.ones((rows, 1)), np.zeros((rows, 1), dtype=columns.dtype)
-    at = offset = 0
+    X: np.ndarray, splines: Sequence[Spline], orders: Sequence[int], product: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values and columns of a block of rows for any splines, side by side or multiplied."""
+    values: list[np.ndarray] = []
+    places: list[np.ndarray] = []
+    offset = 0
     for x, spline, order in zip(X.T, splines, orders):
         first, weights = spline.local(x, order)
-        place = first[:, None].astype(columns.dtype) + np.arange(spline.degree + 1)
+        place = first[:, None] + np.arange(spline.degree + 1)
         if spline.extrapolation == "periodic":
             place %= spline.n_splines
-        if product:
-            values = (values[:, :, None] * weights[:, None, :]).reshape(rows, -1)
-            places = (places[:, :, None] * spline.n_splines + place[:, None, :]).reshape(rows, -1)
-            continue
-        stop = at + spline.degree + 1
-        data[:, at:stop], columns[:, at:stop] = weights, place + offset
-        at, offset = stop, offset + spline.n_splines
-    if product:
-        data[:], columns[:] = values, places
+        if product and values:
+            weights = (values[0][:, :, None] * weights[:, None, :]).reshape(len(X), -1)
+            place = (places[0][:, :, None] * spline.n_splines + place[:, None, :]).reshape(len(X), -1)
+            values, places = [], []
+        values.append(weights)
+        places.append(place + offset)
+        offset += 0 if product else spline.n_splines
+    return np.hstack(values), np.hstack(places)
 
 
 def steps(x: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
