@@ -48,10 +48,48 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("--jobs", type=int, default=None, help="worker processes")
     diagnose.add_argument("--quiet", action="store_true", help="no progress")
     diagnose.set_defaults(action=_diagnose)
+    _add_blind(commands)
     demo = commands.add_parser("demo", help="two stories on data that the package makes itself")
     demo.add_argument("--html", metavar="FOLDER", help="write a page for each story there")
     demo.set_defaults(action=_demo)
     return parser
+
+
+def _add_blind(commands: Any) -> None:
+    """``sksurrogate blind``."""
+    blind = commands.add_parser("blind", help="check the diagnosis on plants whose effect is withheld from it")
+    blind.add_argument("--cases", type=int, default=50, help="number of cases, spread over the arms (default 50)")
+    blind.add_argument("--arms", default="all", help="all, or names joined by commas")
+    blind.add_argument("--resume", metavar="FILE", help="rows as JSON lines: those there count, new ones are appended")
+    blind.add_argument("--seed", type=int, default=None, help="the same cases again; fresh entropy by default")
+    blind.add_argument("--jobs", type=int, default=None, help="cases abreast")
+    blind.add_argument("--simulator", metavar="FILE:NAME", help="your own simulator in place of the built-in plants")
+    blind.add_argument("--data", metavar="CSV", help="with --simulator: recorded inputs by name")
+    blind.add_argument("--run", metavar="COL", help="column of --data that names the run of each row")
+    blind.add_argument("--html", metavar="FILE", help="write one self-contained page")
+    blind.add_argument("--quiet", action="store_true", help="no progress")
+    blind.set_defaults(action=_blind)
+
+
+def _blind(arguments: argparse.Namespace) -> int:
+    from sksurrogate.blind import run_blind_check
+
+    own: dict[str, Any] = {}
+    if arguments.simulator:
+        if not arguments.data:
+            raise DataError("--simulator needs --data CSV: the recorded inputs that the check repeats.")
+        simulator = load_simulator(arguments.simulator)
+        columns, labels = read_csv(arguments.data, list(simulator.inputs), arguments.run)
+        own = {"simulator": simulator, "X": np.column_stack([columns[n] for n in simulator.inputs]), "groups": labels}
+    result = run_blind_check(
+        arguments.cases, arguments.arms, seed=arguments.seed, resume=arguments.resume, n_jobs=arguments.jobs,
+        verbose=0 if arguments.quiet else 1, **own,
+    )  # fmt: skip
+    print(result)
+    if arguments.html:
+        result.to_html(arguments.html)
+        print(f"page: {arguments.html}")
+    return 0
 
 
 def load_simulator(reference: str) -> Any:

@@ -8,11 +8,18 @@ from sksurrogate.datasets._generators import (
     make_reactor_runs,
     reactor_rhs,
 )
-from sksurrogate.datasets._recordings import fetch_cascaded_tanks, fetch_silverbox
+from sksurrogate.datasets._recordings import (
+    fetch_ball_drops,
+    fetch_cascaded_tanks,
+    fetch_heat_exchanger,
+    fetch_silverbox,
+)
 
 __all__ = [
     "Experiments",
+    "fetch_ball_drops",
     "fetch_cascaded_tanks",
+    "fetch_heat_exchanger",
     "fetch_silverbox",
     "linear_reactor",
     "make_reactor",

@@ -17,7 +17,7 @@ from sklearn.utils import Bunch
 
 from sksurrogate.exceptions import DataError, require
 
-__all__ = ["fetch_cascaded_tanks", "fetch_silverbox"]
+__all__ = ["fetch_ball_drops", "fetch_cascaded_tanks", "fetch_heat_exchanger", "fetch_silverbox"]
 
 #: An archive larger than this is refused unread.
 LARGEST_ARCHIVE = 64 * 2**20
@@ -31,6 +31,30 @@ _SILVERBOX = (
     "695451dda52ded9054dcf3ce00f5f66e2725bc6d7a9e531aa45b1610f5aadc1d",
 )
 
+_EXCHANGER = (
+    "https://raw.githubusercontent.com/vitorpq/NNLearning/35c13fe266f6ab22003cbbb00c5429133e320543/data/exchanger.dat",
+    "a1d69c4101774805c5c93258b9c06fd840db83ac9fe96a0af0193dd85d7175b0",
+)
+_BALLS_SHA256 = "33a67ebecee6af978ed76bc7d5e6d3baa9f440370771a420cc7f68ba49b0ce6d"
+_BALLS_COLUMNS = ["ball", "drop", "time_s", "height_m", "velocity_m_s"]
+
+_EXCHANGER_TEXT = """Liquid-saturated steam heat exchanger (real, DaISy).
+
+Water is heated by saturated steam through a copper tube. ``q`` liquid flow, ``th`` outlet temperature in degrees Celsius,
+4000 samples each, sample time 1 s; steam and inlet temperatures are not recorded. Train: the first 3000 samples, test: the
+last 1000.
+
+S. Bittanti, L. Piroddi, Nonlinear identification and control of a heat exchanger: a neural network approach, Journal of
+the Franklin Institute 1997; DaISy, Database for the Identification of Systems, KU Leuven.
+"""
+_BALLS_TEXT = """Balls dropped from a bridge (real).
+
+Eleven balls, each dropped twice from about 48 m; heights from video, about 15 Hz. Drop 1 trains, drop 2 tests. The first
+samples of a drop are unreliable (release by hand).
+
+B. de Silva, D. Higdon, S. Brunton, J. N. Kutz, Discovery of physics from data: universal laws and discrepancies,
+Frontiers in Artificial Intelligence 2020.
+"""
 _TANKS_TEXT = """Cascaded tanks with overflow (real laboratory data).
 
 A pump lifts water into an upper tank that drains into a lower tank; only the lower level is measured (volts). For large
@@ -112,6 +136,117 @@ def fetch_silverbox(data_home: Any = None, *, download_if_missing: bool = True, 
     )
 
 
+def fetch_heat_exchanger(data_home: Any = None, *, download_if_missing: bool = True, url: str | None = None) -> Bunch:
+    """Steam heat exchanger: outlet temperature against liquid flow, 4000 samples.
+
+    Parameters
+    ----------
+    data_home, download_if_missing, url
+        As in :func:`fetch_cascaded_tanks`; the file is ``heat_exchanger/heat_exchanger.npz``, the address that of a text
+        with three columns (sample, flow, temperature).
+
+    Returns
+    -------
+    Bunch
+        ``q`` flow, ``th`` degrees Celsius, (4000,) each; ``Ts`` = 1.0 s; slices ``train``, ``test``; ``DESCR``.
+
+    Raises
+    ------
+    DataError
+        As in :func:`fetch_cascaded_tanks`.
+    """
+    home = _home(data_home) / "heat_exchanger"
+    path = home / "heat_exchanger.npz"
+    if not path.exists() and download_if_missing:
+        table = _convert_exchanger(_retrieved(url or _EXCHANGER[0], home, "exchanger.dat"))
+        np.savez(path, q=table[:, 1], th=table[:, 2], Ts=np.array([1.0]))
+        path.with_suffix(".ours").write_text("converted from the text; numpy's file differs from the known one\n")
+    arrays = _known(path, _EXCHANGER[1])
+    return Bunch(
+        q=arrays["q"].ravel(), th=arrays["th"].ravel(), Ts=float(arrays["Ts"].ravel()[0]),
+        train=slice(0, 3000), test=slice(3000, 4000), DESCR=_EXCHANGER_TEXT,
+    )  # fmt: skip
+
+
+def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True, url: str | None = None) -> Bunch:
+    """Balls dropped from a bridge: height against time, eleven balls, two drops each.
+
+    Parameters
+    ----------
+    data_home : path, optional
+        Folder with ``ball_drops/ball_drops.csv``; default scikit-learn's data home, in ``sksurrogate``.
+    download_if_missing : bool, default=True
+        Whether to fetch ``url`` where the file is not there (extra ``data``).
+    url : str, optional
+        Address of the CSV: ball, drop, time_s, height_m, velocity_m_s. The authors publish a spreadsheet
+        (github.com/briandesilva/discovery-of-physics-from-data, data/Ball_drops_data.xls); there is no CSV to be fetched
+        by default.
+
+    Returns
+    -------
+    Bunch
+        ``ball`` (n_rows,) of str, ``drop`` of int, ``time`` in s, ``height`` in m, ``velocity`` in m/s; ``Ts`` = 1/15 s;
+        ``names`` of the balls; ``DESCR``.
+
+    Raises
+    ------
+    DataError
+        As in :func:`fetch_cascaded_tanks`.
+    """
+    home = _home(data_home) / "ball_drops"
+    path = home / "ball_drops.csv"
+    if not path.exists() and download_if_missing and url is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(_retrieved(url, home, "ball_drops.download").read_bytes())
+        path.with_suffix(".ours").write_text(f"from {url}\n")
+    if not path.exists():
+        raise DataError(
+            f"{path} is not there: save the authors' spreadsheet there as CSV with the columns {_BALLS_COLUMNS}, or give url= "
+            "of such a file."
+        )
+    if not path.with_suffix(".ours").exists() and hashlib.sha256(path.read_bytes()).hexdigest() != _BALLS_SHA256:
+        raise DataError(
+            f"{path} is damaged (its checksum is not the known one): delete it and put the right file there."
+        )
+    lines = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    if not lines or lines[0] != _BALLS_COLUMNS or any(len(line) != 5 for line in lines):
+        raise DataError(f"{path} has not the columns {_BALLS_COLUMNS}.")
+    rows = lines[1:]
+    time, height, velocity = np.array([line[2:] for line in rows], dtype=float).T
+    ball = np.array([line[0] for line in rows])
+    return Bunch(
+        ball=ball, drop=np.array([int(line[1]) for line in rows]), time=time, height=height, velocity=velocity,
+        Ts=1 / 15, names=list(dict.fromkeys(ball.tolist())), DESCR=_BALLS_TEXT,
+    )  # fmt: skip
+
+
+def _home(data_home: Any) -> Path:
+    """Folder of the recordings."""
+    return Path(data_home) if data_home is not None else Path(get_data_home()) / "sksurrogate"
+
+
+def _known(path: Path, sha256: str) -> dict[str, np.ndarray]:
+    """Arrays of a file whose checksum is the known one, or that was converted here."""
+    if not path.exists():
+        raise DataError(f"{path} is not there: put it there, or leave download_if_missing=True.")
+    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256 and not path.with_suffix(".ours").exists():
+        raise DataError(f"{path} is damaged (its checksum is not the known one): delete it, and it is fetched again.")
+    with np.load(path, allow_pickle=False) as data:
+        return {key: data[key] for key in data.files}
+
+
+def _convert_exchanger(path: Path) -> np.ndarray:
+    """(4000, 3) from the text."""
+    try:
+        table = np.loadtxt(path)
+    except ValueError as error:
+        os.remove(path)
+        raise DataError(f"{path.name} is not a table of numbers ({error}): not the heat exchanger.") from error
+    if table.shape != (4000, 3):
+        raise DataError(f"{path.name} has shape {table.shape}, expected (4000, 3): not the heat exchanger.")
+    return table
+
+
 def _fetch(
     name: str,
     file: str,
@@ -122,17 +257,10 @@ def _fetch(
     convert: Callable[[zipfile.ZipFile], dict[str, np.ndarray]],
 ) -> dict[str, np.ndarray]:
     """The arrays: from the local file where its checksum is right, else converted from the archive and stored there."""
-    home = Path(data_home) if data_home is not None else Path(get_data_home()) / "sksurrogate"
+    home = _home(data_home)
     path = home / name / file
-    if path.exists():
-        if hashlib.sha256(path.read_bytes()).hexdigest() != source[1] and not (path.with_suffix(".ours")).exists():
-            raise DataError(
-                f"{path} is damaged (its checksum is not the known one): delete it, and it is fetched again."
-            )
-        with np.load(path, allow_pickle=False) as data:
-            return {key: data[key] for key in data.files}
-    if not download:
-        raise DataError(f"{path} is not there: put it there, or leave download_if_missing=True.")
+    if path.exists() or not download:
+        return _known(path, source[1])
     archive = _download(url or source[0], home / name)
     with zipfile.ZipFile(archive) as content:
         if sum(entry.file_size for entry in content.infolist()) > 4 * LARGEST_ARCHIVE:
@@ -150,21 +278,26 @@ def _fetch(
 
 def _download(url: str, folder: Path) -> Path:
     """Fetch an archive with pooch, which writes to a temporary file and keeps only whole downloads."""
-    pooch = require("pooch", "data")
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        archive = Path(pooch.retrieve(url, known_hash=None, path=folder, fname="archive.zip", progressbar=False))
-    except Exception as error:
-        raise DataError(
-            f"could not download {url} ({type(error).__name__}: {error}). Are you offline? Fetch the archive by hand and give "
-            f"url='file:///...', or put the converted file under data_home."
-        ) from error
+    archive = _retrieved(url, folder, "archive.zip")
     if archive.stat().st_size > LARGEST_ARCHIVE or not zipfile.is_zipfile(archive):
         os.remove(archive)
         raise DataError(
             f"{url} did not give the archive (not a zip file, or broken off): try again later, or give url=."
         )
     return archive
+
+
+def _retrieved(url: str, folder: Path, file: str) -> Path:
+    """A file fetched with pooch."""
+    pooch = require("pooch", "data")
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        return Path(pooch.retrieve(url, known_hash=None, path=folder, fname=file, progressbar=False))
+    except Exception as error:
+        raise DataError(
+            f"could not download {url} ({type(error).__name__}: {error}). Are you offline? Fetch the archive by hand and give "
+            f"url='file:///...', or put the converted file under data_home."
+        ) from error
 
 
 def _member(archive: zipfile.ZipFile, ending: str) -> dict[str, Any]:

@@ -240,6 +240,25 @@ def test_tables_and_page(tmp_path, solver):
     assert "not named, said none" in result.to_markdown()
 
 
+def test_the_command_line(tmp_path, capsys, monkeypatch):
+    from sksurrogate.blind import _campaign
+    from sksurrogate.cli import main
+
+    monkeypatch.setattr(
+        _campaign.run_blind_check,
+        "__kwdefaults__",
+        {**_campaign.run_blind_check.__kwdefaults__, "diagnosis": f"{HERE}:says_nothing"},
+    )
+    page, rows = tmp_path / "page.html", tmp_path / "rows.jsonl"
+    assert (
+        main(["blind", "--cases", "1", "--arms", "none", "--seed", "3", "--html", str(page), "--resume", str(rows)])
+        == 0
+    )
+    assert "| none | 1 | 1 |" in capsys.readouterr().out and page.exists() and len(rows.read_text().splitlines()) == 1
+    assert main(["blind", "--arms", "nothing"]) == 2
+    assert "arms: ['nothing'] unknown" in capsys.readouterr().err
+
+
 # ---- a simulator of the user's own
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sksurrogate.datasets import fetch_cascaded_tanks, fetch_silverbox
+from sksurrogate.datasets import fetch_ball_drops, fetch_cascaded_tanks, fetch_heat_exchanger, fetch_silverbox
 from sksurrogate.exceptions import DataError
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data"
@@ -22,6 +22,43 @@ def test_known_files_are_used():
     tanks, box = fetch_cascaded_tanks(SHARED), fetch_silverbox(SHARED)
     assert tanks.uEst.shape == tanks.yVal.shape == (1024,) and tanks.Ts == 4.0
     assert box.V1.shape == (131072,) and box.fs == pytest.approx(610.3516, abs=1e-3)
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the real recordings are not on this machine")
+def test_balls_fall_and_water_is_warm():
+    balls, water = fetch_ball_drops(SHARED), fetch_heat_exchanger(SHARED)
+    assert len(balls.names) == 11 and set(balls.drop) == {1, 2} and len(balls.height) == len(balls.ball) == 1064
+    golf = (balls.ball == "Golf Ball") & (balls.drop == 1)
+    t, h = balls.time[golf], balls.height[golf]
+    assert -2 * np.polyfit(t, h, 2)[0] == pytest.approx(9.81, rel=0.05)  # free fall
+    assert water.q.shape == water.th.shape == (4000,) and water.th.min() > 92 and water.th.max() < 102
+    assert np.corrcoef(water.q, water.th)[0, 1] < 0  # more flow, less warm
+
+
+def test_balls_and_exchanger_from_elsewhere(server, tmp_path):
+    pytest.importorskip("pooch")
+    folder, address = server
+    table = np.column_stack([np.arange(4000), np.linspace(0.1, 0.7, 4000), np.linspace(93, 101, 4000)])
+    np.savetxt(folder / "exchanger.dat", table)
+    (folder / "balls.csv").write_text(
+        "ball,drop,time_s,height_m,velocity_m_s\nTin,1,0.0,40.0,0.1\nTin,2,0.1,39.0,-0.1\n"
+    )
+    for _ in range(2):  # the second time from the disk
+        water = fetch_heat_exchanger(tmp_path, url=f"{address}/exchanger.dat")
+        np.testing.assert_allclose(water.th, table[:, 2])
+        balls = fetch_ball_drops(tmp_path, url=f"{address}/balls.csv")
+        assert balls.names == ["Tin"] and balls.height.tolist() == [40.0, 39.0]
+    (folder / "other.dat").write_text("no numbers")
+    with pytest.raises(DataError, match="not a table of numbers"):
+        fetch_heat_exchanger(tmp_path / "other", url=f"{address}/other.dat")
+    with pytest.raises(DataError, match="save the authors' spreadsheet there as CSV"):
+        fetch_ball_drops(tmp_path / "other")
+    (tmp_path / "ball_drops" / "ball_drops.csv").write_text("a,b\n")
+    with pytest.raises(DataError, match="has not the columns"):
+        fetch_ball_drops(tmp_path)
+    (tmp_path / "ball_drops" / "ball_drops.ours").unlink()
+    with pytest.raises(DataError, match="is damaged"):
+        fetch_ball_drops(tmp_path)
 
 
 def test_a_damaged_file_is_refused(tmp_path):
