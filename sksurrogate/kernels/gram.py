@@ -31,6 +31,8 @@ CONDITION_LIMIT = 1e7
 _EPS = float(np.finfo(float).eps)
 #: Below this share of non-zeros the product of sparse blocks is quicker than that of dense ones.
 _SPARSE_BELOW = 0.1
+#: Rows of one QR: with the factor so far they stay in the cache.
+_QR_ROWS = 1024
 
 
 @dataclass(eq=False)
@@ -187,19 +189,21 @@ def triangle(
     R: np.ndarray | None = None
     for block, targets, weights in blocks:
         n, p = block.shape
-        if R is None:
-            R = np.zeros((0, 1 + p + targets.shape[1]))
-        Z = np.empty((len(R) + n, R.shape[1]))
-        Z[: len(R)] = R
-        rows = np.empty((n, R.shape[1] - 1))
+        width = 1 + p + targets.shape[1]
+        R = np.zeros((0, width)) if R is None else R
+        rows = np.empty((n, width - 1))
         _write_dense(block, rows)
         rows[:, p:] = targets
         if centre is not None:
             rows -= centre
-        Z[len(R) :, 1:], Z[len(R) :, 0] = rows, 1.0
-        if weights is not None:
-            Z[len(R) :] *= np.sqrt(weights)[:, None]
-        R = np.triu(lapack.dgeqrf(Z, overwrite_a=True)[0][: min(Z.shape)])
+        for a in range(0, n, _QR_ROWS):
+            piece = rows[a : a + _QR_ROWS]
+            Z = np.empty((len(R) + len(piece), width), order="F")
+            Z[: len(R)] = R
+            Z[len(R) :, 0], Z[len(R) :, 1:] = 1.0, piece
+            if weights is not None:
+                Z[len(R) :] *= np.sqrt(weights[a : a + _QR_ROWS])[:, None]
+            R = np.triu(lapack.dgeqrf(Z, lwork=64 * width, overwrite_a=True)[0][: min(Z.shape)])
     assert R is not None
     return R
 

@@ -55,6 +55,14 @@ def our_gcv(X, y):
     return PenalizedRegressor(penalties, alpha="gcv", features=splines).fit(X, y).predict
 
 
+def sklearn_slash(X, y):
+    from sklearn.linear_model import LinearRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import SplineTransformer
+
+    return make_pipeline(SplineTransformer(20, degree=3, sparse_output=True), LinearRegression()).fit(X, y).predict
+
+
 def our_slash(X, y):
     from sksurrogate.features import SplineFeatures
     from sksurrogate.linear import PenalizedRegressor
@@ -112,7 +120,8 @@ SPLINE = {
     "scikit-learn: SplineTransformer (sparse) + Ridge": sklearn_ridge,
     "PenalizedRegressor([Ridge()], features=SplineFeatures)": our_ridge,
     'the same, Ridge + Curvature, alpha="gcv"': our_gcv,
-    "the same, no penalty (null space: QR)": our_slash,
+    "scikit-learn: SplineTransformer (sparse) + LinearRegression": sklearn_slash,
+    "PenalizedRegressor(features=SplineFeatures) (null space: QR)": our_slash,
     "scikit-learn: SplineTransformer + StandardScaler + PCA(60) + LinearRegression": sklearn_pcr,
     "PCRRegressor(60, scale=True, features=SplineFeatures)": our_pcr,
     "scikit-learn: SplineTransformer + PLSRegression(10)": sklearn_pls,
