@@ -50,6 +50,7 @@ _HOME = {
     "displays": "",
     "effects": "",
     "exceptions": "",
+    "export": "",
     "features": "",
     "gap": "",
     "linear": "",

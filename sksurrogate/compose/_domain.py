@@ -31,6 +31,11 @@ class Domain:
         """The box of the rows of ``phi``."""
         return cls(phi.min(axis=0), phi.max(axis=0), float(fade))
 
+    @property
+    def size(self) -> np.ndarray:
+        """Range of every feature; a hundredth of its size for one that did not move."""
+        return np.maximum(self.high - self.low, 1e-2 * np.maximum(np.abs(self.high), np.abs(self.low)) + 1e-12)
+
     def held(self, z: np.ndarray, margin: float = 0.1) -> np.ndarray:
         """Features (n_features, *s) held within the box widened by a share of its size."""
         if not np.isfinite(self.fade):
@@ -41,8 +46,7 @@ class Domain:
 
     def distance(self, phi: np.ndarray) -> np.ndarray:
         """How far rows lie outside, as a share of the range of the feature that lies farthest: (n_rows,)."""
-        size = np.maximum(self.high - self.low, 1e-2 * np.maximum(np.abs(self.high), np.abs(self.low)) + 1e-12)
-        return np.max(np.maximum(np.maximum(self.low - phi, phi - self.high), 0.0) / size, axis=1, initial=0.0)
+        return np.max(np.maximum(np.maximum(self.low - phi, phi - self.high), 0.0) / self.size, axis=1, initial=0.0)
 
     def weight(self, phi: np.ndarray) -> np.ndarray:
         """1 inside and a little beyond, then down to 0: (n_rows,)."""

@@ -13,8 +13,10 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
+from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
 from sksurrogate.compose._hybrid_output import Free, OutputCorrection
 from sksurrogate.exceptions import SimulationDiverged
+from sksurrogate.export import Graph, to_casadi, to_onnx
 from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["HybridRegressor"]
@@ -254,6 +256,26 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         truth = runs.stack([run.y for run in runs])
         weight = None if sample_weight is None else np.asarray(sample_weight)[keep]
         return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
+
+    # ---- out of the house -------------------------------------------------------------------------------------------
+    def to_graph(self, n_sub: int = 4) -> Graph:
+        """``x_next, y = f(x, u)`` in plain numpy with exact Jacobians; ``n_sub`` substeps of a right-hand side a sample."""
+        check_is_fitted(self, "correction_")
+        return hybrid_graph(self.correction_, self.n_features_in_ - (self.run not in (None, "index")), n_sub)
+
+    def graph_state(self, X: Any, y0: Any = None, n_sub: int = 4) -> np.ndarray:
+        """State of :meth:`to_graph` of one run: before its first row, or behind the rows of ``y0``."""
+        check_is_fitted(self, "correction_")
+        runs = self._resolve(X, None, None)
+        return hybrid_state(self.correction_, runs[0].X, self._initial(y0, runs)[0], n_sub)
+
+    def to_casadi(self, name: str = "hybrid", n_sub: int = 4) -> Any:
+        """The same as ``casadi.Function``; see :func:`sksurrogate.export.to_casadi`."""
+        return to_casadi(self.to_graph(n_sub), name)
+
+    def to_onnx(self, path: Any = None, n_sub: int = 4) -> Any:
+        """The same as an ONNX model; see :func:`sksurrogate.export.to_onnx`."""
+        return to_onnx(self.to_graph(n_sub), path)
 
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False, min_rows: int = 1) -> Runs:

@@ -54,7 +54,7 @@ class Basis:
         scaled = (z - self.mean[wide]) / self.scale[wide]
         out = np.empty((1 + len(self.powers), *shape))
         out[0] = 1.0
-        place = {(): 0}
+        place: dict[tuple[int, ...], int] = {(): 0}
         for k, factors in enumerate(self.powers, start=1):
             np.multiply(out[place[factors[:-1]]], scaled[factors[-1]], out=out[k])
             place[factors] = k

@@ -1,1 +1,9 @@
-"""export."""
+"""Fitted models out of the house: plain numpy with exact Jacobians, CasADi, C code, ONNX."""
+
+from sksurrogate.export._casadi import to_c, to_casadi
+from sksurrogate.export._describe import to_graph
+from sksurrogate.export._graph import Graph
+from sksurrogate.export._onnx import to_onnx
+from sksurrogate.export._state_space import StateSpace, state_space
+
+__all__ = ["Graph", "StateSpace", "state_space", "to_c", "to_casadi", "to_graph", "to_onnx"]

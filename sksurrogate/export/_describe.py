@@ -1,0 +1,196 @@
+"""Fitted estimators and simulators as graphs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from sksurrogate.exceptions import SurrogateError
+from sksurrogate.export._graph import Graph
+from sksurrogate.export._symbol import joined, symbols
+
+__all__ = ["add_estimator", "add_step", "to_graph"]
+
+#: sklearn's activations -> the graph's.
+_ACTIVATIONS = {"tanh": "tanh", "logistic": "logistic", "sigmoid": "logistic", "relu": "relu", "identity": ""}
+
+
+def to_graph(model: Any, n_sub: int = 4) -> Graph:
+    """A fitted model as a graph.
+
+    Parameters
+    ----------
+    model : fitted estimator or simulator
+        Linear models, ``MLPRegressor``, ``FNNRegressor``, ``StandardScaler``, ``MinMaxScaler``, ``PolynomialFeatures``
+        and pipelines of them: input "x", output "y". :class:`RecursivePredictor`, :class:`HybridRegressor` and simulators
+        with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
+    n_sub : int, default=4
+        Runge-Kutta substeps a sample of a right-hand side.
+
+    Returns
+    -------
+    Graph
+        Callable with arrays; has exact Jacobians.
+
+    Raises
+    ------
+    SurrogateError
+        The model cannot be written as a graph; the message names the part.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn.linear_model import LinearRegression
+    >>> from sksurrogate.export import to_graph
+    >>> to_graph(LinearRegression().fit([[0.0], [1.0]], [1.0, 3.0]))(x=[2.0])["y"].round(6)
+    array([5.])
+    """
+    if hasattr(model, "to_graph"):
+        return model.to_graph(n_sub=n_sub)
+    graph = Graph()
+    if hasattr(model, "output_lags") and hasattr(model, "input_lags"):
+        return _recursive(graph, model)
+    if getattr(model, "states", None) is not None and (hasattr(model, "rhs") or hasattr(model, "step")):
+        x, u = graph.input("x", len(model.states)), graph.input("u", len(model.inputs))
+        graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, model, x, u, n_sub)
+        graph.dt = float(getattr(model, "dt", None) or 1.0)
+        return graph
+    check_is_fitted(model)
+    x = graph.input("x", int(model.n_features_in_))
+    graph.outputs["y"] = add_estimator(graph, model, x)
+    return graph
+
+
+def add_estimator(graph: Graph, model: Any, x: int) -> int:
+    """The prediction (or transformation) of a fitted estimator at node x."""
+    steps = getattr(model, "steps", None)
+    if steps is not None:
+        for _, step in steps:
+            x = x if step is None or step == "passthrough" else add_estimator(graph, step, x)
+        return x
+    kind = type(model).__name__
+    if kind == "TransformedTargetRegressor":
+        return _back(graph, model.transformer_, add_estimator(graph, model.regressor_, x))
+    if kind == "StandardScaler":
+        n = graph.nodes[x].size
+        mean = np.zeros(n) if model.mean_ is None else model.mean_
+        return graph.scaled(x, mean, np.ones(n) if model.scale_ is None else model.scale_)
+    if kind == "MinMaxScaler":
+        return graph.affine(x, np.diag(model.scale_), model.min_)
+    if kind == "PCA" and not model.whiten:
+        return graph.affine(graph.binary("sub", x, graph.constant(model.mean_)), model.components_.T)
+    if kind == "PolynomialFeatures":
+        return _monomials(graph, x, model.powers_)
+    if hasattr(model, "coefs_") and hasattr(model, "intercepts_"):
+        return _network(graph, model, x)
+    if hasattr(model, "coef_") and hasattr(model, "intercept_") and hasattr(model, "predict"):
+        coef = np.atleast_2d(np.asarray(model.coef_, dtype=float))
+        if coef.shape[1] == graph.nodes[x].size:
+            return graph.affine(x, coef.T, np.ravel(model.intercept_))
+    raise SurrogateError(
+        f"{kind} cannot be exported: linear models, MLPRegressor, FNNRegressor, StandardScaler, MinMaxScaler, PCA, "
+        "PolynomialFeatures and pipelines of them can."
+    )
+
+
+def _back(graph: Graph, transformer: Any, y: int) -> int:
+    """Inverse of a scaler of targets."""
+    if type(transformer).__name__ != "StandardScaler":
+        raise SurrogateError(
+            f"a target transformed by {type(transformer).__name__} cannot be exported: use StandardScaler."
+        )
+    n = graph.nodes[y].size
+    scale = np.ones(n) if transformer.scale_ is None else transformer.scale_
+    return graph.affine(y, np.diag(scale), 0.0 if transformer.mean_ is None else transformer.mean_)
+
+
+def _network(graph: Graph, model: Any, x: int) -> int:
+    """Layers of a feedforward network."""
+    n = len(model.coefs_)
+    names = list(getattr(model, "activations_", None) or [model.activation] * (n - 1) + ["identity"])
+    for weight, bias, name in zip(model.coefs_, model.intercepts_, names):
+        if name not in _ACTIVATIONS:
+            raise SurrogateError(f"activation={name!r} cannot be exported: tanh, logistic, relu and identity can.")
+        x = graph.affine(x, weight, bias)
+        x = graph.unary(_ACTIVATIONS[name], x) if _ACTIVATIONS[name] else x
+    return x
+
+
+def _monomials(graph: Graph, x: int, powers: np.ndarray) -> int:
+    """Products of powers, one factor at a time for all monomials together."""
+    n = graph.nodes[x].size
+    factors = [np.repeat(np.arange(n), row) for row in powers]
+    one = graph.concat(x, graph.constant(1.0))
+    degree = max(max((len(f) for f in factors), default=1), 1)
+    table = np.full((degree, len(factors)), n)
+    for k, row in enumerate(factors):
+        table[: len(row), k] = row
+    out = graph.take(one, table[0])
+    for row in table[1:]:
+        out = graph.binary("mul", out, graph.take(one, row))
+    return out
+
+
+def _recursive(graph: Graph, model: Any) -> Graph:
+    """A lag model in state-space form; the state holds past outputs and inputs, newest first."""
+    check_is_fitted(model, "estimator_")
+    lags = list(model.output_lags_)
+    terms = [(int(column), int(lag)) for column, lag in model.input_terms_]
+    o, deepest = len(model.y_mean_), max(lags)
+    n_u = int(model.n_features_in_) - (0 if model.run is None or model.run == "index" else 1)
+    back = max([lag for _, lag in terms], default=0)
+    x, u = graph.input("x", deepest * o + back * n_u), graph.input("u", n_u)
+    whole = graph.concat(x, u)
+    places = [(lag - 1) * o + j for lag in lags for j in range(o)]
+    places += [deepest * o + (lag - 1) * n_u + c if lag else deepest * o + back * n_u + c for c, lag in terms]
+    y = add_estimator(graph, model.estimator_, graph.take(whole, places))
+    graph.outputs["x_next"] = shifted(graph, x, u, y, deepest * o, back * n_u)
+    graph.outputs["y"] = y
+    return graph
+
+
+def shifted(graph: Graph, x: int, u: int, y: int, past: int, inputs: int) -> int:
+    """Windows of ``past`` numbers of y and ``inputs`` numbers of u, moved on by one sample."""
+    o, n_u = graph.nodes[y].size, graph.nodes[u].size
+    parts = [y]
+    if past > o:
+        parts.append(graph.take(x, np.arange(past - o)))
+    if inputs:
+        parts.append(u)
+    if inputs > n_u:
+        parts.append(graph.take(x, past + np.arange(inputs - n_u)))
+    return graph.concat(*parts)
+
+
+def add_step(graph: Graph, simulator: Any, x: int, u: int, n_sub: int) -> tuple[int, int]:
+    """Next state and output of a simulator with ``rhs`` (held inputs, Runge-Kutta of order 4) or ``step``."""
+    params = dict(getattr(simulator, "params", None) or {})
+    if getattr(simulator, "hold", "zoh") != "zoh":
+        raise SurrogateError('hold="foh" cannot be exported: a step needs the input held, hold="zoh".')
+    dt, us = float(getattr(simulator, "dt", None) or 1.0), symbols(graph, u)
+    output = getattr(simulator, "output", None)
+    if callable(output):
+        y = joined(graph, output(0.0, symbols(graph, x), us, params))
+    else:
+        outputs = [simulator.outputs] if isinstance(simulator.outputs, str) else list(simulator.outputs)
+        y = graph.take(x, [list(simulator.states).index(name) for name in outputs])
+    if not hasattr(simulator, "rhs"):
+        return joined(graph, simulator.step(0.0, symbols(graph, x), us, params, dt)), y
+    h = dt / n_sub
+
+    def rate(at: int) -> int:
+        return joined(graph, simulator.rhs(0.0, symbols(graph, at), us, params))
+
+    def moved(at: int, slope: int, by: float) -> int:
+        return graph.binary("add", at, graph.binary("mul", slope, graph.constant(by)))
+
+    for _ in range(n_sub):
+        k1 = rate(x)
+        k2 = rate(moved(x, k1, h / 2))
+        k3 = rate(moved(x, k2, h / 2))
+        k4 = rate(moved(x, k3, h))
+        middle = graph.binary("mul", graph.binary("add", k2, k3), graph.constant(2.0))
+        x = moved(x, graph.binary("add", graph.binary("add", k1, k4), middle), h / 6)
+    return x, y
