@@ -39,7 +39,12 @@ def named_position(key: Any, names: Sequence[str], argument: str) -> int:
     raise DataError(f"{argument} names the column {key!r}, but the inputs are {list(names)}.")
 
 
-def lag_columns(values: np.ndarray, columns: Sequence[tuple[int, int]], fill: str | float = "edge") -> np.ndarray:
+def lag_columns(
+    values: np.ndarray,
+    columns: Sequence[tuple[int, int]],
+    fill: str | float = "edge",
+    out: np.ndarray | None = None,
+) -> np.ndarray:
     """Lagged columns of one run: ``out[t, i] = values[t - lag_i, column_i]``.
 
     Parameters
@@ -48,15 +53,19 @@ def lag_columns(values: np.ndarray, columns: Sequence[tuple[int, int]], fill: st
     columns : sequence of (column, lag)
     fill : "edge", "nan" or float
         Before the first row: its value, nan, or a number.
+    out : ndarray (n_samples, len(columns)), optional
+        Where to write; fastest with contiguous columns.
 
     Returns
     -------
     ndarray (n_samples, len(columns))
     """
-    out = np.empty((len(values), len(columns)), order="F")
+    if out is None:
+        out = np.empty((len(values), len(columns)), order="F")
+    contiguous = np.ascontiguousarray(values.T)  # one strided reading instead of one for each lag
     for i, (column, lag) in enumerate(columns):
         k = min(lag, len(values))
-        out[k:, i] = values[: len(values) - k, column]
+        out[k:, i] = contiguous[column, : len(values) - k]
         out[:k, i] = values[0, column] if fill == "edge" else (np.nan if fill == "nan" else fill)
     return out
 
@@ -146,13 +155,17 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self, "columns_")
         runs = self._resolve(X, groups, reset=False)
-        out = runs.stack([lag_columns(run.X, self.columns_, self.fill) for run in runs])
-        if not self._keeps:
-            return out
-        labels = np.full((len(out), 1), np.nan)
+        n_lagged = len(self.columns_)
+        # written in place, column by column: the lag matrix exists once
+        out = np.empty((runs.n_samples, n_lagged + self._keeps), order="F")
+        if sum(map(len, runs)) < runs.n_samples:
+            out[:] = np.nan  # rows that belong to no run
         for run in runs:
-            labels[run.start : run.stop] = float(run.label)
-        return np.hstack([out, labels])
+            rows = slice(run.start, run.stop)
+            lag_columns(run.X, self.columns_, self.fill, out[rows, :n_lagged])
+            if self._keeps:
+                out[rows, -1] = float(run.label)
+        return out
 
     def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> np.ndarray:
         """Fit, then transform the same data."""
