@@ -138,6 +138,11 @@ class BaseFeatures(TransformerMixin, BaseEstimator, ABC):
         return self.n_features_out_
 
     @property
+    def blocks_(self) -> tuple[tuple[int, ...], ...]:
+        """Where neighbours stand: (n_j,) for each input side by side, or one (n_1, n_2, ...) for all products."""
+        return (tuple(self._sizes),) if self._multiplied else tuple((size,) for size in self._sizes)
+
+    @property
     def _multiplied(self) -> bool:
         """Whether the bases of the inputs are multiplied."""
         return self.interaction is True or self.interaction == "tensor"

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,8 @@ class Situation:
     n_inputs, n_features, n_outputs : int
     low, high : ndarray (n_inputs,)
         Range of the training inputs.
+    blocks : sequence of int or tuple of int
+        Where neighbouring coefficients stand: n in a row, or the shape of a tensor.
     """
 
     phi: Callable[[np.ndarray], np.ndarray]
@@ -52,6 +55,7 @@ class Situation:
     n_outputs: int
     low: np.ndarray
     high: np.ndarray
+    blocks: Sequence[int | tuple[int, ...]]
 
     def points(self, points: Any, name: str) -> np.ndarray:
         """Points as a table with one column an input."""
@@ -196,14 +200,15 @@ class Slope(BasePenalty):
     points : array-like (n_points, n_inputs), optional
         Where ``dy/dx`` is held small (sum over points and inputs); None: differences of neighbouring coefficients.
     weight : float, default=1.0
-    blocks : sequence of int, optional
+    blocks : sequence of int or tuple of int, optional
         Coefficients a block, where differences must not reach from one block into the next (splines of several
-        inputs); their sum is n_features. Without points only.
+        inputs); a tuple is the shape of a tensor, with neighbours along each axis. None: as the transformer
+        ``features`` says (``SplineFeatures`` does), else all in a row. Without points only.
     """
 
     points: Any = None
     weight: float = 1.0
-    blocks: Sequence[int] | None = None
+    blocks: Sequence[int | tuple[int, ...]] | None = None
 
     def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray]:
         """First derivatives or first differences."""
@@ -229,7 +234,7 @@ class Curvature(BasePenalty):
 
     points: Any = None
     weight: float = 1.0
-    blocks: Sequence[int] | None = None
+    blocks: Sequence[int | tuple[int, ...]] | None = None
 
     def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray]:
         """Second derivatives or second differences."""
@@ -279,16 +284,19 @@ def _with_zeros(rows: np.ndarray, at: Situation) -> tuple[np.ndarray, np.ndarray
     return _no_intercept(rows), np.zeros((len(rows), at.n_outputs))
 
 
-def _differences(at: Situation, blocks: Sequence[int] | None, order: int, name: str) -> np.ndarray:
+def _differences(at: Situation, blocks: Sequence[int | tuple[int, ...]] | None, order: int, name: str) -> np.ndarray:
     """Differences of neighbouring coefficients within each block."""
-    sizes = [at.n_features] if blocks is None else [int(b) for b in blocks]
-    if sum(sizes) != at.n_features or min(sizes) < 1:
-        raise DataError(f"{name}: blocks={list(sizes)} must be positive and sum to the {at.n_features} features.")
+    shapes = [tuple(np.atleast_1d(block).tolist()) for block in (at.blocks if blocks is None else blocks)]
+    if sum(map(prod, shapes)) != at.n_features or min(map(min, shapes)) < 1:
+        raise DataError(f"{name}: blocks={blocks!r} must be positive and sum to the {at.n_features} features.")
     parts, start = [], 0
-    for size in sizes:
-        part = np.zeros((max(size - order, 0), at.n_features))
-        part[:, start : start + size] = np.diff(np.eye(size), order, axis=0)
-        parts.append(part)
+    for shape in shapes:
+        size = prod(shape)
+        unit = np.eye(size).reshape(*shape, size)
+        for axis in range(len(shape)):
+            steps = np.diff(unit, order, axis=axis).reshape(-1, size)
+            parts.append(np.zeros((len(steps), at.n_features)))
+            parts[-1][:, start : start + size] = steps
         start += size
     return np.concatenate(parts)
 

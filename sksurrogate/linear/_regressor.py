@@ -183,10 +183,9 @@ class PenalizedRegressor(BaseBlockedRegressor):
         return np.hstack([rows[:, :p] - rows[:, p:] * self.moments_.mean[:p], rows[:, p:]])
 
     def _situation(self) -> Situation:
-        p = self._n_features
-        return Situation(
-            self._dense_phi, self._gradient, self.n_features_in_, p, self._n_outputs, self._low, self._high
-        )
+        p, blocks = self._n_features, getattr(self.features_, "blocks_", None)
+        sizes = (self.n_features_in_, p, self._n_outputs)
+        return Situation(self._dense_phi, self._gradient, *sizes, self._low, self._high, blocks or (p,))
 
     def _penalty_rows(self) -> tuple[np.ndarray, np.ndarray]:
         """All penalties as rows and targets, weights multiplied in."""

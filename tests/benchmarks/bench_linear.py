@@ -51,7 +51,7 @@ def our_gcv(X, y):
     from sksurrogate.linear import Curvature, PenalizedRegressor, Ridge
 
     splines = SplineFeatures(20, 3, sparse_output=True)
-    penalties = [Ridge(1e-6), Curvature(blocks=(22,) * 4)]
+    penalties = [Ridge(1e-6), Curvature()]
     return PenalizedRegressor(penalties, alpha="gcv", features=splines).fit(X, y).predict
 
 

@@ -14,6 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures, SplineTransformer
 
 from sksurrogate.exceptions import DataError
+from sksurrogate.features import SplineFeatures
 from sksurrogate.linear import (
     Bounds,
     CloseTo,
@@ -404,3 +405,22 @@ def test_what_offsets_were_rounded_to_is_no_direction(solver):
     model = PenalizedRegressor(solver=solver).fit(X, y)
     np.testing.assert_allclose(model.predict(X), LinearRegression().fit(a, y).predict(a), atol=1e-6)
     assert np.abs(model.coef_).max() < 3 and model.coef_[3] == 0
+
+
+def test_neighbours_are_those_of_the_splines():
+    rng = np.random.default_rng(0)
+    X = rng.uniform(size=(300, 2))
+    y = X[:, 0] + 2 * X[:, 1]
+    additive = PenalizedRegressor([Curvature()], features=SplineFeatures(5)).fit(X, y)
+    rows, _ = additive._penalty_rows()
+    assert rows.shape == (2 * (7 - 2), 15)
+    given = clone(additive).set_params(penalties=[Curvature(blocks=(7, 7))]).fit(X, y)
+    np.testing.assert_array_equal(given.coef_, additive.coef_)
+    tensor = PenalizedRegressor([Curvature(weight=1e3)], features=SplineFeatures(5, interaction="tensor")).fit(X, y)
+    rows, _ = tensor._penalty_rows()
+    assert rows.shape == (2 * 7 * 5, 50)
+    # planes (uniform knots) have no second differences along either axis
+    np.testing.assert_allclose(tensor.predict(X), y, atol=1e-6)
+    theta = np.arange(49.0).reshape(7, 7)[:, ::-1].ravel() ** 2
+    squares = (np.diff(theta.reshape(7, 7), 2, axis=k) ** 2 for k in (0, 1))
+    assert np.sum((rows[:, :49] @ theta) ** 2) == pytest.approx(1e3 * sum(map(np.sum, squares)))
