@@ -168,3 +168,13 @@ def test_free_runs_of_a_model_with_its_own_features():
         y[t] = 0.8 * y[t - 1] + np.tanh(X[t - 1, 0])
     splines = PenalizedRegressor([Ridge(1e-3)], features=SplineTransformer(8, extrapolation="linear"))
     assert RecursivePredictor(splines, [1], 1).fit(X, y).free_run_rmse_ < 0.05
+
+
+@pytest.mark.parametrize("estimator", [PenalizedRegressor([Ridge()], alpha="gcv"), PCRRegressor(3)])
+def test_moments_of_several_machines_add_up(estimator):
+    X, Y, _ = data()
+    whole = clone(estimator).fit(X, Y)
+    parts = [clone(estimator).partial_fit(X[rows], Y[rows]).moments_ for rows in (slice(0, 30), slice(30, 80))]
+    joined = clone(estimator).fit_moments(parts[0].merge(parts[1]), n_outputs=2)
+    np.testing.assert_allclose(joined.coef_, whole.coef_, atol=1e-10)
+    np.testing.assert_allclose(joined.predict(X), whole.predict(X), atol=1e-10)
