@@ -46,10 +46,10 @@ class PCRRegressor(BaseBlockedRegressor):
     coef_ : ndarray (n_features,) or (n_outputs, n_features)
     intercept_ : float or ndarray (n_outputs,)
     n_components_ : int
-    components_ : ndarray (n_components_, n_features)
+    components_ : ndarray (n_kept, n_features)
         Of the (scaled) features.
-    explained_variance_ : ndarray (n_components_,)
-    explained_variance_ratio_ : ndarray (n_components_,)
+    explained_variance_ : ndarray (n_kept,)
+    explained_variance_ratio_ : ndarray (n_kept,)
     gcv_scores_ : ndarray (rank + 1,)
         Error for 0, 1, ... components.
     scale_ : ndarray (n_features,)
