@@ -131,7 +131,7 @@ def test_the_diagnosis_cannot_reach_the_truth():
     names = {name for name in KINDS if name in answer["seen"]}
     assert names <= set(answer["effects_left"]) and truth.name not in names
     for text in (str(case.facts["seed"]), row["sha256"][:16], *(f"{float(v):.8g}" for v in truth.params.values())):
-        assert text not in answer["seen"]
+        assert len(text) < 6 or text not in answer["seen"]  # "5" is in every text
 
 
 def test_a_question_holds_no_part_of_the_case():
