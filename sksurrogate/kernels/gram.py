@@ -150,8 +150,7 @@ def _write_dense(block: Any, out: np.ndarray) -> None:
         out[:, : block.shape[1]] = block
         return
     csr = block.tocsr()
-    out[...] = 0.0
-    # the same rows with as many columns as out has: scipy's loop in C writes them straight into place
+    # the same rows with as many columns as out has: scipy clears it and writes them in C, straight into place
     sparse.csr_array((csr.data, csr.indices, csr.indptr), shape=out.shape).toarray(out=out)
 
 
