@@ -13,9 +13,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from sklearn.neural_network import MLPRegressor
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
 LAGS, NODES, STEPS = 5, 3, 200
 ALPHAS = (0.3, 0.1, 0.03, 0.01, 0.003)
@@ -53,6 +50,10 @@ def judged(weights, alpha, U, Y, Ut, Yt):
 
 def ours(U, Y, alpha, seed, **more):
     """Seconds and weights; the whole fit of the estimator counts."""
+    from sklearn.neural_network import MLPRegressor
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
     from sksurrogate.compose import RecursivePredictor
 
     net = MLPRegressor(hidden_layer_sizes=(NODES,), activation="tanh", solver="lbfgs", max_iter=2000, random_state=seed)
@@ -68,11 +69,15 @@ def ours(U, Y, alpha, seed, **more):
 
 
 def chosen_alpha(U, Y, seed):
-    """The penalty whose free run is best on two runs left out."""
+    """The penalty whose free run is best on runs left out, two at a time."""
     errors = []
     for alpha in ALPHAS:
-        _, weights = ours(U[:6], Y[:6], alpha, seed)
-        errors.append(judged(weights, alpha, U[:6], Y[:6], U[6:], Y[6:])[2])
+        total = 0.0
+        for fold in range(4):
+            left = np.arange(len(U)) // 2 == fold
+            _, weights = ours(U[~left], Y[~left], alpha, seed)
+            total += judged(weights, alpha, U[~left], Y[~left], U[left], Y[left])[2] ** 2
+        errors.append(total)
     return ALPHAS[int(np.nanargmin(errors))]
 
 
