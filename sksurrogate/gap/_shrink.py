@@ -232,6 +232,8 @@ def generic_correction(
         fold = np.asarray(fold) % CORRECTION_FOLDS
         for k in np.unique(fold):
             test = np.isin(row_of, np.flatnonzero(fold == k))
+            if test.all():  # one short run: nothing is left to learn from
+                continue
             try:
                 fitted = clone(model).fit(record.u[:, ~test].T, record.y[:, ~test].T, groups=row_of[~test])
                 n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
