@@ -133,10 +133,10 @@ def ball(data_home: Any, name: str) -> Recording:
     """Free fall for a ball that meets air; drop 1 trains, drop 2 tests."""
     data = fetch_ball_drops(data_home)
     simulator = ODESimulator(
-        falling, states=["height", "velocity"], inputs=["push"], outputs=["height"], params={"g": 9.81}, dt=data.Ts, x0=[48.0, 0.0]
+        falling, states=["height", "velocity"], inputs=[], outputs=["height"], params={"g": 9.81}, dt=data.Ts, x0=[48.0, 0.0]
     )  # fmt: skip
     drops = [data.height[(data.ball == name) & (data.drop == k)][3:, None] for k in (1, 2)]
-    none = [np.zeros((len(drop), 1)) for drop in drops]  # nobody pushes
+    none = [np.zeros((len(drop), 0)) for drop in drops]
     documented = () if name in HEAVY else ("linear_loss", "quadratic_drag", "quadratic_loss", "power_law")
     return Recording(
         name, simulator, none[0], drops[0], np.zeros(len(drops[0]), int), ((none[1], drops[1], "fit", 0),), (), documented,
@@ -213,7 +213,7 @@ def _diagnosed(recording: Recording, withhold: bool) -> dict[str, Any]:
     ]
     hit = any(name in recording.documented and place in recording.places for name, place in every)
     if not recording.documented:
-        right = not names
+        right = report.verdict == "none"
     elif withhold:
         right = report.verdict == "unknown" and report.where.location in recording.places
     else:
