@@ -220,7 +220,7 @@ def several_starts(
         raise ValueError("starts is empty: give at least one start.")
     spent -= best.n_iter
     if best.cost <= solved:
-        levenberg_marquardt(evaluate, best, max_iter=max_iter, floor=floor, window=5, least_gain=0.9, watch=watch)
+        levenberg_marquardt(evaluate, best, max_iter=max_iter, floor=floor, window=8, least_gain=0.6, watch=watch)
     else:
         levenberg_marquardt(evaluate, best, max_iter=max_iter, floor=floor, watch=watch)
     best.n_iter += spent

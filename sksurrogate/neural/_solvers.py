@@ -33,7 +33,7 @@ WHOLE = 20_000
 #: Rows of the subsample on which a larger set is searched from several starts.
 SUBSAMPLE = 5_000
 #: Share of the variance at which a start counts as solved, and at which a search ends.
-SOLVED, FLOOR = 1e-12, 1e-20
+SOLVED, FLOOR = 1e-12, 1e-24
 
 
 @dataclass(frozen=True)
