@@ -252,7 +252,7 @@ class Questions:
         null = self.search.null
         assert null is not None
         if "force" not in null.cache:
-            null.cache["force"] = self.found.latent if null is self.final else latent_force(self.problem, null)
+            null.cache["force"] = latent_force(self.problem, null, quiet_sensors=True)
         return null.cache["force"]
 
     def answer(self, seconds: float) -> GapReport:

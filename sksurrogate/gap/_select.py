@@ -209,7 +209,7 @@ class Search:
             return False
         extra = 2.0 * (rival.log_likelihood - best.log_likelihood)
         if self.is_far(rival):
-            extra = EXTRA + self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
+            extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
         return extra > self.bar(max(rival.n_parameters - best.n_parameters, 1)) + EXTRA
 
     def beam(self, best: Rival) -> list[Rival]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["Slot", "equivalents", "next_experiment"]
 
+#: Initial states are pushed by this share of their size for sensitivities.
+PUSH = 1e-4
 #: Outputs closer than this share of the noise are the same prediction.
 SAME = 0.02
 
@@ -105,18 +108,22 @@ def _experiments(problem: Problem, rival: Rival) -> list[_Experiment]:
     index = np.arange(n)
     experiments = [
         _Experiment("the same run again", u, x0),
-        _Experiment("inputs with twice the amplitude", mean + 2 * (u - mean), x0),
-        _Experiment("inputs with half the amplitude", mean + 0.5 * (u - mean), x0),
-        _Experiment("inputs shifted up by their amplitude", u + spread, x0),
-        _Experiment("inputs twice as fast", u[:, (2 * index) % n], x0),
-        _Experiment("inputs half as fast", u[:, index // 2], x0),
-        _Experiment("no input, from a large initial state", np.broadcast_to(mean, u.shape), x0 + 2 * problem.scale),
-        _Experiment("a step in every input", np.where(index < n // 4, mean - 0.5 * spread, mean + spread), x0),
+        _Experiment("a run with inputs of twice the amplitude", mean + 2 * (u - mean), x0),
+        _Experiment("a run with inputs of half the amplitude", mean + 0.5 * (u - mean), x0),
+        _Experiment("a run with inputs shifted up by their amplitude", u + spread, x0),
+        _Experiment("a run with inputs twice as fast", u[:, (2 * index) % n], x0),
+        _Experiment("a run with inputs half as fast", u[:, index // 2], x0),
+        _Experiment(
+            "a run without input, from a large initial state", np.broadcast_to(mean, u.shape), x0 + 2 * problem.scale
+        ),
+        _Experiment(
+            "a run with a step in every input", np.where(index < n // 4, mean - 0.5 * spread, mean + spread), x0
+        ),
     ]
     for i, name in enumerate(problem.plant.inputs if len(problem.plant.inputs) > 1 else ()):
         only = np.repeat(mean, n, axis=1)
         only[i] = u[i]
-        experiments.append(_Experiment(f"only {name} moves", only, x0))
+        experiments.append(_Experiment(f"a run in which only {name} moves", only, x0))
     return experiments
 
 
@@ -152,30 +159,28 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
     rivals = [final, *slot.twins[:5]]
     names = [_name(final.effects[slot.index]), *(_name(r.effects[-1]) for r in slot.twins[:5])]
     experiments = _experiments(problem, final)
+    count, n = len(experiments), len(problem.plant.states)
+    pushed = [replace(e, x0=e.x0 + step) for step in PUSH * np.diag(problem.scale) for e in experiments]
     try:
-        responses = [_responses(problem, rival, experiments) for rival in rivals]
+        first, *others = [
+            _responses(problem, rival, [*experiments, *pushed] if rival is final else experiments) for rival in rivals
+        ]
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
     m = len(problem.record.y)
-    sd = np.concatenate(
-        [
-            final.noise.sigma,
-            0.01 * problem.scale[[i for i, s in enumerate(problem.plant.states) if s not in problem.plant.outputs]],
-        ]
-    )
+    extra = [s for s in problem.plant.states if s not in problem.plant.outputs]
+    hidden = [problem.plant.states.index(s) for s in extra]
+    sd = np.concatenate([final.noise.sigma, 0.01 * problem.scale[hidden]])
+    # Initial states are fitted to the new run: what they can imitate separates nothing.
+    starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / PUSH
     rows = []
     for e, experiment in enumerate(experiments):
-        rows.append(_gain(experiment.name, [r[:m, e] for r in responses], sd[:m], names))
-    extra = [s for s in problem.plant.states if s not in problem.plant.outputs]
+        apart = [first[:m, e] - other[:m, e] for other in others]
+        rows.append(_gain(experiment.name, apart, starts[:m, :, e], sd[:m], names))
     for h, state in enumerate(extra):
-        rows.append(
-            _gain(
-                f"a sensor for {state}, inputs as they were",
-                [r[m + h : m + h + 1, 0] for r in responses],
-                sd[m + h : m + h + 1],
-                names,
-            )
-        )
+        seen = [*range(m), m + h]
+        apart = [first[seen, 0] - other[seen, 0] for other in others]
+        rows.append(_gain(f"a sensor for {state}, inputs as they were", apart, starts[seen][:, :, 0], sd[seen], names))
     rows = [row for row in rows if np.isfinite(row["gain"])]
     rows.sort(key=lambda row: -row["gain"])
     if not rows:
@@ -187,19 +192,30 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
             "Only another sensor or knowledge of the plant can decide."
         )
     else:
-        sentence = f"To tell {best['between']} apart, record a run with {best['experiment']}: expected separation {best['gain']:.0f} nats (3 are enough)."
+        gain = f"{best['gain']:.0f}" if best["gain"] < 1000 else "more than 1000"
+        sentence = f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats (3 are enough)."
     return NextExperiment(sentence, Table(tuple(rows)))
 
 
-def _gain(name: str, responses: list[np.ndarray], sd: np.ndarray, names: list[str]) -> dict:
-    """Smallest separation of the final effect from a tied rival."""
+def _gain(
+    name: str, apart: Sequence[np.ndarray], starts: np.ndarray, sd: np.ndarray, names: Sequence[str]
+) -> dict[str, Any]:
+    """Smallest separation of the final effect from a tied rival, initial states fitted to each.
+
+    ``apart`` holds differences of predictions (n_outputs, n_samples), ``starts`` what the initial states move
+    (n_outputs, n_states, n_samples).
+    """
     best: tuple[float, str] = (np.inf, "")
-    for other, label in zip(responses[1:], names[1:]):
-        d = (responses[0] - other) / sd[:, None]
-        value = 0.5 * float(np.sum(d**2)) if np.all(np.isfinite(d)) else np.nan
+    J = (starts / sd[:, None, None]).transpose(0, 2, 1).reshape(-1, starts.shape[1])
+    for difference, label in zip(apart, names[1:]):
+        d = (difference / sd[:, None]).reshape(-1)
+        if not (np.all(np.isfinite(d)) and np.all(np.isfinite(J))):
+            continue
+        d = d - J @ np.linalg.lstsq(J, d, rcond=1e-8)[0]
+        value = 0.5 * float(d @ d)
         if value < best[0]:
             best = (value, f"{names[0]} and {label}")
-    return {"experiment": name, "gain": min(best[0], 1e6) if np.isfinite(best[0]) else np.nan, "between": best[1]}
+    return {"experiment": name, "gain": best[0] if np.isfinite(best[0]) else np.nan, "between": best[1]}
 
 
 def _name(effect) -> str:

@@ -40,8 +40,11 @@ class LatentForce:
     r: np.ndarray
 
 
-def latent_force(problem: Problem, rival: Rival) -> LatentForce:
-    """Smooth the force in every balance on top of a model, linearised about the smoothed path (not the free run)."""
+def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) -> LatentForce:
+    """Smooth the force in every balance on top of a model, linearised about the smoothed path (not the free run).
+
+    With ``quiet_sensors`` coloured sensor noise may not take what a force can explain.
+    """
     theta = rival.fit.theta
     with np.errstate(all="ignore"):
         smoothed = problem.smooth(rival.model, theta, rival.fit.x)
@@ -49,7 +52,15 @@ def latent_force(problem: Problem, rival: Rival) -> LatentForce:
         D = problem.disturbance_along(rival.model, theta, smoothed.x, lin.A, problem.balances)
         r = problem.record.y - lin.y
         start = rival.noise or problem.first_noise()
-        noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, max_iterations=10)
+        held = None
+        if quiet_sensors:
+            m = len(r)
+            start = replace(
+                start, sigma=problem.sd, force=0.1 * problem.force_unit(), coloured=1e-2 * problem.sd, tau_sensor=10.0
+            )
+            held = np.zeros(2 * m + len(problem.balances) + 2, bool)
+            held[m + len(problem.balances) + 1 :] = True
+        noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
         _, force, _ = D.states(r, noise)
     return LatentForce(smoothed.x, force, noise, noise.force / problem.force_unit(), lin.A, r)
 
@@ -142,11 +153,25 @@ def places(problem: Problem, null: Rival, starts: Sequence[float] = (5.0, 25.0))
             )
         for i, name in enumerate(problem.plant.inputs):
             B = _input_push(problem, null, smoothed.x, i)
-            if np.any(B):
+            twin = _same_push(B, whole.B.transpose(1, 2, 0))
+            if twin is not None:
+                found.append(Place(name, "input", found[twin].log_likelihood))
+            elif np.any(B):
                 found.append(Place(name, "input", evidence(B, max(float(np.std(record.u[i])), 1e-12), None)))
         for j, name in enumerate(problem.plant.outputs):
             found.append(Place(name, "output", evidence(whole.B.transpose(1, 2, 0)[:, :1], problem.force_unit()[0], j)))
     return sorted(found, key=lambda place: -place.log_likelihood)
+
+
+def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
+    """The balance whose force moves the states as an input does (n_states, 1, n_samples), up to one factor; else None."""
+    for b in range(forces.shape[1]):
+        force = forces[:, b]
+        size = float(np.sum(force**2))
+        left = push[:, 0] - force * (float(np.sum(push[:, 0] * force)) / max(size, 1e-300))
+        if np.sum(left**2) < 1e-4 * np.sum(push**2):
+            return b
+    return None
 
 
 def _input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import Shrink, Table
 from sksurrogate.gap._screen import project_starts
-from sksurrogate.gap._select import Search, left
+from sksurrogate.gap._select import MOST_EFFECTS, Search, left
 from sksurrogate.gap._unknown import LatentForce
 
 __all__ = ["Facts", "decide", "intervals", "probabilities", "ranking", "retuned_table"]
@@ -45,6 +45,8 @@ class Facts:
         Largest latent force over the RMS of its dx/dt.
     retuned : bool
         Whether re-tuning alone passed its bar.
+    exhausted : bool
+        Whether as many effects passed as are looked for: a stack of stand-ins.
     """
 
     accepted: bool
@@ -53,12 +55,15 @@ class Facts:
     law: float
     force: float
     retuned: bool
+    exhausted: bool = False
 
 
 def decide(facts: Facts) -> str:
     """None, explained or unknown."""
     lawful = facts.law > LAW or facts.force > 0.25
     if facts.accepted or facts.retuned:
+        if facts.exhausted and facts.left > FAR and lawful:
+            return "unknown"
         far = (facts.share_left > SHARE and facts.left > 1.05) or (facts.left > FAR and facts.share_left > SMALL_SHARE)
         return "unknown" if far and lawful else "explained"
     if (facts.law > LAW and facts.left > 1.15) or facts.left > FAR:
@@ -76,6 +81,7 @@ def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law
         float(np.max(law, initial=0.0)),
         float(np.max(latent.size, initial=0.0)),
         retuned,
+        len(final.effects) >= MOST_EFFECTS,
     )
 
 
