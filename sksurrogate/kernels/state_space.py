@@ -318,8 +318,10 @@ def subspace(
     now, nxt, u_now, y_now = [], [], [], []
     for (u, y), z in zip(pieces, past):
         x = z @ project
-        now.append(x[:-1]), nxt.append(x[1:])
-        u_now.append(u[p : p + len(x) - 1]), y_now.append(y[p : p + len(x) - 1])
+        now.append(x[:-1])
+        nxt.append(x[1:])
+        u_now.append(u[p : p + len(x) - 1])
+        y_now.append(y[p : p + len(x) - 1])
     x, x_next, u, y = (np.concatenate(part) for part in (now, nxt, u_now, y_now))
     ones = np.ones((len(x), 1))
     by_f = np.linalg.lstsq(np.concatenate([x, u, ones], axis=1), x_next, rcond=None)[0].T
