@@ -15,12 +15,15 @@ from sksurrogate.runs import Runs
 
 __all__ = ["StateSpaceRegressor"]
 
+#: Rows of the pieces on which networks are fitted before whole runs.
+PIECES = (8, 24, 72)
+
 
 class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     """``x[t+1] = f(x[t], u[t])``, ``y[t] = g(x[t], u[t])``, fitted on the free run with unknown initial states.
 
     Linear without hidden layers: subspace start (N4SID), then output error. With hidden layers f and g are the refined
-    linear model plus a tanh network each, trained on the free run, so that the fit starts at a stable model.
+    linear model plus a tanh network each, trained on the free run of pieces that grow to whole runs, so that the fit starts at a stable model.
 
     Parameters
     ----------
@@ -42,7 +45,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     n_starts : int, default=1
         Random starts of the networks; the best on the training runs stays.
     max_iter : int, default=100
-        Steps of Levenberg-Marquardt.
+        Steps of Levenberg-Marquardt on whole runs, half as many on each length of pieces.
     init : {"mean", "steady"} or array (n_initial, n_outputs), default="mean"
         Start where ``predict`` gets no ``y0``: mean state of the training runs, the model's rest at the first input,
         or first rows.
@@ -295,13 +298,34 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
                     values[...] = rng.normal(size=shape) / np.sqrt(shape[0])
                 part[: len(flat)] = flat
                 theta.append(part)
-            fits.append(
-                fit_output_error(
-                    model, np.concatenate(theta), linear.x0 / spread, rows, outputs, starts,
-                    alpha=self.alpha, max_iter=self.max_iter,
-                )
-            )  # fmt: skip
+            fits.append(self._grow(model, np.concatenate(theta), linear.x / spread, rows, outputs, starts, linear.cost))
         return min(fits, key=lambda fit: fit.cost)
+
+    def _grow(
+        self,
+        model: StateModel,
+        theta: np.ndarray,
+        x: np.ndarray,
+        U: np.ndarray,
+        Y: np.ndarray,
+        starts: np.ndarray,
+        plain_cost: float,
+    ) -> StateFit:
+        """Fits to pieces of growing length: whole runs from a poor start have no useful slope."""
+        longest, begun = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts])
+        for horizon in PIECES:
+            if 2 * horizon <= longest:
+                edges = zip(starts, np.r_[starts[1:], len(U)])
+                cuts = np.concatenate([np.arange(a, max(b - 1, a + 1), horizon) for a, b in edges])
+                steps = max(self.max_iter // 2, 1)
+                fit = fit_output_error(model, theta, x[cuts], U, Y, cuts, alpha=self.alpha, max_iter=steps, tol=1e-4)
+                theta, x = fit.theta, fit.x
+        fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=self.alpha, max_iter=self.max_iter)
+        away = simulate(model, fit.theta, np.broadcast_to(fit.x.mean(axis=0), x[starts].shape), U, starts)
+        if not (fit.cost <= plain_cost and np.all(np.abs(away) < 1e3)):
+            # pieces led astray, or to a model that runs away from another start: whole runs from the linear model
+            fit = fit_output_error(model, *begun, U, Y, starts, alpha=self.alpha, max_iter=self.max_iter)
+        return fit
 
     def _store(self, model: StateModel, fit: StateFit, runs: Runs, U: list[np.ndarray], Y: list[np.ndarray]) -> None:
         """Everything that is learned."""

@@ -22,10 +22,11 @@ ORDER = "row order matters to a model of runs"
 EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subset_invariance": ORDER}
 
 
+# a strong penalty: a network that is fitted to rows in no order may run away from another start
 @parametrize_with_checks(
     [
         StateSpaceRegressor(1, max_iter=10),
-        StateSpaceRegressor(1, hidden_layer_sizes=(2,), max_iter=5, alpha=1e-2, random_state=0),
+        StateSpaceRegressor(1, hidden_layer_sizes=(2,), max_iter=5, alpha=1.0, random_state=0),
     ],
     expected_failed_checks=lambda estimator: EXPECTED,
 )
@@ -134,7 +135,7 @@ def test_networks_learn_the_reactor_where_a_line_cannot():
     X, y, groups = make_reactor_runs(10, 120, random_state=0)
     X1, y1, groups1 = make_reactor_runs(10, 120, random_state=1)
     linear = StateSpaceRegressor(1).fit(X, y, groups=groups).score(X1, y1, groups=groups1)
-    neural = StateSpaceRegressor(1, hidden_layer_sizes=(6,), n_starts=3, random_state=0).fit(X, y, groups=groups)
+    neural = StateSpaceRegressor(1, hidden_layer_sizes=(6,), random_state=0).fit(X, y, groups=groups)
     assert neural.score(X1, y1, groups=groups1) > 0.995 > linear
 
 
