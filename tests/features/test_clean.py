@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.interpolate import PchipInterpolator
+from sklearn import config_context
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -14,7 +15,7 @@ from sklearn.utils import estimator_checks as checks
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.exceptions import DataError, RunError
-from sksurrogate.features import Interpolator, OutlierFilter
+from sksurrogate.features import Interpolator, LagEmbedding, OutlierFilter
 
 NAN = np.nan
 TIME_AWARE = {
@@ -156,3 +157,11 @@ def test_errors():
         OutlierFilter(6).fit(np.zeros((9, 1)))
     with pytest.raises(DataError, match="contains infinity: row 1, column 0"):
         Interpolator().fit(pd.DataFrame({"u": [0.0, np.inf]}))
+
+
+def test_groups_reach_the_repair_through_a_pipeline():
+    X = np.array([1.0, NAN, NAN, 5.0])[:, None]
+    model = make_pipeline(Interpolator(), LagEmbedding([1]))
+    with config_context(enable_metadata_routing=True):
+        out = model.fit(X, groups=[0, 0, 1, 1]).transform(X, groups=[0, 0, 1, 1])
+    np.testing.assert_array_equal(out[:, 0], [1.0, 1.0, 5.0, 5.0])
