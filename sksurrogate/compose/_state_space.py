@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.base import BaseEstimator
@@ -10,13 +10,30 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin
-from sksurrogate.kernels.state_space import StateFit, StateModel, fit_output_error, simulate, start_states, subspace
+from sksurrogate.compose._state_fit import cut_pieces, first_rows, fit_linear, fit_networks
+from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.state_space import StateFit, StateModel, simulate, start_states
 from sksurrogate.runs import Runs
 
 __all__ = ["StateSpaceRegressor"]
 
-#: Rows of the pieces on which networks are fitted before whole runs.
-PIECES = (8, 24, 72)
+
+class StateMatrices(NamedTuple):
+    """A linear model in units of u and y.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+    b, c : ndarray
+        Constants of the next state and of the output.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
 
 
 class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
@@ -145,13 +162,17 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         self.u_mean_, self.u_spread_ = inputs.mean(axis=0), inputs.std(axis=0) + 1e-12
         U, Y = [self._scaled_u(run.X) for run in runs], [(run.y - self.y_mean_) / self.y_spread_ for run in runs]
         if self.horizon is not None:
-            U, Y = _cut(U, self.horizon), _cut(Y, self.horizon)
-        linear = self._fit_linear(U, Y)
+            U, Y = cut_pieces(U, self.horizon), cut_pieces(Y, self.horizon)
+        networks = np.size(self.hidden_layer_sizes) > 0
+        linear = fit_linear(U, Y, self.n_states, self.feedthrough, self.max_iter, self.refine or networks)
         fit, model = linear, StateModel(self.n_states, U[0].shape[1], Y[0].shape[1], (), self.feedthrough)
         hidden = tuple(int(n) for n in np.atleast_1d(np.asarray(self.hidden_layer_sizes, dtype=int)))
         if hidden:
             model = StateModel(self.n_states, U[0].shape[1], Y[0].shape[1], hidden, self.feedthrough)
-            fit = self._fit_networks(model, linear, U, Y)
+            rng = check_random_state(self.random_state)
+            fit = fit_networks(
+                model, linear, U, Y, alpha=self.alpha, max_iter=self.max_iter, n_starts=self.n_starts, rng=rng
+            )
         self._store(model, fit, runs, U, Y)
         return self
 
@@ -194,6 +215,33 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
             for r, part in enumerate(out):
                 part[: self.n_initial_] = first[r][: len(part)]
         return self._shaped(runs, out)
+
+    def matrices(self) -> StateMatrices:
+        """The linear model in units of u and y: ``x' = A x + B u + b``, ``y = C x + D u + c``.
+
+        Returns
+        -------
+        StateMatrices
+            For controllers (``control.ss(*model.matrices()[:4], dt)``); states keep the scale of the fit.
+
+        Raises
+        ------
+        DataError
+            The model has hidden layers.
+        """
+        check_is_fitted(self, "theta_")
+        if self.model_.hidden:
+            raise DataError(
+                f"hidden_layer_sizes={self.hidden_layer_sizes!r}: a network has no matrices; fit hidden_layer_sizes=(), "
+                "or differentiate predict about an operating point."
+            )
+        b = self.model_.f.parts(self.theta_[: self.model_.f.size])[1]
+        c = self.model_.g.parts(self.theta_[self.model_.f.size :])[1]
+        B, C = self.B_ / self.u_spread_, self.C_ * self.y_spread_[:, None]
+        D = self.D_ * self.y_spread_[:, None] / self.u_spread_
+        return StateMatrices(
+            self.A_, B, C, D, b - B @ self.u_mean_, self.y_mean_ + self.y_spread_ * c - D @ self.u_mean_
+        )
 
     def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
         """Row t from the ``n_initial_`` measured outputs up to t-k; rows without that history are nan.
@@ -244,89 +292,6 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     def _scaled_u(self, U: np.ndarray) -> np.ndarray:
         return (U - self.u_mean_) / self.u_spread_
 
-    def _fit_linear(self, U: list[np.ndarray], Y: list[np.ndarray]) -> StateFit:
-        """Subspace starts with pasts of several lengths; the best free run is refined."""
-        n, m, o = self.n_states, U[0].shape[1], Y[0].shape[1]
-        model = StateModel(n, m, o, (), self.feedthrough)
-        rows, outputs, starts = np.concatenate(U), np.concatenate(Y), _starts(U)
-        candidates = []
-        for past in sorted({n + 1, 2 * n + 2, 10, 20}):
-            found = subspace(U, Y, n, past, self.feedthrough)
-            if found is not None:
-                candidates.append(model.affine(*found))
-        if (
-            not candidates
-        ):  # too short for a projection: slow decay, everything else at zero but the outputs of the states
-            C = np.eye(o, n)
-            candidates = [
-                model.affine(0.8 * np.eye(n), np.zeros((n, m)), C, np.zeros((o, m)), np.zeros(n), np.zeros(o))
-            ]
-        fits = []
-        for theta in candidates:
-            # the free run is linear in the initial states: a fit with two steps finds them
-            fits.append(fit_output_error(model, theta, np.zeros((len(U), n)), rows, outputs, starts, max_iter=2))
-        best = int(np.argmin([fit.cost for fit in fits]))
-        if not self.refine and not np.size(self.hidden_layer_sizes):
-            theta = candidates[best]
-            padded, lengths = _padded(U), [len(u) for u in U]
-            measured = np.full((len(U), max(lengths), o), np.nan)
-            for r, part in enumerate(Y):
-                measured[r, : len(part)] = part
-            x0 = start_states(model, theta, padded, measured, np.zeros(n), 1e-8 * np.eye(n))
-            return StateFit(theta, x0, simulate(model, theta, x0, rows, starts), np.nan, 0)
-        return fit_output_error(model, fits[best].theta, fits[best].x0, rows, outputs, starts, max_iter=self.max_iter)
-
-    def _fit_networks(self, model: StateModel, linear: StateFit, U: list[np.ndarray], Y: list[np.ndarray]) -> StateFit:
-        """Networks of random first layers and last layers at zero, added to the linear model."""
-        rng = check_random_state(self.random_state)
-        plain = StateModel(model.n_states, model.n_inputs, model.n_outputs, (), model.feedthrough)
-        rows, outputs, starts = np.concatenate(U), np.concatenate(Y), _starts(U)
-        # states of unit variance, so that the random layers see them as they see the inputs
-        spread = linear.x.std(axis=0) + 1e-9
-        scaled = linear.theta.copy()
-        W, b = plain.f.parts(scaled[: plain.f.size])[:2]
-        W[: model.n_states] *= spread[:, None]
-        W /= spread
-        b /= spread
-        plain.g.parts(scaled[plain.f.size :])[0][: model.n_states] *= spread[:, None]
-        fits = []
-        for _ in range(self.n_starts):
-            theta = []
-            for block, flat in ((model.f, scaled[: plain.f.size]), (model.g, scaled[plain.f.size :])):
-                part = np.zeros(block.size)
-                for values, shape in zip(block.parts(part)[2:-2], block.shapes[2:-2]):
-                    values[...] = rng.normal(size=shape) / np.sqrt(shape[0])
-                part[: len(flat)] = flat
-                theta.append(part)
-            fits.append(self._grow(model, np.concatenate(theta), linear.x / spread, rows, outputs, starts, linear.cost))
-        return min(fits, key=lambda fit: fit.cost)
-
-    def _grow(
-        self,
-        model: StateModel,
-        theta: np.ndarray,
-        x: np.ndarray,
-        U: np.ndarray,
-        Y: np.ndarray,
-        starts: np.ndarray,
-        plain_cost: float,
-    ) -> StateFit:
-        """Fits to pieces of growing length: whole runs from a poor start have no useful slope."""
-        longest, begun = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts])
-        for horizon in PIECES:
-            if 2 * horizon <= longest:
-                edges = zip(starts, np.r_[starts[1:], len(U)])
-                cuts = np.concatenate([np.arange(a, max(b - 1, a + 1), horizon) for a, b in edges])
-                steps = max(self.max_iter // 2, 1)
-                fit = fit_output_error(model, theta, x[cuts], U, Y, cuts, alpha=self.alpha, max_iter=steps, tol=1e-4)
-                theta, x = fit.theta, fit.x
-        fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=self.alpha, max_iter=self.max_iter)
-        away = simulate(model, fit.theta, np.broadcast_to(fit.x.mean(axis=0), x[starts].shape), U, starts)
-        if not (fit.cost <= plain_cost and np.all(np.abs(away) < 1e3)):
-            # pieces led astray, or to a model that runs away from another start: whole runs from the linear model
-            fit = fit_output_error(model, *begun, U, Y, starts, alpha=self.alpha, max_iter=self.max_iter)
-        return fit
-
     def _store(self, model: StateModel, fit: StateFit, runs: Runs, U: list[np.ndarray], Y: list[np.ndarray]) -> None:
         """Everything that is learned."""
         self.model_, self.theta_, self.x0_, self.n_iter_ = model, fit.theta, fit.x0, max(fit.n_iter, 1)
@@ -362,30 +327,8 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
 
     def _outputs(self, x0: np.ndarray, U: list[np.ndarray]) -> list[np.ndarray]:
         """Free runs in units of y."""
-        rows, starts = np.concatenate(U), _starts(U)
+        rows, starts = np.concatenate(U), first_rows(U)
         x = simulate(self.model_, self.theta_, x0, rows, starts)
         with np.errstate(all="ignore"):
             y = self.model_.output(self.theta_, x, rows) * self.y_spread_ + self.y_mean_
         return [y[a : a + len(u)] for a, u in zip(starts, U)]
-
-
-def _starts(parts: list[np.ndarray]) -> np.ndarray:
-    """First row of every run."""
-    return np.r_[0, np.cumsum([len(part) for part in parts])[:-1]].astype(int)
-
-
-def _padded(parts: list[np.ndarray]) -> np.ndarray:
-    """(n_runs, n_longest, n_columns), the last row repeated."""
-    longest = max(len(part) for part in parts)
-    return np.stack([part[np.minimum(np.arange(longest), len(part) - 1)] for part in parts])
-
-
-def _cut(parts: list[np.ndarray], horizon: int) -> list[np.ndarray]:
-    """Pieces of ``horizon`` rows; a last piece of one row joins the one before."""
-    out = []
-    for part in parts:
-        edges = list(range(0, len(part), horizon))
-        if len(edges) > 1 and len(part) - edges[-1] < 2:
-            edges.pop()
-        out += [part[a:b] for a, b in zip(edges, [*edges[1:], len(part)])]
-    return out

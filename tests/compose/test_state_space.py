@@ -174,3 +174,19 @@ def test_a_fit_does_not_move_from_its_optimum():
     U, Y = model._scaled_u(X), ((y - model.y_mean_) / model.y_spread_)[:, None]
     again = fit_output_error(model.model_, model.theta_, model.x0_, U, Y, np.arange(4) * 300, max_iter=20)
     assert again.cost == pytest.approx((model.free_run_rmse_ / model.y_spread_[0]) ** 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("feedthrough", [False, True])
+def test_matrices_in_units_give_the_free_run(feedthrough):
+    X, y, groups, A = planted(offset=7.0)
+    X = 3.0 + 5.0 * X
+    model = StateSpaceRegressor(2, feedthrough=feedthrough, init="mean").fit(X, y, groups=groups)
+    A1, B, C, D, b, c = model.matrices()
+    np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(A1)), np.sort_complex(np.linalg.eigvals(A)), atol=1e-5)
+    x, free = model.x_mean_, []
+    for u in X[:50]:
+        free.append((C @ x + D @ u + c)[0])
+        x = A1 @ x + B @ u + b
+    np.testing.assert_allclose(model.predict(X[:50]), free, rtol=1e-8)
+    with pytest.raises(DataError, match="a network has no matrices"):
+        StateSpaceRegressor(1, hidden_layer_sizes=(2,), max_iter=1, random_state=0).fit(X, y).matrices()

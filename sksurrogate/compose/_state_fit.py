@@ -1,0 +1,129 @@
+"""Starts and stages of a state-space fit: subspace, output error, networks on pieces that grow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.kernels.state_space import StateFit, StateModel, fit_output_error, simulate, start_states, subspace
+
+__all__ = ["cut_pieces", "first_rows", "fit_linear", "fit_networks"]
+
+#: Rows of the pieces on which networks are fitted before whole runs.
+PIECES = (8, 24, 72)
+
+
+def fit_linear(
+    U: list[np.ndarray], Y: list[np.ndarray], n_states: int, feedthrough: bool, max_iter: int, refine: bool
+) -> StateFit:
+    """Subspace starts with pasts of several lengths; the best free run is refined."""
+    n, m, o = n_states, U[0].shape[1], Y[0].shape[1]
+    model = StateModel(n, m, o, (), feedthrough)
+    rows, outputs, starts = np.concatenate(U), np.concatenate(Y), first_rows(U)
+    candidates = []
+    for past in sorted({n + 1, 2 * n + 2, 10, 20}):
+        found = subspace(U, Y, n, past, feedthrough)
+        if found is not None:
+            candidates.append(model.affine(*found))
+    if not candidates:  # too short for a projection: slow decay, everything else at zero but the outputs of the states
+        C = np.eye(o, n)
+        candidates = [model.affine(0.8 * np.eye(n), np.zeros((n, m)), C, np.zeros((o, m)), np.zeros(n), np.zeros(o))]
+    fits = []
+    for theta in candidates:
+        # the free run is linear in the initial states: a fit with two steps finds them
+        fits.append(fit_output_error(model, theta, np.zeros((len(U), n)), rows, outputs, starts, max_iter=2))
+    best = int(np.argmin([fit.cost for fit in fits]))
+    if not refine:
+        theta = candidates[best]
+        padded, lengths = _padded(U), [len(u) for u in U]
+        measured = np.full((len(U), max(lengths), o), np.nan)
+        for r, part in enumerate(Y):
+            measured[r, : len(part)] = part
+        x0 = start_states(model, theta, padded, measured, np.zeros(n), 1e-8 * np.eye(n))
+        return StateFit(theta, x0, simulate(model, theta, x0, rows, starts), np.nan, 0)
+    return fit_output_error(model, fits[best].theta, fits[best].x0, rows, outputs, starts, max_iter=max_iter)
+
+
+def fit_networks(
+    model: StateModel,
+    linear: StateFit,
+    U: list[np.ndarray],
+    Y: list[np.ndarray],
+    *,
+    alpha: float,
+    max_iter: int,
+    n_starts: int,
+    rng: np.random.RandomState,
+) -> StateFit:
+    """Networks of random first layers and last layers at zero, added to the linear model."""
+    plain = StateModel(model.n_states, model.n_inputs, model.n_outputs, (), model.feedthrough)
+    rows, outputs, starts = np.concatenate(U), np.concatenate(Y), first_rows(U)
+    # states of unit variance, so that the random layers see them as they see the inputs
+    spread = linear.x.std(axis=0) + 1e-9
+    scaled = linear.theta.copy()
+    W, b = plain.f.parts(scaled[: plain.f.size])[:2]
+    W[: model.n_states] *= spread[:, None]
+    W /= spread
+    b /= spread
+    plain.g.parts(scaled[plain.f.size :])[0][: model.n_states] *= spread[:, None]
+    fits = []
+    for _ in range(n_starts):
+        theta = []
+        for block, flat in ((model.f, scaled[: plain.f.size]), (model.g, scaled[plain.f.size :])):
+            part = np.zeros(block.size)
+            for values, shape in zip(block.parts(part)[2:-2], block.shapes[2:-2]):
+                values[...] = rng.normal(size=shape) / np.sqrt(shape[0])
+            part[: len(flat)] = flat
+            theta.append(part)
+        begun = np.concatenate(theta), linear.x / spread
+        fits.append(_grow(model, *begun, rows, outputs, starts, linear.cost, alpha, max_iter))
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def _grow(
+    model: StateModel,
+    theta: np.ndarray,
+    x: np.ndarray,
+    U: np.ndarray,
+    Y: np.ndarray,
+    starts: np.ndarray,
+    plain_cost: float,
+    alpha: float,
+    max_iter: int,
+) -> StateFit:
+    """Fits to pieces of growing length: whole runs from a poor start have no useful slope."""
+    longest, begun = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts])
+    for horizon in PIECES:
+        if 2 * horizon <= longest:
+            edges = zip(starts, np.r_[starts[1:], len(U)])
+            cuts = np.concatenate([np.arange(a, max(b - 1, a + 1), horizon) for a, b in edges])
+            steps = max(max_iter // 2, 1)
+            fit = fit_output_error(model, theta, x[cuts], U, Y, cuts, alpha=alpha, max_iter=steps, tol=1e-4)
+            theta, x = fit.theta, fit.x
+    fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=alpha, max_iter=max_iter)
+    away = simulate(model, fit.theta, np.broadcast_to(fit.x.mean(axis=0), x[starts].shape), U, starts)
+    if not (fit.cost <= plain_cost and np.all(np.abs(away) < 1e3)):
+        # pieces led astray, or to a model that runs away from another start: whole runs from the linear model
+        fit = fit_output_error(model, *begun, U, Y, starts, alpha=alpha, max_iter=max_iter)
+    return fit
+
+
+def first_rows(parts: list[np.ndarray]) -> np.ndarray:
+    """First row of every run."""
+    return np.r_[0, np.cumsum([len(part) for part in parts])[:-1]].astype(int)
+
+
+def _padded(parts: list[np.ndarray]) -> np.ndarray:
+    """(n_runs, n_longest, n_columns), the last row repeated."""
+    longest = max(len(part) for part in parts)
+    return np.stack([part[np.minimum(np.arange(longest), len(part) - 1)] for part in parts])
+
+
+def cut_pieces(parts: list[np.ndarray], horizon: int) -> list[np.ndarray]:
+    """Pieces of ``horizon`` rows; a last piece of one row joins the one before."""
+    out = []
+    for part in parts:
+        edges = list(range(0, len(part), horizon))
+        if len(edges) > 1 and len(part) - edges[-1] < 2:
+            edges.pop()
+        out += [part[a:b] for a, b in zip(edges, [*edges[1:], len(part)])]
+    return out
