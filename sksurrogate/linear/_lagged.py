@@ -11,7 +11,7 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features._lag import lag_list
-from sksurrogate.kernels.lag_gram import lag_moments
+from sksurrogate.kernels.lag_moments import lag_moments
 from sksurrogate.linear._base import BaseBlockedRegressor
 from sksurrogate.linear._regressor import PenalizedRegressor
 from sksurrogate.runs import Runs, resolve_runs

@@ -148,10 +148,11 @@ class PenalizedRegressor(BaseBlockedRegressor):
         coef = theta[: self._n_features]
         if not self.fit_intercept:
             return coef, np.zeros(self._n_outputs)
-        return coef, theta[-1] - self.moments_.mean[: self._n_features] @ coef
+        means = self.moments_.mean
+        return coef, theta[-1] + means[self._n_features :] - means[: self._n_features] @ coef
 
-    # The last parameter is the prediction at the mean of the features instead of the intercept: features and
-    # constant are then orthogonal, and large offsets cost no digits.
+    # The last parameter inside is the prediction at the mean of the features, less the mean of y, instead of the
+    # intercept: features and constant are then orthogonal, and large offsets cost no digits.
 
     def _data_loss(self) -> Quadratic:
         """Squared errors as a quadratic form."""
@@ -161,26 +162,27 @@ class PenalizedRegressor(BaseBlockedRegressor):
             return Quadratic(S[:p, :p], S[:p, p:], np.diag(S)[p:].copy())
         H, g = np.zeros((p + 1, p + 1)), np.empty((p + 1, self._n_outputs))
         H[:p, :p], H[p, p] = m.scatter[:p, :p], m.weight
-        g[:p], g[p] = m.scatter[:p, p:], m.weight * m.mean[p:]
+        g[:p], g[p] = m.scatter[:p, p:], 0.0
         constant = self._constant()
         H[:p][constant], H[:, :p][:, constant], g[:p][constant] = 0.0, 0.0, 0.0
-        return Quadratic(H, g, np.diag(m.scatter)[p:] + m.weight * m.mean[p:] ** 2)
+        return Quadratic(H, g, np.diag(m.scatter)[p:].copy())
 
     def _data_rows(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Squared errors as rows, from the triangular factor of [1, features, outputs]."""
-        p, m = self._n_features, self.moments_
+        p = self._n_features
         if not self.fit_intercept:
             return R[:, 1 : 1 + p], R[:, 1 + p :]
         A = np.hstack([R[:, 1 : 1 + p], R[:, :1]])
         A[:, :p][:, self._constant()] = 0.0
-        return A, R[:, 1 + p :] + R[:, :1] * m.mean[p:]
+        return A, R[:, 1 + p :]
 
-    def _inner(self, rows: np.ndarray) -> np.ndarray:
-        """Rows on coefficients and intercept, rewritten for the parameters inside."""
-        p = self._n_features
+    def _inner(self, rows: np.ndarray, *targets: np.ndarray) -> list[np.ndarray]:
+        """Rows on coefficients and intercept and what they aim at, rewritten for the parameters inside."""
+        p, mean = self._n_features, self.moments_.mean
         if not self.fit_intercept:
-            return rows[:, :p]
-        return np.hstack([rows[:, :p] - rows[:, p:] * self.moments_.mean[:p], rows[:, p:]])
+            return [rows[:, :p], *targets]
+        last = rows[:, p:]
+        return [np.hstack([rows[:, :p] - last * mean[:p], last]), *(t - last * mean[p:] for t in targets)]
 
     def _situation(self) -> Situation:
         p, blocks = self._n_features, getattr(self.features_, "blocks_", None)
@@ -196,8 +198,8 @@ class PenalizedRegressor(BaseBlockedRegressor):
                 raise DataError(f"penalties holds {penalty!r}, expected penalties such as Ridge() or Curvature().")
             if not penalty.weight >= 0:
                 raise DataError(f"{type(penalty).__name__}(weight={penalty.weight!r}) must not be negative.")
-            L, t = penalty.rows(at)
-            rows.append(np.sqrt(penalty.weight) * self._inner(L))
+            L, t = self._inner(*penalty.rows(at))
+            rows.append(np.sqrt(penalty.weight) * L)
             targets.append(np.sqrt(penalty.weight) * t)
         return np.concatenate(rows), np.concatenate(targets)
 
@@ -225,9 +227,8 @@ class PenalizedRegressor(BaseBlockedRegressor):
         for constraint in self.constraints:
             if not isinstance(constraint, BaseConstraint):
                 raise DataError(f"constraints holds {constraint!r}, expected constraints such as Bounds().")
-            parts.append(constraint.rows(at))
-        C = self._inner(np.concatenate([part[0] for part in parts]))
-        lower, upper = (np.concatenate([part[i] for part in parts]) for i in (1, 2))
+            parts.append(self._inner(*constraint.rows(at)))
+        C, lower, upper = (np.concatenate([part[i] for part in parts]) for i in range(3))
         theta = np.empty((A.shape[1], self._n_outputs))
         self.active_ = []
         for k in range(self._n_outputs):

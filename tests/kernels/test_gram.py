@@ -14,7 +14,7 @@ from sksurrogate.kernels.gram import (
     solve_rows,
     triangle,
 )
-from sksurrogate.kernels.lag_gram import lag_moments
+from sksurrogate.kernels.lag_moments import lag_moments
 
 rng = np.random.default_rng(0)
 

@@ -424,3 +424,20 @@ def test_neighbours_are_those_of_the_splines():
     theta = np.arange(49.0).reshape(7, 7)[:, ::-1].ravel() ** 2
     squares = (np.diff(theta.reshape(7, 7), 2, axis=k) ** 2 for k in (0, 1))
     assert np.sum((rows[:, :49] @ theta) ** 2) == pytest.approx(1e3 * sum(map(np.sum, squares)))
+
+
+@pytest.mark.parametrize("solver", ["gram", "qr"])
+def test_an_offset_of_y_moves_the_intercept_only(solver):
+    X, Y = data(p=8)
+    points = X[:4]
+    model = PenalizedRegressor(
+        [Ridge(), CloseTo(points, 1.0, 0.1)], [OutputBounds(X, upper=8.0)], alpha="gcv", solver=solver
+    ).fit(X, Y)
+    lifted = clone(model).set_params(
+        penalties=[Ridge(), CloseTo(points, 1.0 + 1e6, 0.1)], constraints=[OutputBounds(X, upper=8.0 + 1e6)]
+    )
+    lifted.fit(X, Y + 1e6)
+    assert lifted.alpha_ == pytest.approx(model.alpha_)
+    np.testing.assert_allclose(lifted.coef_, model.coef_, atol=1e-6)
+    np.testing.assert_allclose(lifted.intercept_ - 1e6, model.intercept_, atol=1e-6)
+    assert max(map(np.count_nonzero, model.active_)) > 0
