@@ -82,7 +82,8 @@ class Block:
             for k in range(0, len(layers) - 2, 2):
                 values.append(np.tanh(values[-1] @ layers[k] + layers[k + 1]))
             value = value + values[-1] @ layers[-2] + layers[-1]
-            back, found = eye, []
+            back: np.ndarray = eye
+            found: list[np.ndarray] = []
             for k in range(len(values) - 1, -1, -1):
                 found[:0] = [(values[k][:, None, :, None] * back[:, :, None, :]).reshape(n, self.n_out, -1), back]
                 back = back @ layers[2 * k].T
