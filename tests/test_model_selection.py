@@ -5,8 +5,12 @@ import pytest
 import sklearn
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
-from sksurrogate.compose import RecursivePredictor
+from sksurrogate.compose import RecursivePredictor, StateSpaceRegressor
+from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
 from sksurrogate.metrics import fit_percent, whiteness_test
 from sksurrogate.model_selection import FreeRunScorer
@@ -51,3 +55,32 @@ def test_fit_percent_and_whiteness_against_closed_forms():
     assert whiteness_test(e).p_value < 1e-6
     false_alarms = [whiteness_test(rng.normal(size=400)).p_value < 0.05 for _ in range(400)]
     assert 0.02 < np.mean(false_alarms) < 0.09  # 5 % +- 3.5 standard errors
+
+
+def test_a_search_chooses_estimator_nodes_and_lags_by_runs():
+    X, y, groups = make_reactor_runs(8, 80, u_range=(0.1, 0.2), random_state=0)
+    net = MLPRegressor(activation="tanh", solver="lbfgs", alpha=1e-3, max_iter=400, random_state=0)
+    grid = [
+        {"estimator": [LinearRegression()], "output_lags": [1, 2], "input_lags": [1]},
+        {"estimator": [make_pipeline(StandardScaler(), net)], "output_lags": [1],
+         "estimator__mlpregressor__hidden_layer_sizes": [(2,), (8,)]},
+    ]  # fmt: skip
+    with sklearn.config_context(enable_metadata_routing=True):
+        search = GridSearchCV(
+            RecursivePredictor(LinearRegression(), 1, 1), grid, cv=GroupKFold(2),
+            scoring=FreeRunScorer("neg_rmse", n_initial=2), error_score=-np.inf,
+        )  # fmt: skip
+        search.fit(X, y, groups=groups)
+    assert "estimator__mlpregressor__hidden_layer_sizes" in search.best_params_
+    assert search.best_score_ > 2 * search.cv_results_["mean_test_score"][:2].max()  # less than half the error
+
+
+def test_a_search_chooses_the_order_of_a_state_space_model():
+    X, y, groups = planted()
+    with sklearn.config_context(enable_metadata_routing=True):
+        search = GridSearchCV(
+            StateSpaceRegressor(n_initial=6, feedthrough=True), {"n_states": [1, 2]}, cv=GroupKFold(3),
+            scoring=FreeRunScorer("neg_rmse", n_initial=6),
+        )  # fmt: skip
+        search.fit(X, y, groups=groups)
+    assert search.best_params_ == {"n_states": 2} and search.best_score_ > -1e-2
