@@ -132,7 +132,7 @@ def levenberg_marquardt(
         if not _descend(evaluate, fit, last):
             break
         if watch is not None and watch(fit):
-            return _end(fit, "the validation loss no longer falls")
+            return _end(fit, "stopped: the validation loss no longer falls, or a callback wants it")
         if len(fit.history) > window and fit.history[-1] > fit.history[-1 - window] * (1.0 - least_gain):
             return _end(fit, "the sum of squares has settled")
     if not fit.done and fit.cost <= floor:

@@ -17,6 +17,7 @@ from sklearn.utils.parallel import _get_threadpool_controller
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from sksurrogate.exceptions import DataError
+from sksurrogate.neural._callbacks import CallbackSupportMixin, Tasks, with_callbacks
 from sksurrogate.neural._network import ACTIVATIONS, Rows
 from sksurrogate.neural._solvers import Plan, Validation
 from sksurrogate.neural._training import (
@@ -42,7 +43,7 @@ ITERATIONS, STARTS = {"lm": 200}, {"lm": 5}
 MEMORY = 2_000
 
 
-class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
     r"""Feedforward network, by default fitted by Levenberg-Marquardt with variable projection.
 
     Layer l maps :math:`\xi^{(l)} = \sigma^{(l)}(\xi^{(l-1)} W^{(l)} + b^{(l)})`, :math:`\xi^{(0)} = x`,
@@ -121,6 +122,9 @@ class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     -----
     Repeated rows are merged (up to 5000 rows), so that integer weights and repeated rows give the same network.
 
+    With scikit-learn 1.9, ``set_callbacks`` takes its callbacks (``ProgressBar``, ``ScoringMonitor`` or your own, which may
+    stop a fit); they hear of every step from the best start, every iteration or every epoch.
+
     References
     ----------
     Lie, *Surrogate and Hybrid Models for Control*, SIMS 60 (2019), section 3.
@@ -194,6 +198,7 @@ class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.validation_fraction = validation_fraction
         self.n_iter_no_change = n_iter_no_change
 
+    @with_callbacks
     @_fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> FNNRegressor:
         """Train the network from random starts.
@@ -209,16 +214,20 @@ class FNNRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self
         """
         rows, plan, solver = self._begin(X, y, sample_weight)
-        validation = None
+        tasks = Tasks.of(self, X, y, rows)
+        listener = None if tasks is None else tasks.step
+        validation = None if listener is None else Validation(None, listener=listener)
         if self.early_stopping and len(rows) > 1:
             rows, held = split(rows, self.validation_fraction, plan.rng)
-            validation = Validation(held, self.n_iter_no_change)
+            validation = Validation(held, self.n_iter_no_change, listener)
         with self._one_thread(rows):
             trained = train(solver, plan, rows, validation, self._torch())
             if len(rows) <= FEW_ROWS:  # beyond, one more pass over the data costs more than it is worth
                 trained.memory = self._memory(trained, rows, plan)
         self._keep(trained, rows, plan)
         self._warn_if_falling()
+        if tasks is not None:
+            tasks.end()
         return self
 
     @_fit_context(prefer_skip_nested_validation=True)

@@ -105,23 +105,33 @@ class Validation:
 
     Parameters
     ----------
-    rows : Rows
+    rows : Rows or None
+        None: nothing is validated, only the listener is asked.
     patience : int
         Steps without a better one after which it is enough.
+    listener : callable, optional
+        Layers -> whether to stop; asked after every step.
     """
 
-    def __init__(self, rows: Rows, patience: int):
-        self.rows, self.patience = rows, patience
+    def __init__(self, rows: Rows | None, patience: int = 1, listener: Callable[[Layers], bool] | None = None):
+        self.rows, self.patience, self.listener = rows, patience, listener
         self.curve: list[float] = []
         self.best: Layers | None = None
 
     def stop(self, layers: Layers) -> bool:
         """Note one step; True when it is time to stop."""
+        enough = self.listener is not None and bool(self.listener(layers))
+        if self.rows is None:
+            return enough
         loss = misfit(layers, self.rows)
         if self.best is None or loss < min(self.curve):
             self.best = layers
         self.curve.append(loss)
-        return len(self.curve) - 1 - int(np.argmin(self.curve)) >= self.patience
+        return enough or len(self.curve) - 1 - int(np.argmin(self.curve)) >= self.patience
+
+    def fresh(self) -> Validation:
+        """The same for another start."""
+        return Validation(self.rows, self.patience, self.listener)
 
     def watch(self, layers: Callable[[np.ndarray], Layers]) -> Callable[[LeastSquaresFit], bool]:
         """The same as a watch of a least-squares search."""
@@ -176,7 +186,7 @@ def _watched(plan: Plan, search: _Search, validation: Validation) -> tuple[Least
     best: tuple[LeastSquaresFit, Layers] | None = None
     trail: list[float] = []
     for start in search.starts:
-        one = Validation(validation.rows, validation.patience)
+        one = validation.fresh()
         fit = levenberg_marquardt(search.evaluate, start, max_iter=plan.max_iter, watch=one.watch(search.layers))
         if one.best is not None and (not trail or min(one.curve) < min(trail)):
             best, trail = (fit, one.best), one.curve
@@ -187,26 +197,27 @@ def _watched(plan: Plan, search: _Search, validation: Validation) -> tuple[Least
     return best
 
 
-def _best_of(plan: Plan, search: _Search) -> LeastSquaresFit:
+def _best_of(plan: Plan, search: _Search, listener: Validation | None) -> LeastSquaresFit:
     """Every start a little, the best one to its end."""
+    watch = None if listener is None else listener.watch(search.layers)
     unit = search.total * search.n_outputs
     first = min(60, plan.max_iter)
     solved, floor = SOLVED * unit, FLOOR * unit
     return several_starts(
-        search.evaluate, search.starts, first=first, max_iter=plan.max_iter, solved=solved, floor=floor
+        search.evaluate, search.starts, first=first, max_iter=plan.max_iter, solved=solved, floor=floor, watch=watch
     )[0]
 
 
 def _outcome(plan: Plan, rows: Rows, validation: Validation | None) -> Outcome:
     """Several starts on all rows given."""
     search = _search(plan, rows)
-    if validation is not None:
+    if validation is not None and validation.rows is not None:
         fit, layers = _watched(plan, search, validation)
     else:
-        fit = _best_of(plan, search)
+        fit = _best_of(plan, search, validation)
         if not np.isfinite(fit.cost):  # no start with a basis of full rank: repeated rows, constant inputs
             search = _full_search(plan, rows)
-            fit = _best_of(plan, search)
+            fit = _best_of(plan, search, validation)
         layers = search.layers(fit.theta)
     curve = [cost / search.total for cost in fit.history]
     return Outcome(layers, curve, fit.n_iter, validation.curve if validation else [], fit.done)
@@ -296,7 +307,7 @@ def train_lbfgs(plan: Plan, rows: Rows, validation: Validation | None, start: La
     for _ in range(1 if start is not None else plan.n_starts):
         template = start if start is not None else plan.draw()
         evaluate = squares(template, rows, plan.alpha * rows.total)
-        one = None if validation is None else Validation(validation.rows, validation.patience)
+        one = None if validation is None else validation.fresh()
         curve: list[float] = []
 
         def mean_square(theta, evaluate=evaluate) -> tuple[float, np.ndarray]:

@@ -178,7 +178,7 @@ def _train_in_torch(solver: str, plan: Plan, rows: Rows, validation: Validation 
 
     net = _net(solver, plan, plan.draw(), torch, n_fixed=0)
     x, y, weights = rows.part(slice(None))
-    one = None if validation is None else Validation(validation.rows, validation.patience)
+    one = None if validation is None else validation.fresh()
 
     def after(net: Any) -> bool:
         if one is not None and one.stop(read_layers(net, plan.activations)):

@@ -406,3 +406,44 @@ def test_layers_join_and_part():
     np.testing.assert_array_equal(whole(X), layers(X))
     np.testing.assert_array_equal(layers.at(layers.theta)(X), layers(X))
     assert isinstance(whole, Layers) and whole.sizes == (2, 3, 4, 1)
+
+
+class Listener:
+    """Counts steps, scores on the way and may stop the fit."""
+
+    def __init__(self, most=10**9):
+        self.most, self.scores, self.ended = most, [], False
+
+    def setup(self, estimator, context):
+        self.scores.clear()
+
+    def on_fit_task_begin(self, estimator, context):
+        return None
+
+    def on_fit_task_end(self, estimator, context, *, X, y, fitted_estimator):
+        if context.parent is None:
+            return False
+        self.scores.append(fitted_estimator.score(X, y))
+        return len(self.scores) >= self.most
+
+    def teardown(self, estimator, context):
+        self.ended = True
+
+
+@pytest.mark.parametrize("solver", ["lm", "lbfgs", "adam"])
+@pytest.mark.parametrize("early_stopping", [False, True])
+def test_callbacks_hear_of_every_step_and_may_stop(solver, early_stopping):
+    pytest.importorskip("sklearn.callback")
+    y = BISHOP["sine"][0]
+    model = FNNRegressor(solver=solver, max_epochs=40, n_starts=1, early_stopping=early_stopping, random_state=0)
+    all_steps = Listener()
+    with ignore_warnings(category=ConvergenceWarning):
+        plain = clone(model).fit(x, y)
+        heard = model.set_callbacks(all_steps).fit(x, y)
+    np.testing.assert_array_equal(heard.predict(x), plain.predict(x))
+    assert all_steps.ended and len(all_steps.scores) > 5
+    if solver != "adam" and not early_stopping:
+        assert max(all_steps.scores) == pytest.approx(model.score(x, y))
+    few = Listener(3)
+    model.set_callbacks(few).fit(x, y)
+    assert len(few.scores) == 3
