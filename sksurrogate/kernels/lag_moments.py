@@ -1,113 +1,94 @@
-"""Linear models of lagged columns without their lag matrix: the Gram of lags by shift recursion."""
+"""Second moments of lagged columns without the lag matrix."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-__all__ = ["lag_gram", "solve_lags"]
+from sksurrogate.kernels.gram import Moments
 
-#: Samples that are worked on at once, so that they stay in the cache.
-BLOCK = 8192
-
-#: Above this condition number of the scaled Gram its solution has lost half of the digits.
-WORST = 1e13
+__all__ = ["lag_moments"]
 
 
-def lag_gram(
-    runs: Sequence[np.ndarray], terms: Sequence[tuple[int, int]], n_first: int, mean: np.ndarray
-) -> tuple[int, np.ndarray, np.ndarray]:
-    """Sums and inner products of lagged columns, rows ``n_first`` and later of every run.
+def lag_moments(
+    runs: Sequence[np.ndarray], max_lag: int, targets: Sequence[np.ndarray] | None = None, chunk: int = 8192
+) -> Moments:
+    """Moments of the lag matrix of several runs without the matrix, by shift recursion.
 
-    With ``G[(c, i), (d, j)] = sum_t z_c[t - i] z_d[t - j]`` only ``i = 0`` or ``j = 0`` are summed over the data; the
-    others follow by ``G[(c, i + 1), (d, j + 1)] = G[(c, i), (d, j)]`` plus the product that comes in at the start of the
-    run, minus the one that goes out at its end.
+    Row t of the lag matrix is ``[z(t), z(t-1), ..., z(t-max_lag), y(t)]``. The products of two lags obey
+    ``G[i+1, j+1] = G[i, j] + z(p-1-i) z(p-1-j)^T - z(n-1-i) z(n-1-j)^T`` within a run (p = max_lag): only the first row
+    of blocks is summed over the data. Rows whose past would reach into another run are not counted.
 
     Parameters
     ----------
-    runs : sequence of ndarray (n_samples, n_channels)
-    terms : sequence of (int, int)
-        Channel and lag of every column.
-    n_first : int
-        At least the longest lag.
-    mean : ndarray (n_channels,)
-        Taken off every channel.
+    runs : sequence of ndarray (n_steps, n_channels)
+        Runs with no more than ``max_lag`` rows contribute nothing.
+    max_lag : int
+    targets : sequence of ndarray (n_steps, n_outputs), optional
+        Further columns that are not lagged.
+    chunk : int, default=8192
+        Rows at a time.
 
     Returns
     -------
-    n_rows : int
-    sums : ndarray (n_terms,)
-    gram : ndarray (n_terms, n_terms)
+    Moments
+        Column ``i * n_channels + c`` is channel c at lag i; the targets stand to the right.
     """
-    longest, c = max(lag for _, lag in terms), len(mean)
-    n_rows, sums, gram = 0, np.zeros((longest + 1, c)), np.zeros((longest + 1, c, longest + 1, c))
-    for values in runs:
-        n_rows += len(values) - n_first
-        head = values[n_first - longest : n_first] - mean  # what the lags of the first rows see
-        last = values[len(values) - longest :] - mean
-        ahead, total = _first_row(values, longest, n_first, mean)
-        G = np.empty_like(gram)
-        G[0] = ahead.transpose(1, 0, 2)
-        G[:, :, 0] = ahead.transpose(0, 2, 1)
-        for i in range(longest):
-            come, go = head[longest - 1 - i], last[longest - 1 - i]
-            others_in, others_out = head[::-1], last[::-1]
-            step = come[:, None, None] * others_in[None] - go[:, None, None] * others_out[None]
-            G[i + 1, :, 1:] = G[i, :, :-1] + step
-            sums[i] += total
-            total = total + come - go
-        sums[longest] += total
-        gram += G
-    channels, lags = np.array([k for k, _ in terms]), np.array([k for _, k in terms])
-    picked = gram[lags[:, None], channels[:, None], lags[None], channels[None]]
-    return n_rows, sums[lags, channels], picked
+    m, p = runs[0].shape[1], max_lag
+    q = 0 if targets is None else targets[0].shape[1]
+    moments = Moments.zeros((p + 1) * m + q)
+    for r, run in enumerate(runs):
+        n = len(run)
+        if n <= p:
+            continue
+        parts = [run] if targets is None else [run, targets[r]]
+        # about roughly the mean of the run: no digits lost on large offsets
+        centre = np.concatenate([part[:: max(1, n // 4096)].mean(axis=0) for part in parts])
+        sums, first = _first_lags(parts, centre, p, chunk)
+        lagged, G = _shifted(run, centre[:m], sums[:m], first[:, :m])
+        scatter = np.empty((len(moments.mean),) * 2)
+        k = (p + 1) * m
+        scatter[:k, :k] = G.transpose(0, 2, 1, 3).reshape(k, k)
+        scatter[k:, :k] = first[:, m:, :m].transpose(1, 0, 2).reshape(q, k)
+        scatter[:k, k:], scatter[k:, k:] = scatter[k:, :k].T, first[0, m:, m:]
+        mean = np.concatenate([lagged.ravel(), sums[m:]]) / (n - p)
+        offset = np.concatenate([np.tile(centre[:m], p + 1), centre[m:]])
+        moments._merge(n - p, float(n - p), mean + offset, scatter - (n - p) * np.outer(mean, mean))
+    return moments
 
 
-def _first_row(values: np.ndarray, longest: int, n_first: int, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``sum_t z_c[t] z_d[t - j]`` as (longest + 1, n_channels, n_channels), and the sums of z."""
-    c = values.shape[1]
-    found, total = np.zeros((longest + 1, c, c)), np.zeros(c)
-    for start in range(n_first, len(values), BLOCK):
-        block = np.ascontiguousarray((values[start - longest : start + BLOCK] - mean).T)
-        now = block[:, longest:]
-        total += now.sum(axis=1)
-        for a in range(c):
-            for b in range(c):
-                found[:, a, b] += np.correlate(block[b], now[a], "valid")[::-1]
-    return found, total
+def _first_lags(parts: list[np.ndarray], centre: np.ndarray, p: int, chunk: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of all channels at lag 0, and of channel c at lag 0 times channel e at lag k as (p+1, c, e)."""
+    n, m, total = len(parts[0]), parts[0].shape[1], len(centre)
+    first, sums = np.zeros((p + 1, total, total)), np.zeros(total)
+    for a in range(p, n, chunk):
+        b = min(a + chunk, n)
+        piece = np.empty((total, b - a + p))
+        piece[:m] = parts[0][a - p : b].T
+        for part in parts[1:]:
+            piece[m:] = part[a - p : b].T
+        piece -= centre[:, None]
+        now = piece[:, p:]
+        sums += now.sum(axis=1)
+        first[0, m:, m:] += now[m:] @ now[m:].T
+        for e in range(m):
+            for c in range(total):
+                # np.correlate slides over the p + 1 shifts in C: shift p is lag 0
+                first[:, c, e] += np.correlate(piece[e], now[c], mode="valid")[::-1]
+    return sums, first
 
 
-def solve_lags(
-    n_rows: int, sums: np.ndarray, gram: np.ndarray, n_targets: int, alpha: float, intercept: bool
-) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Least squares or ridge from :func:`lag_gram`, whose last columns are the targets.
-
-    Returns
-    -------
-    coef : ndarray (n_features, n_targets)
-    offset : ndarray (n_targets,)
-        Intercept in numbers without their mean.
-    squares : float
-        Sum of squared errors.
-    None where the columns are too nearly dependent for a Gram.
-    """
-    if intercept:
-        gram = gram - np.outer(sums, sums) / n_rows
-    size = np.sqrt(np.diag(gram))
-    if not np.all(size > 0):
-        return None
-    p = len(sums) - n_targets
-    S = gram / np.outer(size, size)
-    H = S[:p, :p] + np.diag(alpha / size[:p] ** 2)
-    if np.linalg.cond(H) > WORST:
-        return None
-    try:
-        scaled = cho_solve(cho_factor(H), S[:p, p:])
-    except LinAlgError:
-        return None
-    coef = scaled * size[p:] / size[:p, None]
-    offset = (sums[p:] - sums[:p] @ coef) / n_rows if intercept else np.zeros(n_targets)
-    both = np.concatenate([-coef, np.eye(n_targets)])
-    return coef, offset, float(max(np.trace(both.T @ gram @ both), 0.0))
+def _shifted(run: np.ndarray, centre: np.ndarray, sums: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sums (p+1, m) of the lagged channels and of their products (p+1, p+1, m, m), from those of lag 0."""
+    p, m, n = len(first) - 1, len(centre), len(run)
+    head = run[:p][::-1] - centre
+    tail = run[n - p :][::-1] - centre
+    G = np.empty((p + 1, p + 1, m, m))
+    for k in range(p + 1):
+        steps = head[: p - k, :, None] * head[k:, None, :] - tail[: p - k, :, None] * tail[k:, None, :]
+        along = first[k, :, :m] + np.concatenate([np.zeros((1, m, m)), np.cumsum(steps, axis=0)])
+        index = np.arange(p + 1 - k)
+        G[index, index + k] = along
+        G[index + k, index] = along.transpose(0, 2, 1)
+    return sums + np.concatenate([np.zeros((1, m)), np.cumsum(head - tail, axis=0)]), G
