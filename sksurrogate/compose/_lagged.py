@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from sklearn.exceptions import ConvergenceWarning
 
 from sksurrogate._dynamic import FAR
 from sksurrogate.features._lag import lag_list, named_position
 from sksurrogate.runs import Runs
 
-__all__ = ["barely_fitted", "diverged", "name_features", "stacked"]
+__all__ = ["REPORTED", "barely_fitted", "diverged", "name_features", "stacked"]
+
+
+#: Training rows that are run freely after a fit.
+REPORTED = 200_000
 
 
 def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tuple[list[tuple[int, int]], list[str]]:
@@ -60,5 +66,7 @@ def barely_fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:
     """The estimator with its scalers fitted and its network of the right shape; iterations are cut to one."""
     given = estimator.get_params()
     wanted = {name: given[name] for name in given if name.split("__")[-1] in ("max_iter", "max_epochs")}
-    fitted = estimator.set_params(**dict.fromkeys(wanted, 1)).fit(Phi, target)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        fitted = estimator.set_params(**dict.fromkeys(wanted, 1)).fit(Phi, target)
     return fitted.set_params(**wanted)

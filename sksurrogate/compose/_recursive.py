@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator, _fit_context, clone
-from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened
 from sksurrogate.compose._free_fit import shoot
-from sksurrogate.compose._lagged import barely_fitted, diverged, name_features, stacked
+from sksurrogate.compose._lagged import REPORTED, barely_fitted, diverged, name_features, stacked
+from sksurrogate.compose._linear_lags import fit_linear_lags
 from sksurrogate.compose._network import agrees, describe_network, write_network
 from sksurrogate.compose._stability import StabilityReport, growth_along
 from sksurrogate.exceptions import DataError, RunError, SimulationDiverged
@@ -55,7 +54,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         First rows where ``predict`` gets no ``y0``: mean of the training outputs, or the model's rest at the first input.
     alpha : float, optional
         Penalty of the shooting loss ``sum e^2 + alpha * sum w^2``, with errors, features and so weights in units of the
-        training data's spread; None: 0.01 for networks, 0 for linear models. Choose it by runs left out.
+        training data's spread; None: 0.1 for networks, 0 for linear models. Choose it by runs left out.
     stability : float, default=0
         Weight of a second demand of the shooting loss: free runs that begin one spread off must be back on the data in
         the second half of the run (or horizon), so that the model forgets where it began.
@@ -72,7 +71,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
     n_initial_ : int
         Rows of ``y0``: the longest lag.
     one_step_rmse_, free_run_rmse_ : float
-        On the training runs; the second is inf where a training run diverges.
+        On the training runs; the second, on at most 200 000 rows of them, is inf where a run diverges.
     shooting_loss_ : float
         With ``loss="shooting"``.
     compiled_ : bool
@@ -176,20 +175,16 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
                 f"{label} {len(short)} rows (n_samples={len(short)}), but the longest lag {n} needs {n + 1}: give longer "
                 "runs or lower input_lags or output_lags."
             )
-        Phi, target = self._embedded(runs)
-        if self.loss == "shooting":
-            self._shoot(runs, Phi, target)
+        quick = None
+        if self.loss == "one_step":
+            quick = fit_linear_lags(self.estimator, runs, self.output_lags_, self.input_terms_, n)
+        if quick is not None:
+            (self.estimator_, squares), self.compiled_ = quick, True
         else:
-            self.estimator_ = clone(self.estimator).fit(Phi, target)
-        self.compiled_ = self._compiles(Phi)
-        target = target.reshape(len(target), -1)
-        blocks = range(0, len(Phi), BLOCK)
-        total = sum(float(((self._step(Phi[k : k + BLOCK]) - target[k : k + BLOCK]) ** 2).sum()) for k in blocks)
-        self.one_step_rmse_ = float(np.sqrt(total / target.size))
-        del Phi
-        free, bad = self._run_free([run.X for run in runs], [run.y[:n] for run in runs])
-        total = sum(float(((f[n:] - run.y[n:]) ** 2).sum()) for f, run in zip(free, runs)) if not bad else np.inf
-        self.free_run_rmse_ = float(np.sqrt(total / target.size))
+            squares = self._fit_rows(runs)
+        n_targets = sum(len(run) - n for run in runs) * len(self.y_mean_)
+        self.one_step_rmse_ = float(np.sqrt(squares / n_targets))
+        self.free_run_rmse_ = self._free_run_error(runs)
         return self
 
     def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
@@ -308,7 +303,32 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         labels = [run.label for run in runs]
         return growth_along(self._step, features, labels, self.output_lags_, len(self.y_mean_))
 
-    # ---- parts ------------------------------------------------------------------------------------------------------
+    def _fit_rows(self, runs: Runs) -> float:
+        """Fit on the rows of the lag matrix, or on free runs; the sum of squared one-step errors."""
+        Phi, target = self._embedded(runs)
+        if self.loss == "shooting":
+            self._shoot(runs, Phi, target)
+        else:
+            self.estimator_ = clone(self.estimator).fit(Phi, target)
+        self.compiled_ = self._compiles(Phi)
+        target = target.reshape(len(target), -1)
+        blocks = [slice(k, k + BLOCK) for k in range(0, len(Phi), BLOCK)]
+        return sum(float(((self._step(Phi[rows]) - target[rows]) ** 2).sum()) for rows in blocks)
+
+    def _free_run_error(self, runs: Runs) -> float:
+        """RMSE of free runs over the first training rows; inf where one diverges."""
+        n, left, inputs, outputs = self.n_initial_, REPORTED, [], []
+        for run in runs:
+            if left <= n:
+                break
+            inputs.append(run.X[:left])
+            outputs.append(run.y[:left])
+            left -= len(run)
+        free, bad = self._run_free(inputs, [y[:n] for y in outputs])
+        if bad:
+            return float("inf")
+        return float(np.sqrt(np.mean(np.concatenate([f[n:] - y[n:] for f, y in zip(free, outputs)]) ** 2)))
+
     def _features(self, run: Run) -> np.ndarray:
         """All features of one run from measured outputs."""
         assert run.y is not None
@@ -360,17 +380,14 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
 
     def _shoot(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
         """Fit on free runs."""
-        estimator = clone(self.estimator)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            self.estimator_ = barely_fitted(estimator, Phi, target)
+        self.estimator_ = barely_fitted(clone(self.estimator), Phi, target)
         model = self._lag_net()
         if model is None or not self._compiles(Phi) or not write_network(self.estimator_, model.net):
             raise DataError(
                 f'loss="shooting" needs slopes of the estimator, and {type(self.estimator_).__name__} gives none: use '
                 'MLPRegressor, FNNRegressor or a linear model (also behind scalers), or loss="one_step".'
             )
-        alpha = self.alpha if self.alpha is not None else (0.01 if model.net.activations else 0.0)
+        alpha = self.alpha if self.alpha is not None else (0.1 if model.net.activations else 0.0)
         model, self.shooting_loss_ = shoot(
             model,
             runs,

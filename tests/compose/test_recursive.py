@@ -328,3 +328,18 @@ def test_y0_of_the_wrong_shape_says_what_is_expected():
     model = RecursivePredictor(LinearRegression(), 1, 2).fit(X, y, groups=groups)
     with pytest.raises(DataError, match=r"expected \(2, 1\) or \(3, 2, 1\)"):
         model.predict(X, y0=np.zeros((3, 1)), groups=groups)
+
+
+@pytest.mark.parametrize("estimator", [LinearRegression(), Ridge(5.0), Ridge(1.0, fit_intercept=False)])
+@pytest.mark.parametrize("n_outputs", [1, 2])
+def test_fits_without_the_lag_matrix_equal_fits_with_it(estimator, n_outputs, monkeypatch):
+    X, y, groups = planted(noise=0.3)
+    y = np.c_[y + 3, y**2][:, :n_outputs]
+    plain = RecursivePredictor(estimator, 1, [1, 3]).fit(X, y, groups=groups)
+    monkeypatch.setattr("sksurrogate.compose._linear_lags.FEW_NUMBERS", 0)
+    quick = RecursivePredictor(estimator, 1, [1, 3]).fit(X, y, groups=groups)
+    np.testing.assert_allclose(quick.estimator_.coef_.ravel(), plain.estimator_.coef_.ravel(), atol=1e-10)
+    np.testing.assert_allclose(quick.estimator_.intercept_, plain.estimator_.intercept_, atol=1e-10)
+    assert quick.one_step_rmse_ == pytest.approx(plain.one_step_rmse_)
+    assert quick.free_run_rmse_ == pytest.approx(plain.free_run_rmse_)
+    np.testing.assert_allclose(quick.predict(X, groups=groups), plain.predict(X, groups=groups), atol=1e-9)
