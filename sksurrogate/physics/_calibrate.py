@@ -33,6 +33,10 @@ _WEAK = 1e-6
 _LOCAL_ERROR = 1e-6
 
 
+#: Steps of the smoother: the fit goes on from there anyway.
+_SMOOTHINGS = 4
+
+
 class CalibratedSimulator(RegressorMixin, BaseEstimator):
     """Fit parameters of a simulator through its free run (output error), initial states unknown or known.
 
@@ -325,7 +329,7 @@ def prepared(
     places = plant.output_states
     if places is not None and fit_x0 and not given:
         starts[:, list(places)] = record.y[:, record.starts].T
-    model = FitModel(inner, names, record, 2, np.ones(n))
+    model = FitModel(inner, names, record, 1, np.ones(n))
     near = np.repeat(starts.T, record.lengths, axis=1)
     if places is not None:
         near[list(places)] = record.y
@@ -338,9 +342,11 @@ def prepared(
     if places is not None:
         guess[list(places)] = record.y
     size = np.maximum(np.std(guess, axis=1), 0.02 * np.sqrt(np.mean(guess**2, axis=1)))
-    model = FitModel(inner, names, record, 2, np.where(size > 0, size, 1.0))
+    model = FitModel(inner, names, record, 1, np.where(size > 0, size, 1.0))
     sd = noise_of_differences(record.y, record.starts)
-    smoothed = smooth(model.bind(theta[:, None]), record.y, record.starts, sd, guess, model.scale).x
+    smoothed = smooth(
+        model.bind(theta[:, None]), record.y, record.starts, sd, guess, model.scale, max_iterations=_SMOOTHINGS
+    ).x
     guess = smoothed if np.all(np.isfinite(smoothed)) else guess
     if not fit_x0:
         guess[:, record.starts] = starts.T

@@ -132,3 +132,12 @@ def test_a_pole_stops_the_stiff_integrator_at_its_row():
     with pytest.raises(SimulationDiverged) as error:
         plant.simulate(np.zeros((10, 1)), x0=[1.5])  # x = 1 / (1 / 1.5 - t)
     assert error.value.row == 7
+
+
+def test_small_whole_powers_are_products_with_the_same_value():
+    from sksurrogate.physics._rhs import _Points
+
+    x = np.random.default_rng(0).normal(size=(2, 400))
+    for n in (2, 3, 4, 5, 7, 8, 3.0, 9, 0.5, -1):
+        with np.errstate(invalid="ignore"):
+            np.testing.assert_allclose(np.asarray(x.view(_Points) ** n), x**n, rtol=1e-13)
