@@ -30,7 +30,7 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
             continue
         if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
             found = rival
-    if found is not None and found.fit.cost < 30.0 * best:
+    if found is not None and found.fit.cost < 3.0 * best:
         found = scanned(problem, found)
     return found
 

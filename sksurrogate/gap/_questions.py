@@ -19,7 +19,7 @@ from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, generic_correction, held_out, measure, shares
 from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, missing_term, places
-from sksurrogate.gap._verdict import _of, decide, facts_of, intervals, probabilities, ranking, retuned_table
+from sksurrogate.gap._verdict import FAR, _of, decide, facts_of, intervals, probabilities, ranking, retuned_table
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
 
@@ -87,7 +87,7 @@ class Questions:
         say("what these data cannot tell apart")
         found.slots = equivalents(search, final)
         say("what is left")
-        found.latent = latent_force(at, final)
+        found.latent = latent_force(at, final, quiet_sensors=left(final) > FAR)
         found.law = law_of(at, found.latent, self.seed)
         found.places = places(problem, null, (10.0,) if final.effects and left(final) < 1.2 else (5.0, 25.0))
         say("how far the gap shrinks on runs left out")
@@ -128,7 +128,7 @@ class Questions:
             f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
         )
         search.final, found.slots = null, []
-        found.latent = latent_force(search.at(null), null)
+        found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
         found.law = law_of(search.at(null), found.latent, self.seed)
         held = found.held
         after = held.before if not self.problem.free else held.retuned
