@@ -135,13 +135,21 @@ def ball(data_home: Any, name: str) -> Recording:
     simulator = ODESimulator(
         falling, states=["height", "velocity"], inputs=[], outputs=["height"], params={"g": 9.81}, dt=data.Ts, x0=[48.0, 0.0]
     )  # fmt: skip
-    drops = [data.height[(data.ball == name) & (data.drop == k)][3:, None] for k in (1, 2)]
+    drops = [_regular(data, name, k) for k in (1, 2)]
     none = [np.zeros((len(drop), 0)) for drop in drops]
     documented = () if name in HEAVY else ("linear_loss", "quadratic_drag", "quadratic_loss", "power_law")
     return Recording(
         name, simulator, none[0], drops[0], np.zeros(len(drops[0]), int), ((none[1], drops[1], "fit", 0),), (), documented,
         ("velocity",), "m", "",
     )  # fmt: skip
+
+
+def _regular(data: Any, name: str, drop: int) -> np.ndarray:
+    """Heights without the first three rows (release by hand) and up to the last regular step, (n_rows, 1)."""
+    rows = np.flatnonzero((data.ball == name) & (data.drop == drop))[3:]
+    if abs(data.time[rows[-1]] - data.time[rows[-2]] - data.Ts) > 0.2 * data.Ts:
+        rows = rows[:-1]
+    return np.asarray(data.height[rows][:, None])
 
 
 #: Name -> function of the data's folder that gives the recording; balls by their own names.

@@ -37,12 +37,12 @@ def looks_around(question):
     from sksurrogate.blind._seal import Seal as TheSeal
 
     held = [type(thing).__name__ for thing in gc.get_objects() if isinstance(thing, (TheCase, TheSeal))]
-    seals = [str(p) for p in Path.cwd().rglob("*.sealed")][:50]
+    seals = [str(p) for p in Path.cwd().glob("sealed-*/*.sealed")]  # the folder of temporary files
     texts = [Path(p).read_text() for p in seals]
     seen = json.dumps(
         {"question": repr(vars(question)), "argv": sys.argv, "environment": dict(os.environ), "files": texts}
     )
-    return {**says_nothing(question), "held": held, "seen": seen, "effects_left": question.effects}
+    return {**says_nothing(question), "held": held, "seen": seen, "seals": len(seals), "effects_left": question.effects}
 
 
 def raises(question):
@@ -66,7 +66,10 @@ def solver():
 # ---- cases
 
 
-@pytest.mark.parametrize("arm", ARMS)
+QUICK = ("effect", "detuned", "outside", "none", "unexcited")
+
+
+@pytest.mark.parametrize("arm", [arm if arm in QUICK else pytest.param(arm, marks=pytest.mark.slow) for arm in ARMS])
 def test_a_case_holds_what_its_arm_says(arm):
     case = draw(arm, 0)
     assert len(case.truths) == {"two": 2}.get(arm, 0 if arm in ("none", "disturbed", "coloured") else 1)
@@ -127,10 +130,11 @@ def test_the_diagnosis_cannot_reach_the_truth():
     )
     case, answer = found["case"], found["answer"]
     assert row["sha256"] and "error" not in answer and answer["held"] == []
+    assert answer["seals"] >= 1  # it holds the very file, and that is noise without the pad
     truth = case.truths[0]
     names = {name for name in KINDS if name in answer["seen"]}
     assert names <= set(answer["effects_left"]) and truth.name not in names
-    for text in (str(case.facts["seed"]), row["sha256"][:16], *(f"{float(v):.8g}" for v in truth.params.values())):
+    for text in (str(case.facts["seed"]), *(f"{float(v):.8g}" for v in truth.params.values())):
         assert len(text) < 6 or text not in answer["seen"]  # "5" is in every text
 
 
