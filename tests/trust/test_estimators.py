@@ -26,6 +26,7 @@ BUILD = {
     "CalibratedSimulator": lambda c: c(make_reactor(), params=["feed"]),
     "GapDiagnoser": lambda c: c(make_reactor(feed=4.4), effects=["sensor_bias", "parameter_error"], random_state=0),
     "FNNRegressor": lambda c: c((3,), random_state=0, max_epochs=20),
+    "NonlinearBasisRegressor": lambda c: c(n_basis=3, random_state=0),
 }
 
 
