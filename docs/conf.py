@@ -9,6 +9,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_scripts")]
 
 from reference_page import write_reference  # noqa: E402
+from sphinx_gallery import gen_rst  # noqa: E402
 
 import sksurrogate  # noqa: E402
 
@@ -57,6 +58,21 @@ html_show_sourcelink = False
 html_static_path = ["_static"]
 html_css_files = ["wide_tables.css"]
 
+run_block = gen_rst._exec_and_get_memory
+
+
+def run_block_or_stop(compiler, *, script_vars, **more):
+    """An example that lacks its data says so and leaves with ``SystemExit(0)``: that ends the example, not the build."""
+    try:
+        return run_block(compiler, script_vars=script_vars, **more)
+    except SystemExit as stop:
+        if stop.code:
+            raise RuntimeError(f"the example left with status {stop.code}") from stop
+        script_vars["execute_script"] = False
+        return False, 0.0
+
+
+gen_rst._exec_and_get_memory = run_block_or_stop
 run_gallery = os.environ.get("SKSURROGATE_GALLERY", "0") == "1"
 sphinx_gallery_conf = {
     "examples_dirs": [str(HERE.parent / "examples")],
