@@ -31,6 +31,8 @@ CONDITION_LIMIT = 1e7
 _EPS = float(np.finfo(float).eps)
 #: Below this share of non-zeros the product of sparse blocks is quicker than that of dense ones.
 _SPARSE_BELOW = 0.1
+#: Numbers in a piece of dense rows that stays in the cache: 2 MiB.
+_CACHE = 2**18
 #: Rows of one QR: with the factor so far they stay in the cache.
 _QR_ROWS = 1024
 
@@ -81,37 +83,62 @@ class Moments:
             Not negative; a weight of 2 counts as the row twice.
         """
         n, p = block.shape
-        if n == 0:
-            return self
-        if hasattr(block, "toarray") and block.nnz < _SPARSE_BELOW * n * p:
-            return self._merge(*_sparse_moments(block, targets, weights))
-        if self._buffer is None or len(self._buffer) < n:
-            self._buffer = np.empty((n, len(self.mean)))
-        Z = self._buffer[:n]
-        _write_dense(block, Z)
-        if targets is not None:
-            Z[:, p:] = targets
-        w = np.ones(n) if weights is None else weights
-        total = float(w.sum())
+        total = float(n) if weights is None else float(weights.sum())
         if total == 0:
             return self
-        mean = w @ Z / total
-        count = n if weights is None else int(np.count_nonzero(weights))
-        root = None if weights is None else np.sqrt(weights)[:, None]
         if hasattr(block, "toarray"):
-            # rows of mostly zeros: the mean may come off afterwards, it takes less than a digit
-            Z[:, p:] -= mean[p:]
-            Z = Z if root is None else np.multiply(Z, root, out=Z)
-            scatter, left = Z.T @ Z, np.concatenate([mean[:p], np.zeros(len(mean) - p)])
-            if np.all(total * left**2 <= 0.9 * np.diag(scatter)):
-                return self._merge(count, total, mean, scatter - total * np.outer(left, left))
-            Z[:, :p] -= mean[:p] if root is None else root * mean[:p]
-        else:
-            Z -= mean
-            Z = Z if root is None else np.multiply(Z, root, out=Z)
+            if block.nnz < _SPARSE_BELOW * n * p:
+                return self._merge(*_sparse_moments(block, targets, weights))
+            if self._add_sparse(block.tocsr(), targets, weights, total):
+                return self
+            block = block.toarray()
+        Z = self._room(n)
+        Z[:, :p] = block
+        if targets is not None:
+            Z[:, p:] = targets
+        count = n if weights is None else int(np.count_nonzero(weights))
+        root = np.ones(n) if weights is None else np.sqrt(weights)
+        mean = root**2 @ Z / total
+        Z -= mean
+        if weights is not None:
+            Z *= root[:, None]
         # what rounding left of the mean, so that a constant column leaves nothing behind
-        left = (np.ones(n) if root is None else root[:, 0]) @ Z / total
+        left = root @ Z / total
         return self._merge(count, total, mean + left, Z.T @ Z - total * np.outer(left, left))
+
+    def _add_sparse(self, block: Any, targets: np.ndarray | None, weights: np.ndarray | None, total: float) -> bool:
+        """Take in compressed rows, in pieces that stay in the cache; False if a column is all but constant."""
+        n, p = block.shape
+        width = len(self.mean)
+        root = np.ones(n) if weights is None else np.sqrt(weights)
+        shift = np.zeros(width)
+        if targets is not None:
+            shift[p:] = root**2 @ targets / total
+        scatter, sums = np.zeros((width, width)), np.zeros(width)
+        step = max(1, _CACHE // width)
+        for a in range(0, n, step):
+            b = min(a + step, n)
+            Z = self._room(b - a)
+            _write_csr(block, a, b, Z)
+            if targets is not None:
+                Z[:, p:] = targets[a:b] - shift[p:]
+            if weights is not None:
+                Z *= root[a:b, None]
+            scatter += Z.T @ Z
+            sums += root[a:b] @ Z
+        left = sums / total
+        # rows of mostly zeros: the mean may come off afterwards, it takes no more than a digit
+        if np.any(total * left**2 > 0.9 * np.diag(scatter)):
+            return False
+        count = n if weights is None else int(np.count_nonzero(weights))
+        self._merge(count, total, left + shift, scatter - total * np.outer(left, left))
+        return True
+
+    def _room(self, n: int) -> np.ndarray:
+        """Working memory of n rows."""
+        if self._buffer is None or len(self._buffer) < n:
+            self._buffer = np.empty((n, len(self.mean)))
+        return self._buffer[:n]
 
     def _merge(self, n_rows: int, weight: float, mean: np.ndarray, scatter: np.ndarray) -> Moments:
         """Join two sets of rows: the scatter grows by that between their means."""
@@ -144,14 +171,12 @@ class Moments:
         return self
 
 
-def _write_dense(block: Any, out: np.ndarray) -> None:
-    """Write a dense or sparse block into the leading columns of ``out``, which is contiguous."""
-    if not hasattr(block, "toarray"):
-        out[:, : block.shape[1]] = block
-        return
-    csr = block.tocsr()
+def _write_csr(block: Any, a: int, b: int, out: np.ndarray) -> None:
+    """Write rows a to b of compressed rows into the leading columns of ``out``, which is contiguous; the rest is zero."""
+    first, last = block.indptr[a], block.indptr[b]
+    parts = block.data[first:last], block.indices[first:last], block.indptr[a : b + 1] - first
     # the same rows with as many columns as out has: scipy clears it and writes them in C, straight into place
-    sparse.csr_array((csr.data, csr.indices, csr.indptr), shape=out.shape).toarray(out=out)
+    sparse.csr_array(parts, shape=out.shape).toarray(out=out)
 
 
 def _sparse_moments(block: Any, targets: np.ndarray | None, weights: np.ndarray | None) -> tuple:
@@ -191,7 +216,10 @@ def triangle(
         width = 1 + p + targets.shape[1]
         R = np.zeros((0, width)) if R is None else R
         rows = np.empty((n, width - 1))
-        _write_dense(block, rows)
+        if hasattr(block, "toarray"):
+            _write_csr(block.tocsr(), 0, n, rows)
+        else:
+            rows[:, :p] = block
         rows[:, p:] = targets
         if centre is not None:
             rows -= centre
