@@ -91,3 +91,57 @@ def test_mistakes_speak(unit, tmp_path):
         archive.writestr("../outside.txt", "x")
     with pytest.raises(SimulatorError, match="leaves its folder"):
         FMUSimulator(tmp_path / "bad.fmu").simulate(_inputs())
+
+
+EXCHANGE = """
+from math import exp
+
+from pythonfmu3 import Fmi3Causality, Fmi3Initial, Fmi3SlaveBase, Fmi3Variability, Float64, ModelExchange
+
+
+class Reactor3(Fmi3SlaveBase, ModelExchange):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.time = 0.0
+        self.u = 0.15
+        self.y = 4.0
+        self.der_y = 0.0
+        self.feed = 4.0
+        self.register_variable(Float64("time", causality=Fmi3Causality.independent, variability=Fmi3Variability.continuous))
+        self.register_variable(Float64("u", causality=Fmi3Causality.input, start=0.15, variability=Fmi3Variability.continuous))
+        self.register_variable(Float64("y", causality=Fmi3Causality.output, start=4.0, variability=Fmi3Variability.continuous, initial=Fmi3Initial.exact))
+        self.register_variable(Float64("der_y", causality=Fmi3Causality.local, variability=Fmi3Variability.continuous, derivative=self.vr_of("y")))
+        self.register_variable(Float64("feed", causality=Fmi3Causality.parameter, start=4.0, variability=Fmi3Variability.tunable))
+
+    def vr_of(self, name):
+        return next(v.value_reference for v in self.vars.values() if v.name == name)
+
+    def get_continuous_state_derivatives(self):
+        rate = exp(-1.0 / self.u)
+        self.der_y = 2 * (self.feed - self.y) - 100 * rate * self.y**2 + 1000 * rate * self.y
+        return [self.der_y]
+"""
+
+
+@pytest.fixture(scope="module")
+def exchange_unit(tmp_path_factory):
+    builder = pytest.importorskip("pythonfmu3.builder")
+    pytest.importorskip("fmpy")
+    folder = tmp_path_factory.mktemp("exchange")
+    script = folder / "reactor_exchange.py"  # units of one process share Python's modules
+    script.write_text(EXCHANGE)
+    builder.FmuBuilder.build_FMU(script, dest=folder)
+    return folder / "Reactor3.fmu"
+
+
+def test_a_unit_for_model_exchange_of_fmi_3_equals_the_right_hand_side(exchange_unit):
+    plant = make_reactor()
+    U = np.repeat(_inputs(20), 3, axis=0)
+    fmu = FMUSimulator(exchange_unit, inputs=["u"], outputs=["y"], initial=["y"], dt=plant.dt)
+    found = fmu.simulate(U, x0=[8.0])
+    np.testing.assert_allclose(found, plant.simulate(U, x0=[8.0]), atol=1e-5)  # FMPy's CVode at its tolerance
+    # the instance is used again, reset, and leaves no trace of other parameters
+    clone(fmu).set_params(params={"feed": 2.0}).simulate(U, x0=[8.0])
+    np.testing.assert_array_equal(fmu.simulate(U, x0=[8.0]), found)
+    with pytest.raises(SimulatorError, match=r"offers \['ModelExchange'\]"):
+        clone(fmu).set_params(fmi_type="CoSimulation").simulate(U)
