@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_context
-from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.parallel import _get_threadpool_controller
@@ -23,6 +21,7 @@ from sksurrogate.neural._solvers import Plan, Validation
 from sksurrogate.neural._training import (
     FEW_ROWS,
     GRADIENT,
+    SMALL_NET,
     Torch,
     Trained,
     choose,
@@ -33,6 +32,7 @@ from sksurrogate.neural._training import (
     split,
     train,
     train_more,
+    warn_if_falling,
 )
 
 __all__ = ["FNNRegressor"]
@@ -92,6 +92,11 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         Share of the rows set aside by ``early_stopping``.
     n_iter_no_change : int, default=20
         Steps without a better validation loss after which ``early_stopping`` ends a search.
+    prior : callable, default=None
+        X -> y of a pre-specified solution to stay close to (paper, section 2.3), for example ``model.predict`` of a network
+        fitted to a simulator while few rows of the plant are at hand.
+    closeness : float, default=0.0
+        Weight of the mean squared distance to ``prior`` at the rows of X, beside the mean squared error.
 
     Attributes
     ----------
@@ -157,6 +162,8 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         "tol": [Interval(Real, 0, None, closed="left")],
         "validation_fraction": [Interval(Real, 0, 1, closed="neither")],
         "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
+        "prior": [callable, None],
+        "closeness": [Interval(Real, 0, None, closed="left")],
     }
 
     def __init__(
@@ -179,6 +186,8 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         tol: float = 1e-10,
         validation_fraction: float = 0.1,
         n_iter_no_change: int = 20,
+        prior: Callable[[np.ndarray], np.ndarray] | None = None,
+        closeness: float = 0.0,
     ):
         self.hidden_layer_sizes = hidden_layer_sizes
         self.activation = activation
@@ -197,6 +206,8 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         self.tol = tol
         self.validation_fraction = validation_fraction
         self.n_iter_no_change = n_iter_no_change
+        self.prior = prior
+        self.closeness = closeness
 
     @with_callbacks
     @_fit_context(prefer_skip_nested_validation=True)
@@ -222,10 +233,12 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
             validation = Validation(held, self.n_iter_no_change, listener)
         with self._one_thread(rows):
             trained = train(solver, plan, rows, validation, self._torch())
-            if len(rows) <= FEW_ROWS:  # beyond, one more pass over the data costs more than it is worth
+            if len(rows) <= FEW_ROWS and len(trained.outcome.layers.theta) <= SMALL_NET:
+                # beyond, one more pass over the data or a large square matrix costs more than it is worth
                 trained.memory = self._memory(trained, rows, plan)
         self._keep(trained, rows, plan)
-        self._warn_if_falling()
+        if not trained.outcome.settled and solver not in GRADIENT:
+            warn_if_falling(trained.outcome.curve, self.max_epochs)
         if tasks is not None:
             tasks.end()
         return self
@@ -263,8 +276,8 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         plan = self._plan(rows, self.solver_)
         if self._trained.memory is None and self.solver_ not in GRADIENT:
             raise DataError(
-                f"partial_fit remembers earlier rows for up to {MEMORY} weights, and after fit for up to {FEW_ROWS} rows; "
-                'begin with partial_fit, or take solver="adam".'
+                f"partial_fit remembers earlier rows for up to {MEMORY} weights (after fit: {SMALL_NET} weights and {FEW_ROWS} "
+                'rows); begin with partial_fit, or take solver="adam".'
             )
         self._keep(train_more(self.solver_, plan, rows, self._trained, self._torch()), rows, plan)
         return self
@@ -298,7 +311,11 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
             weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
             if not weights.any():
                 raise DataError("sample_weight is zero everywhere: at least one row must count.")
-        return X, np.asarray(y, dtype=float).reshape(len(X), -1), weights
+        Y = np.asarray(y, dtype=float).reshape(len(X), -1)
+        if self.prior is not None and self.closeness:
+            # |y - f|^2 + c |y0 - f|^2 = (1 + c) |(y + c y0) / (1 + c) - f|^2 + what does not depend on f
+            Y = (Y + self.closeness * np.reshape(self.prior(X), Y.shape)) / (1.0 + self.closeness)
+        return X, Y, weights
 
     def _sizes(self, rows: Rows) -> tuple[int, ...]:
         """Inputs, hidden units, outputs."""
@@ -340,19 +357,6 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         self.validation_curve_ = list(found.validation)
         self.n_iter_ = found.n_iter
         self.__dict__.pop("_net", None)
-
-    def _warn_if_falling(self) -> None:
-        """Say so where the iterations ended on a slope."""
-        curve = self._trained.outcome.curve
-        if self._trained.outcome.settled or self.solver_ in GRADIENT or len(curve) < 21:
-            return
-        if curve[-1] > 1e-6 and curve[-1] < 0.5 * curve[-21]:
-            warnings.warn(
-                f"The loss still fell from {curve[-21]:.3g} to {curve[-1]:.3g} in the last 20 steps: raise max_epochs "
-                f"(now {self.max_epochs}, {len(curve) - 1} steps made).",
-                ConvergenceWarning,
-                stacklevel=3,
-            )
 
     def predict(self, X: Any) -> np.ndarray:
         """Output of the network.

@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate.neural._network import ACTIVATIONS, Layers
 
-__all__ = ["build_net", "read_layers", "train_net"]
+__all__ = ["build_net", "read_layers", "train_net", "write_layers"]
 
 #: Solver -> optimizer of torch.optim and its parameters (None: our own line search).
 OPTIMIZERS: dict[str, tuple[str | None, dict[str, Any]]] = {
@@ -59,19 +59,19 @@ def _classes() -> dict[str, type]:
             super().__init__(*args, **kwargs)
             self.alpha = alpha
             self.loss = loss
+            self.unit = 1.0  # mean weight of the rows
 
         def get_loss(self, y_pred: Any, y_true: Any, X: Any = None, training: bool = False) -> Any:
-            w = X.get("w") if isinstance(X, dict) else None
+            w = X.get("w") if isinstance(X, dict) else None  # of mean 1 over all rows
             square = ((y_pred - y_true.to(y_pred.device)) ** 2).sum(dim=1)
-            total = float(len(square)) if w is None else w.sum()
-            value = square.mean() if w is None else (w.to(square.device) * square).sum() / total
+            value = square.mean() if w is None else (w.to(square.device) * square).mean()
             if training and self.alpha:
                 for name, weight in self.module_.named_parameters():
                     if name.endswith("weight"):
                         value = value + self.alpha * (weight**2).sum()
             if self.loss == "rmse":
                 return torch.sqrt(value)
-            return value * total if self.loss == "rss" else value
+            return value * len(square) * self.unit if self.loss == "rss" else value
 
         def infer(self, x: Any, **fit_params: Any) -> Any:
             dtype = next(self.module_.parameters()).dtype
@@ -141,7 +141,8 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def _write(net: Any, layers: Layers) -> None:
+def write_layers(net: Any, layers: Layers) -> None:
+    """Put weights into a net."""
     import torch
 
     dense = [part for part in net.module_.layers if isinstance(part, torch.nn.Linear)]
@@ -208,7 +209,7 @@ def build_net(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         net = kinds["Net"](kinds["Chain"], **settings).initialize()
-    _write(net, layers)
+    write_layers(net, layers)
     return net
 
 
@@ -226,7 +227,8 @@ def train_net(net: Any, X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None
     dtype = next(net.module_.parameters()).dtype
     rows: Any = {"X": torch.as_tensor(X).to(dtype)}
     if weights is not None:
-        rows["w"] = torch.as_tensor(weights).to(dtype)
+        net.unit = float(weights.mean())
+        rows["w"] = torch.as_tensor(weights / net.unit).to(dtype)
 
     class Ask(Callback):
         """Early stopping by the caller."""

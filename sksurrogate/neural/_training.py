@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Any
 
 import numpy as np
+from sklearn.exceptions import ConvergenceWarning
 
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.least_squares import merge_rows, with_memory
@@ -25,6 +27,7 @@ from sksurrogate.neural._solvers import (
 __all__ = [
     "FEW_ROWS",
     "GRADIENT",
+    "SMALL_NET",
     "Torch",
     "Trained",
     "choose",
@@ -35,6 +38,7 @@ __all__ = [
     "split",
     "train",
     "train_more",
+    "warn_if_falling",
 ]
 
 #: Solvers that run in torch, through skorch, with their learning rates (paper, Table 2).
@@ -174,7 +178,7 @@ def train(solver: str, plan: Plan, rows: Rows, validation: Validation | None, to
 
 
 def _train_in_torch(solver: str, plan: Plan, rows: Rows, validation: Validation | None, torch: Torch) -> Trained:
-    from sksurrogate.neural._torch import read_layers, train_net
+    from sksurrogate.neural._torch import read_layers, train_net, write_layers
 
     net = _net(solver, plan, plan.draw(), torch, n_fixed=0)
     x, y, weights = rows.part(slice(None))
@@ -190,6 +194,7 @@ def _train_in_torch(solver: str, plan: Plan, rows: Rows, validation: Validation 
     layers = read_layers(net, plan.activations)
     if one is not None and one.best is not None:
         layers = one.best
+        write_layers(net, layers)
     outcome = Outcome(layers, curve, len(curve), one.curve if one else [], True)
     return Trained(outcome, net=net)
 
@@ -246,3 +251,14 @@ def remember(
     if before is not None:
         evaluate = with_memory(evaluate, *before)
     return top.theta, evaluate(top.theta)[2]
+
+
+def warn_if_falling(curve: list[float], max_epochs: int | None) -> None:
+    """Say so where the iterations ended on a slope."""
+    if len(curve) > 20 and curve[-1] > 1e-6 and curve[-1] < 0.5 * curve[-21]:
+        warnings.warn(
+            f"The loss still fell from {curve[-21]:.3g} to {curve[-1]:.3g} in the last 20 steps: raise max_epochs "
+            f"(now {max_epochs}, {len(curve) - 1} steps made).",
+            ConvergenceWarning,
+            stacklevel=4,
+        )

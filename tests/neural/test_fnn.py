@@ -447,3 +447,26 @@ def test_callbacks_hear_of_every_step_and_may_stop(solver, early_stopping):
     few = Listener(3)
     model.set_callbacks(few).fit(x, y)
     assert len(few.scores) == 3
+
+
+def test_closeness_pulls_towards_a_prespecified_solution():
+    rng = np.random.default_rng(11)
+    X, y = rng.normal(size=(40, 2)), rng.normal(size=40)
+    prior = FNNRegressor(()).fit(X, X @ [1.0, 2.0])
+    for closeness in (0.0, 1.0, 1e9):
+        # a linear model shows the closed form: the mean of both fits, weighted
+        model = clone(FNNRegressor((), prior=prior.predict, closeness=closeness)).fit(X, y)
+        apart = LinearRegression().fit(X, y).predict(X)
+        expected = (apart + closeness * prior.predict(X)) / (1 + closeness)
+        np.testing.assert_allclose(model.predict(X), expected, atol=1e-7)
+
+
+def test_weights_of_rows_count_in_mini_batches():
+    rng = np.random.default_rng(12)
+    X = rng.normal(size=(400, 1))
+    w = np.where(X[:, 0] > 0, 50.0, 0.1)
+    y = np.where(X[:, 0] > 0, 2.0, -1.0) * X[:, 0]
+    exact = FNNRegressor(()).fit(X, y, sample_weight=w)
+    settings = {"solver": "adam", "batch_size": 50, "learning_rate": 0.01, "max_epochs": 200, "random_state": 0}
+    model = FNNRegressor((), **settings).fit(X, y, sample_weight=w)
+    np.testing.assert_allclose(model.coefs_[0], exact.coefs_[0], rtol=0.02)
