@@ -8,6 +8,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_scripts")]
 
+from docutils import nodes  # noqa: E402
+from docutils.utils.math import latex2mathml  # noqa: E402
 from reference_page import write_reference  # noqa: E402
 from sphinx_gallery import gen_rst  # noqa: E402
 
@@ -23,7 +25,6 @@ version = release = sksurrogate.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "myst_parser",
     "numpydoc",
     "sphinx_gallery.gen_gallery",
@@ -50,11 +51,14 @@ html_title = "sksurrogate"
 html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
+    "header_links_before_dropdown": 4,
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],
 }
+html_sidebars = {"*": [], "*/*": ["sidebar-nav-bs"]}
 html_show_sourcelink = False
+html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["wide_tables.css"]
 
@@ -107,6 +111,15 @@ def keep_underscores(app, what, name, obj, options, lines):
             lines[i] = "".join(parts)
 
 
+def write_math(translator, node):
+    """MathML in the page: no script from elsewhere, readable offline."""
+    block = isinstance(node, nodes.math_block)
+    math = latex2mathml.tex2mathml(node.astext(), as_block=block)
+    translator.body.append(f'<div class="math">{math}</div>' if block else math)
+    raise nodes.SkipNode
+
+
 def setup(app):
+    app.add_html_math_renderer("mathml", inline_renderers=(write_math, None), block_renderers=(write_math, None))
     app.connect("autodoc-process-docstring", keep_underscores, priority=900)
     app.connect("autodoc-skip-member", skip_requests)
