@@ -135,3 +135,29 @@ def test_two_outputs_and_pickle():
     assert hybrid.score(X, Y, groups=groups) > 0.95
     again = pickle.loads(pickle.dumps(hybrid))
     np.testing.assert_array_equal(again.predict(X, groups=groups), hybrid.predict(X, groups=groups))
+
+
+@pytest.mark.parametrize("form", ["output", "static", "dynamics"])
+def test_skops_asks_for_types_of_this_package_only(form):
+    skops_io = pytest.importorskip("skops.io")
+    X, y, groups = make_reactor_runs(3, 60, random_state=0)
+    hybrid = HybridRegressor(linear_reactor(), form=form).fit(X, y, groups=groups)
+    stored = skops_io.dumps(hybrid)
+    types = skops_io.get_untrusted_types(data=stored)
+    assert all(name.startswith("sksurrogate.") for name in types)
+    again = skops_io.loads(stored, trusted=types)
+    np.testing.assert_array_equal(again.predict(X, groups=groups), hybrid.predict(X, groups=groups))
+
+
+@pytest.mark.slow
+def test_figure_8_is_closed_to_95_percent_in_every_draw():
+    from sksurrogate.demo import _closed
+
+    simulator = linear_reactor()
+    for seed in range(8):
+        X, y, groups = make_reactor_runs(8, 150, noise=0.02, random_state=seed)
+        new_X, new_y, new = make_reactor_runs(16, 150, noise=0.02, random_state=1000 + seed)
+        hybrid = HybridRegressor(simulator).fit(X, y, groups=groups)
+        first = np.stack([new_y[new == k][:5] for k in range(16)])[:, :, None]
+        before = np.concatenate([simulator.simulate(new_X[new == k], x0=first[k, 0])[:, 0] for k in range(16)])
+        assert _closed(before, hybrid.predict(new_X, y0=first, groups=new), new_y, 0.02) > 0.95, f"draw {seed}"
