@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.kernels.state_space import StateFit, StateModel, fit_output_error, simulate, start_states, subspace
+from sksurrogate.kernels.state_model import StateModel
+from sksurrogate.kernels.state_space import StateFit, fit_output_error, simulate, start_states, subspace
 
 __all__ = ["cut_pieces", "first_rows", "fit_linear", "fit_networks"]
 

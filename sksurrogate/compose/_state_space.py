@@ -12,7 +12,8 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate._dynamic import FreeRunMixin
 from sksurrogate.compose._state_fit import cut_pieces, first_rows, fit_linear, fit_networks
 from sksurrogate.exceptions import DataError
-from sksurrogate.kernels.state_space import StateFit, StateModel, simulate, start_states
+from sksurrogate.kernels.state_model import StateModel
+from sksurrogate.kernels.state_space import StateFit, simulate, start_states
 from sksurrogate.runs import Runs
 
 __all__ = ["StateSpaceRegressor"]

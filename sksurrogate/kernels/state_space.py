@@ -13,142 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.state_model import StateModel
 
-__all__ = ["Block", "StateFit", "StateModel", "fit_output_error", "simulate", "start_states", "subspace"]
+__all__ = ["StateFit", "fit_output_error", "simulate", "start_states", "subspace"]
 
 #: Rows whose sensitivities are held at once.
 ROWS = 20_000
-
-
-@dataclass(frozen=True)
-class Block:
-    """``z -> z W + b + network(z)``; without hidden layers an affine map.
-
-    Attributes
-    ----------
-    n_in, n_out : int
-    hidden : tuple of int
-        Units of the tanh layers of the network.
-    """
-
-    n_in: int
-    n_out: int
-    hidden: tuple[int, ...] = ()
-
-    @property
-    def shapes(self) -> list[tuple[int, ...]]:
-        """Of W, b, and the network's weights and biases."""
-        sizes = [self.n_in, *self.hidden, self.n_out] if self.hidden else []
-        layers = [shape for a, b in zip(sizes[:-1], sizes[1:]) for shape in ((a, b), (b,))]
-        return [(self.n_in, self.n_out), (self.n_out,), *layers]
-
-    @property
-    def size(self) -> int:
-        """Number of parameters."""
-        return sum(int(np.prod(shape)) for shape in self.shapes)
-
-    @property
-    def penalised(self) -> np.ndarray:
-        """Which parameters are weights of the network, (size,) of bool."""
-        return np.concatenate([np.full(int(np.prod(s)), k > 1 and len(s) == 2) for k, s in enumerate(self.shapes)])
-
-    def parts(self, theta: np.ndarray) -> list[np.ndarray]:
-        """Cut flat parameters."""
-        out, place = [], 0
-        for shape in self.shapes:
-            n = int(np.prod(shape))
-            out.append(theta[place : place + n].reshape(shape))
-            place += n
-        return out
-
-    def value(self, theta: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """(n_rows, n_in) -> (n_rows, n_out)."""
-        W, b, *layers = self.parts(theta)
-        out = z @ W + b
-        if layers:
-            for k in range(0, len(layers) - 2, 2):
-                z = np.tanh(z @ layers[k] + layers[k + 1])
-            out = out + z @ layers[-2] + layers[-1]
-        return out
-
-    def jacobians(self, theta: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Value, slopes by z (n_rows, n_out, n_in) and by theta (n_rows, n_out, size)."""
-        W, b, *layers = self.parts(theta)
-        n, eye = len(z), np.broadcast_to(np.eye(self.n_out), (len(z), self.n_out, self.n_out))
-        by_theta = [(z[:, None, :, None] * eye[:, :, None, :]).reshape(n, self.n_out, -1), eye]
-        value, by_z = z @ W + b, np.broadcast_to(W.T, (n, *W.T.shape))
-        if layers:
-            values = [z]
-            for k in range(0, len(layers) - 2, 2):
-                values.append(np.tanh(values[-1] @ layers[k] + layers[k + 1]))
-            value = value + values[-1] @ layers[-2] + layers[-1]
-            back: np.ndarray = eye
-            found: list[np.ndarray] = []
-            for k in range(len(values) - 1, -1, -1):
-                found[:0] = [(values[k][:, None, :, None] * back[:, :, None, :]).reshape(n, self.n_out, -1), back]
-                back = back @ layers[2 * k].T
-                if k:
-                    back = back * (1.0 - values[k] ** 2)[:, None, :]
-            by_theta += found
-            by_z = by_z + back
-        return value, by_z, np.concatenate(by_theta, axis=2)
-
-
-@dataclass(frozen=True)
-class StateModel:
-    """f on (x, u) and g on x, or on (x, u) with feedthrough.
-
-    Attributes
-    ----------
-    n_states, n_inputs, n_outputs : int
-    hidden : tuple of int
-    feedthrough : bool
-    """
-
-    n_states: int
-    n_inputs: int
-    n_outputs: int
-    hidden: tuple[int, ...] = ()
-    feedthrough: bool = False
-
-    @property
-    def f(self) -> Block:
-        """The next state."""
-        return Block(self.n_states + self.n_inputs, self.n_states, self.hidden)
-
-    @property
-    def g(self) -> Block:
-        """The output."""
-        return Block(self.n_states + self.n_inputs * self.feedthrough, self.n_outputs, self.hidden)
-
-    def following(self, theta: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The states one sample later."""
-        return self.f.value(theta[: self.f.size], np.concatenate([x, u], axis=1))
-
-    def seen(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """What g sees."""
-        return np.concatenate([x, u], axis=1) if self.feedthrough else x
-
-    def output(self, theta: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Outputs at states and inputs."""
-        return self.g.value(theta[self.f.size :], self.seen(x, u))
-
-    def affine(
-        self, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, b: np.ndarray, c: np.ndarray
-    ) -> np.ndarray:
-        """Parameters of ``x' = A x + B u + b``, ``y = C x + D u + c`` with networks at zero."""
-        seen = np.concatenate([C, D], axis=1) if self.feedthrough else C
-        flat = []
-        for block, W, bias in ((self.f, np.concatenate([A, B], axis=1), b), (self.g, seen, c)):
-            theta = np.zeros(block.size)
-            theta[: W.size + len(bias)] = np.concatenate([W.T.ravel(), bias])
-            flat.append(theta)
-        return np.concatenate(flat)
-
-    @property
-    def penalised(self) -> np.ndarray:
-        """Which parameters are weights of the networks."""
-        return np.concatenate([self.f.penalised, self.g.penalised])
 
 
 def simulate(
@@ -179,7 +49,7 @@ def simulate(
         with np.errstate(all="ignore"):
             for _ in range(10):
                 z = np.concatenate([x, U], axis=1)
-                after, by_z, _ = model.f.jacobians(theta[: model.f.size], z)
+                after, by_z = model.f.slopes(theta[: model.f.size], z)
                 defect = np.zeros_like(x)
                 defect[1:] = after[:-1] - x[1:]
                 defect[starts] = 0.0
@@ -250,13 +120,13 @@ def start_states(
         cost = np.einsum("ri,ij,rj->r", x0 - mean, precision, x0 - mean)
         with np.errstate(all="ignore"):
             for t in range(L):
-                y, by_seen, _ = model.g.jacobians(theta[model.f.size :], model.seen(x, U[:, t]))
+                y, by_seen = model.g.slopes(theta[model.f.size :], model.seen(x, U[:, t]))
                 J = np.where(known[:, t, :, None], by_seen[:, :, :n] @ S, 0.0)
                 e = np.where(known[:, t], y - target[:, t], 0.0)
                 cost = cost + (e**2).sum(axis=1)
                 normal = normal + J.transpose(0, 2, 1) @ J
                 gradient = gradient + (J.transpose(0, 2, 1) @ e[:, :, None])[:, :, 0]
-                x, by_z, _ = model.f.jacobians(theta[: model.f.size], np.concatenate([x, U[:, t]], axis=1))
+                x, by_z = model.f.slopes(theta[: model.f.size], np.concatenate([x, U[:, t]], axis=1))
                 S = by_z[:, :, :n] @ S
         better = np.isfinite(cost) & (cost <= best) & np.isfinite(normal).all(axis=(1, 2))
         kept[better], best[better] = x0[better], cost[better]
@@ -466,14 +336,14 @@ def fit_output_error(
         for _ in range(12):
             inverse = np.linalg.inv(own + damping * own_size[:, :, None] * np.eye(model.n_states))
             taken = couple @ inverse
-            reduced = H + damping * np.diag(size) - np.einsum("rin,rjn->ij", taken, couple)
-            rhs = gradient - np.einsum("rin,rn->i", taken, own_gradient)
+            reduced = H + damping * np.diag(size) - np.tensordot(taken, couple, axes=([0, 2], [0, 2]))
+            rhs = gradient - np.tensordot(taken, own_gradient, axes=([0, 2], [0, 1]))
             try:
                 step = np.linalg.solve(reduced, rhs)
             except np.linalg.LinAlgError:
                 damping *= 4
                 continue
-            own_step = np.einsum("rnm,rm->rn", inverse, own_gradient - np.einsum("rin,i->rn", couple, step))
+            own_step = np.einsum("rnm,rm->rn", inverse, own_gradient - np.tensordot(couple, step, axes=([1], [0])))
             trial, trial_x0 = theta - step, x0 - own_step
             new, x_new = objective.cost(trial, trial_x0, x)
             if new < cost:

@@ -60,7 +60,8 @@ def data(case, seed):
 
 def judged(theta, shape, U, Y, Ut, Yt):
     """RMSE of free runs on training and test runs."""
-    from sksurrogate.kernels.state_space import StateModel, simulate, start_states
+    from sksurrogate.kernels.state_model import StateModel
+    from sksurrogate.kernels.state_space import simulate, start_states
 
     n, nodes, m, o = shape
     model = StateModel(n, m, o, (nodes,) if nodes else ())

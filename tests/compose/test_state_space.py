@@ -8,15 +8,8 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from sksurrogate.compose import StateSpaceRegressor
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
-from sksurrogate.kernels.state_space import (
-    Block,
-    StateModel,
-    _abreast,
-    _Objective,
-    fit_output_error,
-    simulate,
-    subspace,
-)
+from sksurrogate.kernels.state_model import Block, StateModel
+from sksurrogate.kernels.state_space import _abreast, _Objective, fit_output_error, simulate, subspace
 
 ORDER = "row order matters to a model of runs"
 EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subset_invariance": ORDER}
@@ -54,6 +47,8 @@ def test_slopes_of_a_block_are_those_of_differences():
     theta, z = rng.normal(size=block.size), rng.normal(size=(5, 3))
     value, by_z, by_theta = block.jacobians(theta, z)
     np.testing.assert_array_equal(value, block.value(theta, z))
+    for found, alone in zip((value, by_z), block.slopes(theta, z)):
+        np.testing.assert_allclose(found, alone, rtol=1e-12)
     for found, at, move in ((by_theta, theta, lambda e: (theta + e, z)), (by_z, z[0], lambda e: (theta, z + e))):
         rough = [(block.value(*move(e)) - block.value(*move(-e))) / 2e-6 for e in 1e-6 * np.eye(len(at))]
         np.testing.assert_allclose(found, np.stack(rough, axis=-1), atol=1e-8)
