@@ -37,6 +37,8 @@ class Recording:
         Names that count as right; empty for a control.
     places : tuple of str
         Where the effect sits.
+    variables : tuple of str
+        What drives it; empty where that is left open.
     unit : str
         Of the error.
     published : str
@@ -54,6 +56,7 @@ class Recording:
     places: tuple[str, ...]
     unit: str
     published: str
+    variables: tuple[str, ...] = ()
 
 
 def resonator(t: Any, x: Any, u: Any, p: Any) -> Any:
@@ -95,7 +98,7 @@ def silverbox(data_home: Any) -> Recording:
     tests = tuple((u[part], y[part], start(part), 50) for part in (data.test_multisine, data.test_arrow))
     return Recording(
         "silverbox", simulator, u[train], y[train], np.zeros(6000, int), tests, "all", ("cubic_stiffness",), ("dy",), "V",
-        "0.00026 (polynomial nonlinear state space), 0.0137 (linear), arrow",
+        "0.00026 (polynomial nonlinear state space), 0.0137 (linear), arrow", ("y",),
     )  # fmt: skip
 
 
@@ -140,7 +143,7 @@ def ball(data_home: Any, name: str) -> Recording:
     documented = () if name in HEAVY else ("linear_loss", "quadratic_drag", "quadratic_loss", "power_law")
     return Recording(
         name, simulator, none[0], drops[0], np.zeros(len(drops[0]), int), ((none[1], drops[1], "fit", 0),), (), documented,
-        ("velocity",), "m", "",
+        ("velocity",), "m", "", ("velocity",),
     )  # fmt: skip
 
 
@@ -216,10 +219,11 @@ def _diagnosed(recording: Recording, withhold: bool) -> dict[str, Any]:
     report = diagnoser.fit(recording.X, recording.y, groups=recording.groups).report_
     seconds = time.perf_counter() - begun
     names = [(e.name, e.location, e.variable) for e in report.effects]
-    every = [(e.name, e.location) for e in report.effects] + [
-        (q[0], q[1]) for e in report.effects for q in e.equivalents
-    ]
-    hit = any(name in recording.documented and place in recording.places for name, place in every)
+    every = names + [(q[0], q[1], q[2]) for e in report.effects for q in e.equivalents]
+    hit = any(
+        name in recording.documented and place in recording.places and variable in (recording.variables or (variable,))
+        for name, place, variable in every
+    )
     if not recording.documented:
         right = report.verdict == "none"
     elif withhold:
@@ -230,7 +234,7 @@ def _diagnosed(recording: Recording, withhold: bool) -> dict[str, Any]:
     return {
         "recording": recording.name + (" (withheld)" if left is not None else ""), "verdict": report.verdict,
         "named": ", ".join(f"{n} at {p}" + (f" in {v}" if v else "") for n, p, v in names) or "-",
-        "place": report.where.location, "right": right, "before": _errors(recording, recording.simulator, start),
+        "class": len(every), "place": report.where.location, "right": right, "before": _errors(recording, recording.simulator, start),
         "after": _errors(recording, diagnoser.augmented_, start), "unit": recording.unit, "published": recording.published,
         "sentence": report.sentence, "seconds": seconds,
     }  # fmt: skip
