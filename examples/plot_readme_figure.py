@@ -2,27 +2,22 @@
 Which effect is a simulator missing?
 ====================================
 
-The README's figure: a run left out of the fit, measured, from the simulator, and from the simulator with the effect that
-the diagnosis named. The plant is Eq. (9) of the paper behind a slow actuator; the simulator does not know the actuator.
+The README's twelve lines: a run that took no part in the fit, measured, from the simulator, and from the simulator with what the
+diagnosis named.
 """
 
-import sys
-from pathlib import Path
+import matplotlib.pyplot as plt
 
-from sksurrogate.demo import story_actuator_and_sensor
-from sksurrogate.exceptions import require
+from sksurrogate import GapDiagnoser, datasets
 
-plt = require("matplotlib.pyplot", "plot")
-story = story_actuator_and_sensor(noise=0.05, lag=0.12, offset=0.8)
-print(story.report)
-
-trace = story.report.traces[0]
-figure, ax = plt.subplots(figsize=(8, 3), constrained_layout=True)
-ax.plot(trace.t, trace.measured[:, 0], color="#8a8a8a", lw=3.5, label="measured")
-ax.plot(trace.t, trace.before[:, 0], color="#d55e00", ls="--", label="simulator")
-named = " + ".join(effect.name.replace("_", " ") for effect in story.report.effects)
-ax.plot(trace.t, trace.after[:, 0], color="black", lw=1.2, label=f"with {named}")
-ax.set(xlabel="time", ylabel="concentration y", title="A run left out of the fit", ylim=(0, 14))
-ax.legend(ncols=3, frameon=False, loc="upper right")
-if len(sys.argv) > 1:
-    figure.savefig(Path(sys.argv[1]), dpi=130)
+plt.rcParams.update({"figure.figsize": (8, 3.2), "figure.constrained_layout.use": True})
+X, y, runs = datasets.make_reactor_runs(7, 200, noise=0.05, random_state=3)  # the real plant ...
+simulator = datasets.make_reactor(second=60.0)  # ... and a simulator that is wrong
+new = runs == 6
+diagnoser = GapDiagnoser(simulator, random_state=0).fit(X[~new], y[~new], groups=runs[~new])
+print(diagnoser.report_)
+plt.plot(y[new], "0.6", lw=4, label="real plant, unseen run")
+for model, style, label in (simulator, "C1--", "simulator"), (diagnoser.augmented_, "k-", "with the named effect"):
+    plt.plot(model.simulate(X[new], x0=y[new][:1]), style, label=label)
+plt.gca().set(xlabel="sample", ylabel="concentration y", ylim=(4, 17))
+plt.legend(ncols=3, frameon=False).figure.savefig("gap.png")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 README = Path(__file__).parents[1] / "README.md"
+EXAMPLE = README.parent / "examples" / "plot_readme_figure.py"
 
 
 @pytest.mark.skipif(not README.exists(), reason="the README is not beside the tests (installed package)")
@@ -16,6 +17,13 @@ def test_the_readme_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "README.md", "exec"), {})
     assert "VERDICT  explained" in capsys.readouterr().out
-    assert (tmp_path / "gap.html").read_text().startswith("<!doctype html>")
+    assert (tmp_path / "gap.png").read_bytes().startswith(b"\x89PNG")
     figure = re.search(r"!\[.*?\]\((.*?)\)", text).group(1)
     assert (README.parent / figure).exists()
+
+
+@pytest.mark.skipif(not EXAMPLE.exists(), reason="the examples are not beside the tests (installed package)")
+def test_the_figure_is_made_by_the_lines_of_the_readme():
+    code = re.search(r"```python\n(.*?)```", README.read_text(), re.S).group(1)
+    script = EXAMPLE.read_text()
+    assert [line for line in code.splitlines() if line not in script] == []
