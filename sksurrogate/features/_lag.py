@@ -16,9 +16,12 @@ from sklearn.utils.validation import (
 )
 
 from sksurrogate.exceptions import DataError
-from sksurrogate.runs import resolve_runs
+from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["LagEmbedding", "lag_columns", "lag_list", "named_position"]
+
+#: Rows that are written at once.
+BLOCK = 8192
 
 
 def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
@@ -62,12 +65,41 @@ def lag_columns(
     """
     if out is None:
         out = np.empty((len(values), len(columns)), order="F")
-    contiguous = np.ascontiguousarray(values.T)  # one strided reading instead of one for each lag
+    _shift(np.ascontiguousarray(values.T), columns, out)
     for i, (column, lag) in enumerate(columns):
-        k = min(lag, len(values))
-        out[k:, i] = contiguous[column, : len(values) - k]
-        out[:k, i] = values[0, column] if fill == "edge" else (np.nan if fill == "nan" else fill)
+        out[: min(lag, len(values)), i] = values[0, column] if fill == "edge" else (np.nan if fill == "nan" else fill)
     return out
+
+
+def _shift(values: np.ndarray, columns: Sequence[tuple[int, int]], out: np.ndarray) -> None:
+    """``out[t, i] = values[column_i, t - lag_i]`` where there is one; block by block, so that what is read stays cached."""
+    n = values.shape[1]
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        for i, (column, lag) in enumerate(columns):
+            begin = max(start, lag)
+            if begin < stop:
+                out[begin:stop, i] = values[column, begin - lag : stop - lag]
+
+
+def _write_lags(runs: Runs, columns: Sequence[tuple[int, int]], fill: str | float, out: np.ndarray) -> None:
+    """Lagged columns of all runs, each number written once; rows that belong to no run are nan."""
+    n = runs.n_samples
+    starts, lengths = np.array([run.start for run in runs]), np.array([len(run) for run in runs])
+    values = np.full((runs[0].X.shape[1], n), np.nan) if lengths.sum() < n else np.empty((runs[0].X.shape[1], n))
+    for run in runs:
+        values[:, run.start : run.stop] = run.X.T
+    _shift(values, columns, out)
+    for i, (column, lag) in enumerate(columns):
+        before = np.arange(lag)
+        rows = (starts[:, None] + before)[before < lengths[:, None]]
+        first = values[column, starts] if fill == "edge" else np.full(len(starts), np.nan if fill == "nan" else fill)
+        out[rows, i] = np.repeat(first, np.minimum(lag, lengths))
+    if lengths.sum() < n:
+        outside = np.ones(n, bool)
+        for run in runs:
+            outside[run.start : run.stop] = False
+        out[outside, : len(columns)] = np.nan
 
 
 class LagEmbedding(TransformerMixin, BaseEstimator):
@@ -155,16 +187,12 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self, "columns_")
         runs = self._resolve(X, groups, reset=False)
-        n_lagged = len(self.columns_)
-        # written in place, column by column: the lag matrix exists once
-        out = np.empty((runs.n_samples, n_lagged + self._keeps), order="F")
-        if sum(map(len, runs)) < runs.n_samples:
-            out[:] = np.nan  # rows that belong to no run
-        for run in runs:
-            rows = slice(run.start, run.stop)
-            lag_columns(run.X, self.columns_, self.fill, out[rows, :n_lagged])
-            if self._keeps:
-                out[rows, -1] = float(run.label)
+        out = np.empty((runs.n_samples, len(self.columns_) + self._keeps), order="F")
+        _write_lags(runs, self.columns_, self.fill, out)
+        if self._keeps:
+            out[:, -1] = np.nan
+            for run in runs:
+                out[run.start : run.stop, -1] = float(run.label)
         return out
 
     def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How fast is a lag matrix? LagEmbedding against writing the bytes, pandas and sliding_window_view; 1e6 rows, 2 channels.
+"""How fast is a lag matrix, and a linear model that does without? 1e6 rows, 2 channels; peers numpy, pandas, scikit-learn.
 
 Run: ``OMP_NUM_THREADS=1 python tests/benchmarks/bench_lags.py``
 """
@@ -8,7 +8,10 @@ import time
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import lfilter
+from sklearn.linear_model import LinearRegression
 
+from sksurrogate.compose import RecursivePredictor
 from sksurrogate.features import LagEmbedding
 
 
@@ -44,6 +47,21 @@ def main():
         print(
             f"| {lags} | {ours:.3f} | {ours / write:.2f} | {runs / write:.2f} | {pandas / ours:.1f} | {windows / ours:.1f} |"
         )
+    print(
+        "\n| linear model | RecursivePredictor.fit, s | its training free run, s | LinearRegression on the lag matrix / fit |"
+    )
+    print("|---|---|---|---|")
+    rng = np.random.default_rng(0)
+    u = rng.normal(size=1_000_000)
+    y = lfilter([0, 1, 0.3], [1, -1.2, 0.5], u) + 0.1 * rng.normal(size=len(u))
+    for lags in (5, 50):
+        model = RecursivePredictor(LinearRegression(), lags, lags)
+        ours = seconds(lambda model=model: model.fit(u[:, None], y))
+        free = seconds(lambda model=model: model.predict(u[:200_000, None]))
+        Phi, target = model.embed(u[:, None], y)
+        peer = seconds(lambda Phi=Phi, target=target: LinearRegression().fit(Phi, target), 1)
+        np.testing.assert_allclose(model.estimator_.coef_, LinearRegression().fit(Phi, target).coef_, atol=1e-8)
+        print(f"| ARX({lags}, {lags}), 1e6 rows | {ours:.3f} | {free:.3f} | {peer / ours:.0f} |")
 
 
 if __name__ == "__main__":
