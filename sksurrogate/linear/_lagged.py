@@ -11,6 +11,7 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features._lag import lag_list
+from sksurrogate.kernels.gram import Moments
 from sksurrogate.kernels.lag_moments import lag_moments
 from sksurrogate.linear._base import BaseBlockedRegressor
 from sksurrogate.linear._regressor import PenalizedRegressor
@@ -68,6 +69,7 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     """
 
     __metadata_request__fit = {"groups": True}
+    __metadata_request__partial_fit = {"groups": True}
     __metadata_request__predict = {"groups": True}
     __metadata_request__score = {"groups": True}
 
@@ -89,12 +91,6 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         -------
         self
         """
-        estimator = PenalizedRegressor() if self.estimator is None else self.estimator
-        if not hasattr(estimator, "fit_moments"):
-            raise DataError(
-                f"estimator={estimator!r} cannot be fitted from moments: take PenalizedRegressor or PCRRegressor, or "
-                "make_pipeline(LagEmbedding(lags), estimator)."
-            )
         runs = self._resolve(X, y, groups, reset=True)
         names = runs.input_names or tuple(f"x{j}" for j in range(runs[0].X.shape[1]))
         keys = self.lags if isinstance(self.lags, Mapping) else dict.fromkeys(range(len(names)), self.lags)
@@ -103,6 +99,32 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             raise DataError(f"lags={self.lags!r} asks for no column at all: name at least one lag.")
         self.max_lag_ = max(k for _, k in self.columns_)
         self.feature_names_ = [f"{names[j]}_lag{k}" for j, k in self.columns_]
+        return self._solve(runs, self._moments(runs))
+
+    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> LaggedLinearRegressor:
+        """Take in further whole runs: the same coefficients as one fit of all runs, to rounding.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_columns)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        self
+        """
+        if not hasattr(self, "estimator_"):
+            return self.fit(X, y, groups=groups)
+        runs = self._resolve(X, y, groups)
+        moments = self._moments(runs)
+        if len(moments.mean) != len(self.estimator_.moments_.mean):
+            before = len(self.estimator_.moments_.mean) - len(self.columns_)
+            raise DataError(f"y has {runs[0].y.shape[1]} outputs, but the runs before had {before}.")
+        return self._solve(runs, moments.merge(self.estimator_.moments_))
+
+    def _moments(self, runs: Runs) -> Moments:
+        """Mean and scatter of the lagged columns and the outputs."""
         longest = max(len(run) for run in runs)
         if longest <= self.max_lag_:
             raise RunError(
@@ -110,14 +132,21 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"{self.max_lag_} needs {self.max_lag_ + 1}: give longer runs or lower lags."
             )
         used = sorted({j for j, _ in self.columns_})
-        columns = used if len(used) < len(names) else slice(None)
-        outputs = [run.y for run in runs]
-        moments = lag_moments([run.X[:, columns] for run in runs], self.max_lag_, outputs)
-        q, m = outputs[0].shape[1], len(used)
-        place = [k * m + used.index(j) for j, k in self.columns_]
-        target = len(moments.mean) - q
-        chosen = moments.select([*place, *range(target, target + q)])
-        self.estimator_ = clone(estimator).fit_moments(chosen, None if runs.y_is_1d else q)
+        columns = used if len(used) < runs[0].X.shape[1] else slice(None)
+        moments = lag_moments([run.X[:, columns] for run in runs], self.max_lag_, [run.y for run in runs])
+        target = (self.max_lag_ + 1) * len(used)
+        place = [k * len(used) + used.index(j) for j, k in self.columns_]
+        return moments.select([*place, *range(target, len(moments.mean))])
+
+    def _solve(self, runs: Runs, moments: Moments) -> LaggedLinearRegressor:
+        """Fit the estimator to the moments."""
+        estimator = PenalizedRegressor() if self.estimator is None else self.estimator
+        if not hasattr(estimator, "fit_moments"):
+            raise DataError(
+                f"estimator={estimator!r} cannot be fitted from moments: take PenalizedRegressor or PCRRegressor, or "
+                "make_pipeline(LagEmbedding(lags), estimator)."
+            )
+        self.estimator_ = clone(estimator).fit_moments(moments, None if runs.y_is_1d else runs[0].y.shape[1])
         self.coef_, self.intercept_ = self.estimator_.coef_, self.estimator_.intercept_
         return self
 
@@ -134,7 +163,7 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ndarray (n_samples,) or (n_samples, n_outputs); nan in rows that belong to no run
         """
         check_is_fitted(self, "coef_")
-        runs = self._resolve(X, None, groups)
+        runs = self._resolve(X, None, groups, predicting=True)
         coef = np.atleast_2d(self.coef_)
         out = runs.stack([self._filtered(run.X, coef) for run in runs])
         return out[:, 0] if self.coef_.ndim == 1 else out
@@ -160,9 +189,9 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 out[:, k] += np.convolve(padded, response, mode="valid")
         return out
 
-    def _resolve(self, X: Any, y: Any, groups: Any, reset: bool = False) -> Runs:
+    def _resolve(self, X: Any, y: Any, groups: Any, reset: bool = False, predicting: bool = False) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
-        if reset and y is None:
+        if not predicting and y is None:
             raise DataError(f"{type(self).__name__} requires y to be passed, but the target y is None.")
         if hasattr(X, "columns"):
             _check_feature_names(self, X, reset=reset)

@@ -95,3 +95,16 @@ def test_errors_name_the_way_out():
         LaggedLinearRegressor(estimator=LinearRegression()).fit(X, Y)
     with pytest.raises(DataError, match="features must be None"):
         LaggedLinearRegressor(estimator=PCRRegressor(features=LagEmbedding())).fit(X, Y)
+
+
+@pytest.mark.parametrize("estimator", [None, PCRRegressor(3)])
+def test_runs_may_come_one_after_the_other(estimator):
+    X, Y, groups = data(q=2)
+    whole = LaggedLinearRegressor(3, estimator=estimator).fit(X, Y, groups=groups)
+    stream = LaggedLinearRegressor(3, estimator=estimator)
+    for label in "abc":
+        stream.partial_fit(X[groups == label], Y[groups == label])
+    np.testing.assert_allclose(stream.coef_, whole.coef_, atol=1e-12)
+    np.testing.assert_allclose(stream.intercept_, whole.intercept_, atol=1e-12)
+    with pytest.raises(DataError, match="1 outputs, but the runs before had 2"):
+        stream.partial_fit(X, Y[:, 0])
