@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.kernels.net import LagNet, Net
-from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run
+from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run, levenberg_marquardt
 from sksurrogate.runs import Run
 
 __all__ = ["Scaling", "cut_pieces", "shoot"]
@@ -74,10 +74,8 @@ def shoot(
     scaling = Scaling(runs)
     U, target = cut_pieces(runs, n_first, horizon)
     U, target = (U - scaling.u_mean) / scaling.u_std, (target - scaling.y_mean) / scaling.y_std
-    weight = None
-    if stability > 0:
-        U, target, weight = _displaced(U, target, n_first, stability)
-    loss = FreeRunLoss(U, target, n_first, alpha, weight)
+    loss = FreeRunLoss(U, target, n_first, alpha)
+    demanding = _displaced(loss, stability) if stability > 0 else None
     best, best_value = model, np.inf
     for k in range(n_starts if model.net.activations else 1):
         start = scaling.scaled(model)
@@ -89,6 +87,8 @@ def shoot(
                     break
                 start = start.at(0.8 * start.net.theta)
         found, value = fit_free_run(loss, start, max_iter=max_iter)
+        if demanding is not None:  # begun where the data alone are met: from afar it has more poor minima
+            found, value = levenberg_marquardt(demanding, found, max_iter)
         if value < best_value or k == 0:
             best, best_value = scaling.raw(found), value
     return best, best_value
@@ -126,19 +126,17 @@ def _fill(U: np.ndarray, target: np.ndarray, run: Run, start: int) -> None:
     U[n:] = run.X[start + n - 1]
 
 
-def _displaced(
-    U: np.ndarray, target: np.ndarray, n_first: int, stability: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _displaced(loss: FreeRunLoss, stability: float) -> FreeRunLoss:
     """Every piece twice more, begun one spread above and below; in its second half it must be back on the data."""
-    half = n_first + (target.shape[1] - n_first) // 2
-    parts = [target]
+    n, half = loss.n_first, loss.n_first + (loss.target.shape[1] - loss.n_first) // 2
+    parts = [loss.target]
     for sign in (1.0, -1.0):
-        other = target.copy()
-        other[:, :n_first] += sign
-        other[:, n_first:half] = np.nan
+        other = loss.target.copy()
+        other[:, :n] += sign
+        other[:, n:half] = np.nan
         parts.append(other)
-    n = len(U)
-    return np.concatenate([U] * 3), np.concatenate(parts), np.repeat([1.0, stability, stability], n)
+    weight = np.repeat([1.0, stability, stability], len(loss.U))
+    return FreeRunLoss(np.concatenate([loss.U] * 3), np.concatenate(parts), n, loss.alpha, weight)
 
 
 def _spread(values: np.ndarray) -> np.ndarray:

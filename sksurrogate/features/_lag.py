@@ -21,7 +21,7 @@ from sksurrogate.runs import Runs, resolve_runs
 __all__ = ["LagEmbedding", "lag_columns", "lag_list", "named_position"]
 
 #: Rows that are written at once.
-BLOCK = 8192
+BLOCK = 32768
 
 
 def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
