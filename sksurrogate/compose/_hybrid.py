@@ -12,6 +12,7 @@ from sklearn.metrics import r2_score
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
+from sksurrogate._columns import by_name
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
 from sksurrogate.compose._hybrid_output import Free, OutputCorrection
@@ -280,6 +281,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False, min_rows: int = 1) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
+        X = by_name(X, getattr(self.simulator, "inputs", None), self.run)
+        y = by_name(y, getattr(self.simulator, "outputs", None))
         if hasattr(X, "columns"):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)

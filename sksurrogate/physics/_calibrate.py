@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 from sklearn.base import BaseEstimator, RegressorMixin, clone
-from sklearn.exceptions import ConvergenceWarning
+from sklearn.exceptions import ConvergenceWarning, DataConversionWarning
 from sklearn.metrics import r2_score
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
 from sksurrogate._columns import by_name
 from sksurrogate.exceptions import DataError, SimulatorError
@@ -144,8 +144,17 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             X or y do not keep the data convention.
         """
         if y is None:
-            raise DataError("y is missing: the calibration fits the simulator to measured outputs; give fit(X, y).")
-        runs = self._resolve(X, y, groups)
+            raise DataError(
+                "CalibratedSimulator requires y to be passed, but the target y is None: y is missing, the measured outputs that "
+                "the simulator is fitted to; give fit(X, y)."
+            )
+        if getattr(y, "shape", ())[1:] == (1,) and not self.__sklearn_tags__().target_tags.multi_output:
+            warnings.warn(
+                "A column-vector y was passed when a 1d array was expected: the simulator has one output, y[:, 0] is it.",
+                DataConversionWarning,
+                stacklevel=2,
+            )
+        runs = self._resolve(X, y, groups, reset=True)
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
         names = self._names(plant)
         record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], plant.dt)
@@ -173,7 +182,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.n_iter_, self.converged_ = fit.n_iterations, fit.converged
         self._uncertainty(lin.J_theta, lin.J_x if self.fit_x0 else lin.J_x[:, :0], record, unit, names)
         self.simulator_ = clone(self.simulator).set_params(**{f"params__{k}": v for k, v in self.params_.items()})
-        self.n_features_in_, self.y_is_1d_ = runs[0].X.shape[1], runs.y_is_1d
+        self.y_is_1d_ = runs.y_is_1d
         return self
 
     def predict(self, X: Any, y0: Any = None, groups: Any = None, x0: Any = None) -> np.ndarray:
@@ -216,10 +225,31 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
 
     # ---- parts ------------------------------------------------------------------------------------------------------
-    def _resolve(self, X: Any, y: Any, groups: Any) -> Runs:
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        outputs = getattr(self.simulator, "outputs", None)
+        tags.target_tags.multi_output = outputs is None or (not isinstance(outputs, str) and len(outputs) != 1)
+        tags.target_tags.single_output = True
+        tags.regressor_tags.poor_score = True  # a simulator has the form it has
+        return tags
+
+    def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False) -> Runs:
+        """Checks that scikit-learn asks for, then runs."""
+        inputs = getattr(self.simulator, "inputs", None)
+        X, y = by_name(X, inputs, self.run), by_name(y, getattr(self.simulator, "outputs", None))
+        fewest = 0 if inputs is not None and len(inputs) == 0 else 1
+        if hasattr(X, "columns"):
+            _check_feature_names(self, X, reset=reset)
+            _check_n_features(self, X, reset=reset)
+        elif y is None or groups is not None:
+            X = validate_data(
+                self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric", ensure_min_features=fewest
+            )
+        else:
+            X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest)
         return resolve_runs(
-            by_name(X, getattr(self.simulator, "inputs", None), self.run),
-            by_name(y, getattr(self.simulator, "outputs", None)),
+            X,
+            y,
             groups=groups,
             run=self.run,
             dt=getattr(self.simulator, "dt", None),
