@@ -55,6 +55,8 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     features: Any
     block_size: int | None
     solver: str
+    _flat: bool
+    _n_outputs: int
     _low: np.ndarray
     _high: np.ndarray
 
@@ -79,6 +81,8 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         X, Y, weights = self._border(X, y, sample_weight, reset=True)
         self._begin(X, Y, weights)
+        if self._asks_range():
+            self._low, self._high = _range(X)
         return self._finish(X, Y, weights, lambda: self._blocks(X, Y, weights))
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -99,14 +103,15 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self
         """
         first = not hasattr(self, "moments_")
-        before = None if first else self._n_outputs
+        before = None if first else (self._flat, self._n_outputs)
         X, Y, weights = self._border(X, y, sample_weight, reset=first)
         if first:
             self._begin(X, Y, weights)
-        elif self._n_outputs != before:
-            raise DataError(f"y has {self._n_outputs} outputs, but the rows before had {before}.")
+        elif before is not None and before[1] != self._n_outputs:
+            self._flat, self._n_outputs = before
+            raise DataError(f"y has {Y.shape[1]} outputs, but the rows before had {before[1]}.")
         low, high = _range(X)
-        self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
+        self._low, self._high = np.fmin(self._low, low), np.fmax(self._high, high)
         return self._finish(X, Y, weights, None)
 
     def fit_moments(self, moments: Moments, n_outputs: int | None = None) -> Self:
@@ -197,7 +202,7 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             extra = {"sample_weight": weights} if weighs else {}
             self.features_ = clone(self.features).fit(X, Y[:, 0] if self._flat else Y, **extra)
         self.moments_ = Moments.zeros(int(self._phi(X[:1]).shape[1]) + self._n_outputs)
-        self._low, self._high = _range(X)
+        self._low, self._high = np.full((2, X.shape[1]), np.nan)
 
     def _finish(self, X: Any, Y: np.ndarray, weights: np.ndarray | None, blocks: Blocks | None) -> Self:
         """Gather the moments, solve, store."""
@@ -228,6 +233,10 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return "gram"
         few = not regular and self.moments_.n_rows < self._n_features
         return "qr" if self.solver == "qr" or few else "gram"
+
+    def _asks_range(self) -> bool:
+        """Whether something will be differenced within the range of the data."""
+        return self.features_ is not None and not hasattr(self.features_, "jacobian")
 
     def _phi(self, X: Any) -> Any:
         """Features of some rows, dense or sparse."""

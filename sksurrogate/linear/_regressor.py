@@ -184,6 +184,11 @@ class PenalizedRegressor(BaseBlockedRegressor):
         last = rows[:, p:]
         return [np.hstack([rows[:, :p] - last * mean[:p], last]), *(t - last * mean[p:] for t in targets)]
 
+    def _asks_range(self) -> bool:
+        return super()._asks_range() or any(
+            getattr(part, "points", None) is not None for part in ([] if self.penalties is None else self.penalties)
+        )
+
     def _situation(self) -> Situation:
         p, blocks = self._n_features, getattr(self.features_, "blocks_", None)
         sizes = (self.n_features_in_, p, self._n_outputs)

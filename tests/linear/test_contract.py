@@ -112,6 +112,9 @@ class TestEveryLinearFit:
         model = clone(estimator).partial_fit(X, Y)
         with pytest.raises(DataError, match="1 outputs, but the rows before had 2"):
             model.partial_fit(X, Y[:, 0])
+        # and leave nothing behind
+        both = clone(estimator).partial_fit(X, Y).partial_fit(X, Y)
+        np.testing.assert_array_equal(model.partial_fit(X, Y).coef_, both.coef_)
 
     def test_no_row_that_counts(self, estimator):
         X, Y, _ = data()
