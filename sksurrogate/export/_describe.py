@@ -8,6 +8,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import SurrogateError
+from sksurrogate.export._features import FEATURE_MAPS, add_features
 from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
 
@@ -23,9 +24,9 @@ def to_graph(model: Any, n_sub: int = 4) -> Graph:
     Parameters
     ----------
     model : fitted estimator or simulator
-        Linear models, ``MLPRegressor``, ``FNNRegressor``, ``StandardScaler``, ``MinMaxScaler``, ``PolynomialFeatures``
-        and pipelines of them: input "x", output "y". :class:`RecursivePredictor`, :class:`HybridRegressor` and simulators
-        with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
+        Linear models, ``MLPRegressor``, ``FNNRegressor``, ``StandardScaler``, ``MinMaxScaler``, ``PolynomialFeatures``,
+        the feature maps (splines, steps, waves, bumps) and pipelines of them: input "x", output "y".
+        :class:`RecursivePredictor`, :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
     n_sub : int, default=4
         Runge-Kutta substeps a sample of a right-hand side.
 
@@ -83,6 +84,10 @@ def add_estimator(graph: Graph, model: Any, x: int) -> int:
         return graph.affine(graph.binary("sub", x, graph.constant(model.mean_)), model.components_.T)
     if kind == "PolynomialFeatures":
         return _monomials(graph, x, model.powers_)
+    if kind in FEATURE_MAPS:
+        return add_features(graph, model, x)
+    if getattr(model, "features_", None) is not None:
+        x = add_estimator(graph, model.features_, x)
     if hasattr(model, "coefs_") and hasattr(model, "intercepts_"):
         return _network(graph, model, x)
     if hasattr(model, "coef_") and hasattr(model, "intercept_") and hasattr(model, "predict"):
@@ -91,7 +96,7 @@ def add_estimator(graph: Graph, model: Any, x: int) -> int:
             return graph.affine(x, coef.T, np.ravel(model.intercept_))
     raise SurrogateError(
         f"{kind} cannot be exported: linear models, MLPRegressor, FNNRegressor, StandardScaler, MinMaxScaler, PCA, "
-        "PolynomialFeatures and pipelines of them can."
+        "PolynomialFeatures, the feature maps of sksurrogate.features and pipelines of them can."
     )
 
 

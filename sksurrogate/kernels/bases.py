@@ -156,24 +156,24 @@ class Spline:
         span = self.high - self.low
         inside = self.low + np.mod(x - self.low, span) if self.extrapolation == "periodic" else x
         inside = np.clip(inside, self.low, self.high)
-        first, weights = self._within(inside, inside, derivative)
+        first, weights = self.piece(inside, inside, derivative)
         outside = (x < self.low) | (x > self.high)
         if self.extrapolation == "periodic" or not outside.any():
             return first, weights
         if self.extrapolation == "zero" or (derivative > 0 and self.extrapolation in ("constant", "error")):
             weights[outside] = 0.0
         elif self.extrapolation == "continue":
-            weights[outside] = self._within(inside[outside], x[outside], derivative)[1]
+            weights[outside] = self.piece(inside[outside], x[outside], derivative)[1]
         elif self.extrapolation == "linear":
-            slope = self._within(inside[outside], inside[outside], 1)[1]
+            slope = self.piece(inside[outside], inside[outside], 1)[1]
             if derivative:
                 weights[outside] = slope if derivative == 1 else 0.0
             else:
                 weights[outside] += (x - inside)[outside, None] * slope
         return first, weights
 
-    def _within(self, place: np.ndarray, x: np.ndarray, derivative: int) -> tuple[np.ndarray, np.ndarray]:
-        """Weights at x by the polynomials of the interval in which ``place`` lies."""
+    def piece(self, place: np.ndarray, x: np.ndarray, derivative: int) -> tuple[np.ndarray, np.ndarray]:
+        """First spline and weights at x by the polynomials of the interval in which ``place`` lies, continued."""
         n = self.n_intervals
         if self.uniform:
             pitch = (self.high - self.low) / n
