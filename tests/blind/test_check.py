@@ -6,6 +6,8 @@ import os
 import pickle
 import sys
 import time
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +59,12 @@ def sleeps(question):
     time.sleep(60)
 
 
+@cache
+def drawn(arm, seed=0):
+    """A case, drawn once."""
+    return draw(arm, seed)
+
+
 @pytest.fixture(scope="module")
 def solver():
     with Solver(f"{HERE}:says_nothing") as one:
@@ -71,7 +79,7 @@ QUICK = ("effect", "detuned", "outside", "none", "unexcited")
 
 @pytest.mark.parametrize("arm", [arm if arm in QUICK else pytest.param(arm, marks=pytest.mark.slow) for arm in ARMS])
 def test_a_case_holds_what_its_arm_says(arm):
-    case = draw(arm, 0)
+    case = drawn(arm)
     assert len(case.truths) == {"two": 2}.get(arm, 0 if arm in ("none", "disturbed", "coloured") else 1)
     question, gap = case.question, case.facts["gap_over_noise"]
     assert question.X.shape[0] == question.y.shape[0] == question.groups.shape[0] == case.states.shape[0]
@@ -98,7 +106,7 @@ def test_a_seed_repeats_a_case_and_no_seed_does_not():
 
 
 def test_the_noise_is_what_it_is_said_to_be():
-    case = draw("none", 1)
+    case = drawn("none")
     groups, simulator = case.question.groups, case.question.simulator
     clean = np.concatenate([simulator.simulate(case.question.X[groups == r], x0=x) for r, x in enumerate(case.starts)])
     np.testing.assert_allclose((case.question.y - clean).std(axis=0), case.noise, rtol=0.15)
@@ -139,14 +147,14 @@ def test_the_diagnosis_cannot_reach_the_truth():
 
 
 def test_a_question_holds_no_part_of_the_case():
-    case = draw("effect", 7)
+    case = drawn("effect")
     known = pickle.dumps(case.question)
     assert not any(name.encode() in known for name in KINDS) and not isinstance(case.question, Case)
     assert set(vars(case.question)) == {"simulator", "X", "y", "groups", "free_params", "effects", "X_test", "x0_test"}
 
 
 def test_a_diagnosis_that_fails_dies_or_hangs_is_a_row_of_its_own():
-    question = draw("none", 0).question
+    question = drawn("none").question
     for function, limit, said in (("raises", 60, "lost the thread"), ("dies", 60, "ended"), ("sleeps", 3, "in time")):
         with Solver(f"{HERE}:{function}", limit) as one:
             assert said in one.ask(question)["error"]
@@ -170,7 +178,7 @@ def answer_of(case, *effects, verdict="explained", location=None):
 
 
 def test_the_truth_scores_full_marks_up_to_twins():
-    case = draw("effect", 0)
+    case = drawn("effect")
     truth = case.truths[0]
     row = scoring.score(case, answer_of(case, (*truth.key, truth.params, []), location=truth.location))
     assert row["right"] and row["exact"] == 1 and row["place"] and all(row["covered"]) and row["shrink"] == 1.0
@@ -186,10 +194,10 @@ def test_the_truth_scores_full_marks_up_to_twins():
 
 
 def test_controls_and_unknowns():
-    case = draw("none", 2)
+    case = drawn("none")
     assert scoring.score(case, answer_of(case, verdict="none"))["right"]
     assert not scoring.score(case, answer_of(case, ("drift", "x", None, {"rate": 1.0}, [])))["right"]
-    novel = draw("novel", 2)
+    novel = drawn("novel")
     said = scoring.score(novel, answer_of(novel, verdict="unknown", location=novel.truths[0].location))
     assert said["right"] and said["place"]
     assert not scoring.score(novel, answer_of(novel, verdict="none"))["right"]
@@ -197,14 +205,14 @@ def test_controls_and_unknowns():
 
 def test_the_oracle_pays_for_the_noise_alone():
     """Half the noise, half the oracle's error."""
-    case = draw("time", 1)
+    case = drawn("effect")
     full = scoring.oracle_error(case)
     groups = case.question.groups
     keys = [(0, name) for name in case.truths[0].params]
     U = case.question.X.reshape(int(groups.max()) + 1, -1, case.question.X.shape[1])
     clean = scoring._columns(case, U, case.starts, keys, [1e-9] * len(keys))[0].reshape(case.question.y.shape)
-    case.question.y[:] = clean + 0.5 * (case.question.y - clean)
-    assert scoring.oracle_error(case) == pytest.approx(0.5 * full, rel=0.05)
+    quiet = replace(case.question, y=clean + 0.5 * (case.question.y - clean))
+    assert scoring.oracle_error(replace(case, question=quiet)) == pytest.approx(0.5 * full, rel=0.05)
 
 
 # ---- campaign
@@ -231,8 +239,8 @@ def test_arms_and_files_that_are_not_there_say_so(tmp_path):
 
 def test_tables_and_page(tmp_path, solver):
     rows = []
-    for arm, seed in (("none", 1), ("effect", 0), ("novel", 2)):
-        case = draw(arm, seed)
+    for arm, seed in (("none", 0), ("effect", 0), ("novel", 0)):
+        case = drawn(arm, seed)
         rows.append(scoring.score(case, solver.ask(case.question)))
     result = BlindResult((*rows, {"arm": "none", "seed": 9, "error": "ValueError: broke", "right": False}))
     scores = {row["arm"]: row for row in result.scores()}
