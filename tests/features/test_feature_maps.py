@@ -1,5 +1,7 @@
 """What the feature maps are for: interpolation, smoothing, products, exact slopes, errors that say the way out."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -204,3 +206,22 @@ def test_rows_outside_the_knots_can_be_refused():
         features.transform([[0.0, 0.0], [0.0, 7.0]])
     with pytest.raises(DataError, match="outside the knots"):
         features.jacobian([[9.0, 0.0]])
+
+
+def peak_of(job):
+    """Most bytes that a job held."""
+    tracemalloc.start()
+    try:
+        job()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_the_sparse_basis_needs_a_third_of_scikit_learns_memory():
+    X = np.random.default_rng(6).uniform(size=(100_000, 4))
+    ours = peak_of(lambda: SplineFeatures(20, 3, sparse_output=True).fit_transform(X))
+    peer = peak_of(lambda: SplineTransformer(20, degree=3, sparse_output=True).fit_transform(X))
+    result = 100_000 * 16 * (8 + 4)  # values and columns: nothing else may be of that size
+    assert ours < peer / 3 + 2e6
+    assert ours < 1.15 * result
