@@ -1,6 +1,8 @@
 """Secondary losses against closed forms, constraints against scipy and the optimality conditions."""
 
+import runpy
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -441,3 +443,15 @@ def test_an_offset_of_y_moves_the_intercept_only(solver):
     np.testing.assert_allclose(lifted.coef_, model.coef_, atol=1e-6)
     np.testing.assert_allclose(lifted.intercept_ - 1e6, model.intercept_, atol=1e-6)
     assert max(map(np.count_nonzero, model.active_)) > 0
+
+
+def test_example_of_secondary_losses(monkeypatch):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    monkeypatch.setattr(pyplot, "show", lambda: None)
+    example = Path(__file__).parents[2] / "examples" / "plot_secondary_losses.py"
+    errors = runpy.run_path(str(example))["errors"]
+    pyplot.close("all")
+    assert errors["nothing: the slash operator"] > 10
+    assert (
+        max(errors["slope"], errors["curvature"], errors["rising"], errors["rising, within, little curvature"]) < 0.12
+    )
