@@ -26,7 +26,12 @@ EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subse
 
 
 @parametrize_with_checks(
-    [RecursivePredictor(Ridge()), RecursivePredictor(LinearRegression(), 2, 3, init="steady"), LagEmbedding(2)],
+    [
+        RecursivePredictor(Ridge()),
+        RecursivePredictor(LinearRegression(), 2, 3, init="steady"),
+        RecursivePredictor(Ridge(), loss="shooting", horizon=5),
+        LagEmbedding(2),
+    ],
     expected_failed_checks=lambda estimator: EXPECTED,
     xfail_strict=True,
 )
@@ -47,18 +52,26 @@ def planted(n_runs=3, n=80, noise=0.0, seed=0):
 
 
 def test_the_matrix_of_section_2_6():
-    X, y = np.arange(10.0)[:, None] + 100, np.arange(10.0)
-    seen = []
+    # The printed X_d and Y_d begin with y_ny, whose oldest regressor y_0 does not exist: the first printed column has
+    # ny - 1 past outputs and ny inputs (lags 0 to ny - 1), the last has ny and ny + 1. Eq. (7) asks for the latter
+    # throughout, so the first target is y_{ny+1}.
+    ny, n = 3, 12
+    y, u = np.arange(1.0, n + 1), 100 + np.arange(1.0, n + 1)  # y_t = t, u_t = 100 + t
+    Phi, target = RecursivePredictor(LinearRegression(), ny, ny).fit(u[:, None], y).embed(u[:, None], y)
+    X_d = np.array([y[ny - k : n - k] for k in range(1, ny + 1)] + [u[ny - k : n - k] for k in range(ny + 1)])
+    np.testing.assert_array_equal(Phi.T, X_d)
+    np.testing.assert_array_equal(target, y[ny:])
+    assert Phi[0].tolist() == [3, 2, 1, 104, 103, 102, 101] and target[0] == ny + 1
+    # Hankel blocks: one step later is one column to the right and one row down
+    np.testing.assert_array_equal(Phi[1:, 1:ny], Phi[:-1, : ny - 1])
+    np.testing.assert_array_equal(Phi[1:, ny + 1 :], Phi[:-1, ny:-1])
 
-    class Spy(LinearRegression):
-        def fit(self, X, y):
-            seen.append((X, y))
-            return super().fit(X, y)
 
-    RecursivePredictor(Spy(), input_lags=1, output_lags=3).fit(X, y)
-    Phi, target = seen[0]
-    np.testing.assert_array_equal(Phi[0], [2, 1, 0, 103, 102])
-    assert target[0] == 3 and len(target) == 7
+def test_without_the_current_input():
+    y, u = np.arange(1.0, 11), 100 + np.arange(1.0, 11)
+    model = RecursivePredictor(LinearRegression(), [1, 2], 1).fit(u[:, None], y)
+    assert model.feature_names_ == ["y_lag1", "u_lag1", "u_lag2"]
+    assert model.embed(u[:, None], y)[0][0].tolist() == [2, 102, 101]
 
 
 def test_a_planted_recursion_is_found_and_run_freely():
