@@ -213,7 +213,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         SimulationDiverged
             The free run left the finite numbers.
         """
-        runs, free, first = self._free(X, y0, groups)
+        runs, free, first = self._free(X, y0, groups, return_std)
         for run, part in zip(runs, free.y):
             if not np.all(np.isfinite(part)):
                 row = int(np.flatnonzero(~np.isfinite(part).all(axis=1))[0])
@@ -236,7 +236,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
 
     def validity(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
         """Weight of the correction along the free run, (n_samples,): 1 within the data's region, 0 far outside."""
-        runs, free, _ = self._free(X, y0, groups)
+        runs, free, _ = self._free(X, y0, groups, False)
         return runs.stack(free.weight)
 
     def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
@@ -300,10 +300,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         self.correction_ = self._correction().fit(inputs, measured, before)
         self.residual_ = self.correction_.fitted
         self.n_initial_ = self.correction_.n_lags
-        total = sum(len(y) - self.n_initial_ for y in measured)
-        free = self.correction_.run(inputs, [y[: self.n_initial_] for y in measured])
-        errors = np.concatenate([(f - y)[self.n_initial_ :] for f, y in zip(free.y, measured)])
-        self.free_run_rmse_ = float(np.sqrt(np.sum(errors**2) / (total * errors.shape[1])))
+        self.free_run_rmse_ = float(np.sqrt(np.mean(self.correction_.rmse**2)))
         return self
 
     def _calibrated(self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]) -> Any:
@@ -331,12 +328,12 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         inside = self.form in ("dynamics", "input")
         return "shooting" if self.residual is None or inside else "one_step"
 
-    def _free(self, X: Any, y0: Any, groups: Any) -> tuple[Runs, Free, list]:
+    def _free(self, X: Any, y0: Any, groups: Any, spread: bool) -> tuple[Runs, Free, list]:
         """Runs, their free runs, and the rows these start from."""
         check_is_fitted(self, "correction_")
         runs = self._resolve(X, None, groups)
         first = self._initial(y0, runs)
-        return runs, self.correction_.run([run.X for run in runs], first), first
+        return runs, self.correction_.run([run.X for run in runs], first, spread), first
 
     def _initial(self, y0: Any, runs: Runs) -> list[np.ndarray | None]:
         """First rows of every run."""

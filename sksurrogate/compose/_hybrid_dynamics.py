@@ -93,7 +93,7 @@ class DynamicsCorrection:
         self.fitted = self._filled()
         return self
 
-    def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None]) -> Free:
+    def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True) -> Free:
         """Free runs from the first row (None: the simulator's own start), each with its own number of samples."""
         plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
         rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)

@@ -92,7 +92,7 @@ class OutputCorrection:
         self.reach = np.sqrt(np.mean(target**2, axis=0))
         self.bound = 3.0 * np.abs(target).max(axis=0) + 1e-300
         self._learn(known, deviation, phi, target, before)
-        free = self.run(inputs, [y[: self.n_lags] for y in measured])
+        free = self.run(inputs, [y[: self.n_lags] for y in measured], spread=False)
         error = np.concatenate([(f - y)[self.n_lags :] for f, y in zip(free.y, measured)])
         self.rmse = np.sqrt(np.mean(error**2, axis=0))
         return self
@@ -102,8 +102,8 @@ class OutputCorrection:
         lags = np.maximum(np.arange(len(U))[:, None] - np.arange(self.n_lags + 1), 0)
         return np.concatenate([U[lags].reshape(len(U), -1), base], axis=1)
 
-    def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None]) -> Free:
-        """Free runs from the first rows (None: from no deviation)."""
+    def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True) -> Free:
+        """Free runs from the first rows (None: from no deviation); ``spread``: those of every map too."""
         base = simulate_runs(self.simulator, inputs, first, self.n_outputs)
         known = [self.known(U, b) for U, b in zip(inputs, base)]
         longest = max(len(k) for k in known)
@@ -114,14 +114,14 @@ class OutputCorrection:
             if f is not None and begun[r]:
                 starts[: begun[r], r] = f[: begun[r]] - b[: begun[r]]
         d, weight = self._deviations(self.step, self.net, stacked, starts, begun)
-        spread = np.zeros_like(d)
-        if len(self.members) > 1:
+        deviates = np.zeros_like(d)
+        if spread and len(self.members) > 1:
             every = [self._deviations(net, net, stacked, starts, begun)[0] for net in self.members]
-            spread = np.std(every, axis=0)
+            deviates = np.std(every, axis=0)
         cut_off = [len(b) for b in base]
         return Free(
             [b + d[:n, r] for r, (b, n) in enumerate(zip(base, cut_off))],
-            [spread[:n, r] for r, n in enumerate(cut_off)],
+            [deviates[:n, r] for r, n in enumerate(cut_off)],
             [weight[:n, r] for r, n in enumerate(cut_off)],
         )
 
@@ -220,14 +220,15 @@ class OutputCorrection:
             for r in range(runs):
                 d[: begun[r], r] = starts[: begun[r], r]
             return d, weight
-        if net is not None and begun.min() == n and steps > n:
+        if net is not None and steps > n and (begun.min() == n or begun.max() == 0):
             # without fading first: where nothing fades on the way, this is the answer
-            d = roll(net, known, starts)
+            ahead = 0 if begun.min() == n else n  # rows of no deviation before the start
+            padded = np.concatenate([known[:ahead], known])
+            d = roll(net, padded, starts)
             if np.all(np.isfinite(d)) and np.all(np.abs(d) <= self.bound):
-                phi = features(d, known, n).reshape(-1, len(self.domain.low))
-                weight[n:] = self.domain.weight(phi).reshape(-1, runs)
-                if np.all(weight == 1.0):
-                    return d, weight
+                phi = features(d, padded, n).reshape(-1, len(self.domain.low))
+                if np.all(self.domain.distance(phi) <= self.fade):
+                    return d[ahead:], weight
         return self._step_by_step(step, known, starts, begun)
 
     def _step_by_step(
