@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.blind._cases import ARMS, Case
 from sksurrogate.blind._march import march
+from sksurrogate.blind._shape import active, region_score, shape_score
 from sksurrogate.blind._truths import KINDS, Truth
 
 __all__ = ["oracle_error", "score"]
@@ -181,27 +182,11 @@ def _columns(
     return list(course.outputs[..., read].reshape(times, n_runs, U.shape[1], -1))  # fmt: skip
 
 
-def active(case: Case) -> np.ndarray | None:
-    """Rows in which a regional effect acts, (n_rows,); None where there is none."""
-    for truth in case.truths:
-        if "region" in getattr(KINDS.get(truth.name), "marks", ()):
-            plant, p = case.plant, truth.params
-            if truth.name == "input_saturation":
-                return np.asarray(np.abs(case.question.X[:, plant.inputs.index(truth.location)]) > p["limit"])
-            if truth.name == "sensor_saturation":
-                column = list(case.question.simulator.outputs).index(truth.location)
-                return np.asarray(case.question.y[:, column] > p["limit"] - 2 * case.noise[column])
-            name = truth.variable if truth.name == "end_stop" and truth.variable else truth.location
-            if name not in plant.states:
-                return None
-            level = p["edge"] if truth.name == "end_stop" else p["limit"] * (1 - 1e-9)
-            return np.asarray(case.states[:, plant.states.index(name)] >= level)
-    return None
-
-
 def _regions(case: Case, answer: Mapping[str, Any]) -> dict[str, Any]:
     """Errors of the edge of a region (in standard deviations of its signal) and of a moment (share of a run)."""
     found: dict[str, Any] = {"edge_error": None, "time_error": None, "region_share": None}
+    found["region_f1"] = region_score(case, answer.get("where", {}).get("by_region") or [])
+    found["shape"] = shape_score(case, answer.get("missing_term"))
     mask = active(case)
     if mask is not None:
         found["region_share"] = float(mask.mean())

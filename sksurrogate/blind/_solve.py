@@ -39,7 +39,6 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
     report = diagnoser.fit(question.X, question.y, groups=question.groups).report_
     seconds = time.perf_counter() - begun
     shrink = report.shrink
-    following = report.next_experiment
     return {
         "verdict": report.verdict,
         "sentence": report.sentence,
@@ -59,13 +58,30 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
             "before": shrink.before, "after": shrink.after, "floor": shrink.floor, "fraction": shrink.fraction,
             "interval": list(shrink.interval), "retuning": shrink.fraction_retuning, "correction": shrink.fraction_correction,
         },
-        "missing_term": report.missing_term is not None and report.missing_term.location,
-        "next_experiment": following.sentence if following else None,
+        "missing_term": missing(report.missing_term),
+        "next_experiment": suggestion(report.next_experiment),
         "notes": list(report.notes),
         "predicted": predict(diagnoser.augmented_, question),
         "seconds": seconds,
         "columns": int(getattr(simulator.rhs, "columns", 0)),
     }  # fmt: skip
+
+
+def missing(term: Any) -> dict[str, Any] | None:
+    """The shape of what is missing."""
+    if term is None:
+        return None
+    curves = [{"variable": c.variable, "at": c.at, "value": c.value, "explained": c.explained} for c in term.curves]
+    return {"location": term.location, "kind": term.kind, "curves": curves, "candidates": list(term.candidates)}
+
+
+def suggestion(following: Any) -> dict[str, Any] | None:
+    """The next experiment, the best option first."""
+    if following is None:
+        return None
+    options = [row for row in following.options if row["gain"] >= 3.0]
+    best = max(options, key=lambda row: row["gain"])["experiment"] if options else None
+    return {"sentence": following.sentence, "best": best}
 
 
 def predict(simulator: Any, question: Question) -> list[Any]:

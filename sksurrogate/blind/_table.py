@@ -62,7 +62,8 @@ class BlindResult:
         list of dict
             by, cases, right, named (share of true effects named up to twins), false (cases with a false name), place,
             class (mean size), covered (share of 90 % intervals that hold the truth), shrink, oracle (medians), seconds
-            (median), failed (no answer).
+            (median), calls (median), failed (no answer), region (mean F1), shape (median correlation of the missing term with the
+            true one).
         """
         order = [*ARMS] if by == "arm" else sorted({str(row.get(by)) for row in self.rows})
         groups = [(name, [row for row in self.rows if str(row.get(by)) == name]) for name in order]
@@ -175,6 +176,8 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "covered": mean(value for row in answered for value in row["covered"]),
         "shrink": median(row["shrink"] for row in answered if row["arm"] != "weak"),
         "oracle": median(row["oracle"] for row in answered if row["arm"] != "weak"),
+        "region": mean(row.get("region_f1") for row in answered),
+        "shape": median(row.get("shape") for row in answered),
         "seconds": median(row["seconds"] for row in answered),
         "calls": median(row["calls"] for row in answered),
         "failed": len(rows) - len(answered),

@@ -1,0 +1,99 @@
+"""Scores of where and of what shape: regions against the rows where an effect acts, learned curves against true terms."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.blind._cases import Case
+from sksurrogate.blind._truths import KINDS, NOVEL, Truth
+
+__all__ = ["active", "region_score", "rows_of_rule", "shape_score", "true_curve"]
+
+
+def active(case: Case) -> np.ndarray | None:
+    """Rows in which a regional effect acts, (n_rows,); None where there is none."""
+    for truth in case.truths:
+        if "region" not in getattr(KINDS.get(truth.name), "marks", ()):
+            continue
+        plant, p = case.plant, truth.params
+        if truth.name == "input_saturation":
+            return np.asarray(np.abs(case.question.X[:, plant.inputs.index(truth.location)]) > p["limit"])
+        if truth.name == "sensor_saturation":
+            column = list(case.question.simulator.outputs).index(truth.location)
+            return np.asarray(case.question.y[:, column] > p["limit"] - 2 * case.noise[column])
+        name = truth.variable if truth.name == "end_stop" and truth.variable else truth.location
+        if name not in plant.states:
+            return None
+        level = p["edge"] if truth.name == "end_stop" else p["limit"] * (1 - 1e-9)
+        return np.asarray(case.states[:, plant.states.index(name)] >= level)
+    return None
+
+
+def rows_of_rule(rule: str, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Rows that a readable rule speaks of; None where it is not understood.
+
+    Examples
+    --------
+    >>> rows_of_rule("level > 2 and flow <= 1", {"level": np.array([1, 3, 3]), "flow": np.array([0, 0, 2])})
+    array([False,  True, False])
+    """
+    inside = np.ones(len(next(iter(signals.values()))), dtype=bool)
+    for part in [] if rule == "everywhere" else rule.split(" and "):
+        found = re.fullmatch(r"(\w+) (<=|>) (\S+)", part.strip())
+        if found is None or found[1] not in signals:
+            return None
+        value = signals[found[1]]
+        inside &= value <= float(found[3]) if found[2] == "<=" else value > float(found[3])
+    return inside
+
+
+def region_score(case: Case, rules: Sequence[Mapping[str, Any]]) -> float | None:
+    """F1 of the rows accused (rules that hold more than their part of the gap) against those where the effect acts."""
+    mask = active(case)
+    if mask is None or not mask.any() or not rules:
+        return None
+    signals = {name: case.states[:, i] for i, name in enumerate(case.plant.states)}
+    signals |= {name: case.question.X[:, j] for j, name in enumerate(case.plant.inputs)}
+    accused = np.zeros(len(mask), dtype=bool)
+    for row in rules:
+        inside = rows_of_rule(str(row["rule"]), signals)
+        if inside is not None and row["share"] > 1.5 * row["samples"]:
+            accused |= inside
+    both = float(np.sum(accused & mask))
+    return 2 * both / float(accused.sum() + mask.sum())
+
+
+def true_curve(truth: Truth, at: np.ndarray) -> np.ndarray | None:
+    """The missing term over its variable; None where it is no function of one variable."""
+    kind = KINDS.get(truth.name) or NOVEL[truth.name]
+    if kind.form is None or kind.variable in ("product", "other", "gate", "input", "output"):
+        return None
+    if kind.place == "balance" and truth.variable is not None and "*" not in truth.variable:
+        width = truth.width or 1e-9
+        return np.asarray(kind.form(0.0, np.zeros_like(at), at, 1.0, truth.params, width), dtype=float)
+    if kind.place in ("input", "sensor"):
+        return np.asarray(kind.form(0.0, at, at, 1.0, truth.params, truth.width) - at, dtype=float)
+    return None
+
+
+def shape_score(case: Case, missing: Mapping[str, Any] | None) -> float | None:
+    """Correlation of the learned curve with the true term over its own variable; None where there is no such curve.
+
+    A constant is not counted: it belongs to the balance as well as to the term.
+    """
+    if not missing:
+        return None
+    for truth in case.truths:
+        own = truth.variable or truth.location
+        for curve in missing["curves"]:
+            if curve["variable"] != own or missing["location"] != truth.location:
+                continue
+            at, value = np.asarray(curve["at"], dtype=float), np.asarray(curve["value"], dtype=float)
+            true = true_curve(truth, at)
+            if true is not None and len(at) > 3 and np.std(true) > 0 and np.std(value) > 0:
+                return float(np.corrcoef(true, value)[0, 1])
+    return None

@@ -1,0 +1,71 @@
+"""Scores of regions, shapes and follow-ups against cases where the answer is known."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.blind import draw
+from sksurrogate.blind._follow import CONTROL, experiment, follow
+from sksurrogate.blind._shape import active, region_score, rows_of_rule, shape_score, true_curve
+from sksurrogate.blind._truths import Truth
+
+
+@pytest.fixture(scope="module")
+def regional():
+    return next(case for seed in range(20) if (case := draw("region", seed)).truths[0].name == "input_saturation")
+
+
+def test_rules_are_read():
+    signals = {"a": np.array([0.0, 1.0, 2.0]), "b": np.array([-1.0, -1.0, 1.0])}
+    assert rows_of_rule("everywhere", signals).all()
+    assert rows_of_rule("a > 0.5 and b <= 0", signals).tolist() == [False, True, False]
+    assert rows_of_rule("c > 1", signals) is None and rows_of_rule("a about 1", signals) is None
+
+
+def test_the_true_region_scores_one_and_everywhere_scores_its_part(regional):
+    truth, mask = regional.truths[0], active(regional)
+    limit = truth.params["limit"]
+    rules = [
+        {"rule": f"{truth.location} > {limit}", "share": 0.6, "samples": 0.1},
+        {"rule": f"{truth.location} <= {-limit}", "share": 0.4, "samples": 0.1},
+        {"rule": f"{truth.location} > {-limit} and {truth.location} <= {limit}", "share": 0.0, "samples": 0.8},
+    ]
+    assert region_score(regional, rules) == pytest.approx(1.0)
+    everywhere = region_score(regional, [{"rule": "everywhere", "share": 1.0, "samples": 0.5}])
+    assert everywhere == pytest.approx(2 * mask.mean() / (1 + mask.mean()))
+    assert region_score(regional, []) is None
+
+
+def test_a_learned_curve_is_compared_with_the_true_term():
+    case = next(case for seed in range(30) if (case := draw("novel", seed)).truths[0].name == "novel_bump")
+    truth = case.truths[0]
+    at = np.linspace(-2, 2, 30) * truth.params["scale"] + truth.params["middle"]
+    true = true_curve(truth, at)
+    curves = [{"variable": truth.variable, "at": at, "value": 2 * true + 5.0}]
+    assert shape_score(case, {"location": truth.location, "curves": curves}) == pytest.approx(1.0)
+    curves[0]["value"] = -true
+    assert shape_score(case, {"location": truth.location, "curves": curves}) == pytest.approx(-1.0)
+    assert shape_score(case, {"location": "elsewhere", "curves": curves}) is None and shape_score(case, None) is None
+
+
+def test_true_curves_are_the_formulae():
+    v = np.array([-2.0, 1.0, 3.0])
+    cubic = true_curve(Truth("cubic_stiffness", "x", "v", {"coefficient": 2.0}), v)
+    np.testing.assert_allclose(cubic, -2 * v**3)
+    clipped = true_curve(Truth("input_saturation", "u", None, {"limit": 1.5}), v)
+    np.testing.assert_allclose(clipped, [0.5, 0.0, -1.5])
+    assert true_curve(Truth("input_delay", "u", None, {"delay": 1.0}), v) is None
+
+
+def test_the_suggested_experiment_is_one_more_run(regional):
+    best = "a run with inputs of twice the amplitude"
+    question = follow(regional, {"next_experiment": {"best": best}})
+    before = regional.question
+    new = question.groups > before.groups.max()
+    assert new.sum() == min((before.groups == 0).sum(), 400)
+    u = before.X[before.groups == 0][: new.sum()]
+    np.testing.assert_allclose(question.X[new] - u.mean(axis=0), 2 * (u - u.mean(axis=0)), atol=1e-9)
+    again = follow(regional, {}, CONTROL)
+    np.testing.assert_allclose(
+        again.y[again.groups == again.groups.max()], before.y[: new.sum()], atol=8 * regional.noise.max()
+    )
+    assert follow(regional, {}) is None and experiment(regional, "a dance") is None
