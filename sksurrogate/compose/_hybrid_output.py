@@ -42,19 +42,29 @@ def simulate_runs(
         return [np.zeros((len(U), n_outputs)) for U in inputs]
     plant = describe(simulator)
     places = plant.output_states if plant.states else None
-    out = []
-    for U, y in zip(inputs, first):
+    starts: list[Any] = []
+    for y in first:
         x0 = None
         if y is not None and len(y) and places is not None:
             x0 = plant.x0.copy()
             x0[list(places)] = y[0]
-        out.append(np.asarray(simulator.simulate(U, x0=x0), dtype=float).reshape(len(U), -1))
+        starts.append(x0)
+    out = _simulated(simulator, plant, inputs, starts)
     if out[0].shape[1] != n_outputs:
         raise DataError(
             f"y has {n_outputs} columns, but the simulator gives {out[0].shape[1]} outputs: give y the outputs of the "
             "simulator, in its order."
         )
     return out
+
+
+def _simulated(simulator: Any, plant: Any, inputs: Sequence[np.ndarray], starts: list[Any]) -> list[np.ndarray]:
+    """Free runs of the simulator, abreast where runs are of one length and it can."""
+    if len(inputs) > 1 and len({len(U) for U in inputs}) == 1 and plant.states and callable(getattr(simulator, "simulate_batch", None)):  # fmt: skip
+        X0 = np.stack([plant.x0 if x0 is None else x0 for x0 in starts])
+        return list(np.asarray(simulator.simulate_batch(np.stack(inputs), X0), dtype=float))
+    runs = (np.asarray(simulator.simulate(U, x0=x0), dtype=float) for U, x0 in zip(inputs, starts))
+    return [y.reshape(len(U), -1) for U, y in zip(inputs, runs)]
 
 
 class OutputCorrection:
