@@ -11,6 +11,9 @@ __all__ = ["cut_pieces", "first_rows", "fit_linear", "fit_networks"]
 
 #: Rows of the pieces on which networks are fitted before whole runs.
 PIECES = (8, 24, 72)
+#: Share of the penalty there: a linear model is enough for short pieces, and weights that the penalty has taken to zero
+#: in both layers stay there.
+LIGHT = 1e-2
 
 
 def fit_linear(
@@ -98,13 +101,14 @@ def _grow(
             edges = zip(starts, np.r_[starts[1:], len(U)])
             cuts = np.concatenate([np.arange(a, max(b - 1, a + 1), horizon) for a, b in edges])
             steps = max(max_iter // 2, 1)
-            fit = fit_output_error(model, theta, x[cuts], U, Y, cuts, alpha=alpha, max_iter=steps, tol=1e-4)
+            fit = fit_output_error(model, theta, x[cuts], U, Y, cuts, alpha=LIGHT * alpha, max_iter=steps, tol=1e-4)
             theta, x = fit.theta, fit.x
     fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=alpha, max_iter=max_iter)
     away = simulate(model, fit.theta, np.broadcast_to(fit.x.mean(axis=0), x[starts].shape), U, starts)
     if not (fit.cost <= plain_cost and np.all(np.abs(away) < 1e3)):
         # pieces led astray, or to a model that runs away from another start: whole runs from the linear model
-        fit = fit_output_error(model, *begun, U, Y, starts, alpha=alpha, max_iter=max_iter)
+        fit = fit_output_error(model, *begun, U, Y, starts, alpha=LIGHT * alpha, max_iter=max_iter)
+        fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter)
     return fit
 
 

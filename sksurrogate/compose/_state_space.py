@@ -51,7 +51,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         Of the networks in f and in g; empty: linear.
     feedthrough : bool, default=False
         Whether the current input enters y[t] at once.
-    alpha : float, default=1e-6
+    alpha : float, default=1e-4
         Penalty on the networks' weights beside the mean squared error, in units of standardised data.
     refine : bool, default=True
         Whether a linear model is refined by output error; False: the subspace model.
@@ -116,7 +116,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         *,
         hidden_layer_sizes: tuple[int, ...] = (),
         feedthrough: bool = False,
-        alpha: float = 1e-6,
+        alpha: float = 1e-4,
         refine: bool = True,
         horizon: int | None = None,
         n_initial: int | None = None,
