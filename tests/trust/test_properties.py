@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from sklearn.base import clone
 from sklearn.dummy import DummyRegressor
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.linear_model import LinearRegression, Ridge
@@ -15,7 +16,7 @@ from sksurrogate.compose import HybridRegressor, RecursivePredictor
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.effects import AugmentedSimulator, build_effects
 from sksurrogate.exceptions import SimulationDiverged
-from sksurrogate.features import LagEmbedding
+from sksurrogate.features import FourierFeatures, GaussianFeatures, HeavisideFeatures, LagEmbedding, SplineFeatures
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._simulator import describe
@@ -132,6 +133,36 @@ def test_a_change_of_units_scales_the_answer(seed, u_unit, y_unit):
     plain = model("scaled ridge").fit(X, y, groups=groups).predict(X[:30], y0=y0)
     scaled = model("scaled ridge").fit(u_unit * X, y_unit * y, groups=groups).predict(u_unit * X[:30], y0=y_unit * y0)
     np.testing.assert_allclose(scaled, y_unit * plain, rtol=1e-5, atol=1e-7 * y_unit)
+
+
+@SOME
+@given(seed=seeds, degree=st.integers(0, 3), n_knots=st.integers(3, 8))
+def test_splines_are_shares_of_one(seed, degree, n_knots):
+    """Within the knots: not negative, they sum to one, and at most degree + 1 of them are not nil."""
+    x = np.random.default_rng(seed).uniform(-3, 5, (40, 1))
+    Phi = SplineFeatures(n_knots=n_knots, degree=degree).fit(x).transform(x)
+    assert Phi.min() >= -1e-12
+    np.testing.assert_allclose(Phi.sum(axis=1), 1.0, atol=1e-9)
+    assert (np.abs(Phi) > 1e-12).sum(axis=1).max() <= degree + 1
+
+
+@SOME
+@given(seed=seeds, shift=st.floats(-100, 100), unit=st.floats(1e-3, 1e3))
+def test_splines_do_not_know_the_unit_of_their_input(seed, shift, unit):
+    x = np.random.default_rng(seed).uniform(0, 1, (30, 2))
+    basis = SplineFeatures(n_knots=5)
+    plain, moved = basis.fit_transform(x), basis.fit_transform(shift + unit * x)
+    np.testing.assert_allclose(moved, plain, atol=1e-6 * max(1.0, abs(shift) / unit))
+
+
+@SOME
+@given(seed=seeds)
+def test_the_order_of_the_rows_does_not_matter_to_static_features(seed):
+    rng = np.random.default_rng(seed)
+    x, order = rng.normal(size=(30, 2)), rng.permutation(30)
+    for features in (SplineFeatures(n_knots=4), FourierFeatures(2), GaussianFeatures(4), HeavisideFeatures(3)):
+        fitted = clone(features).fit(x)
+        np.testing.assert_allclose(fitted.transform(x[order]), fitted.transform(x)[order], rtol=1e-12, atol=1e-14)
 
 
 # ---- simulators ---------------------------------------------------------------------------------------------------------
