@@ -81,7 +81,9 @@ class FreeRunMixin(RegressorMixin):
             X = validate_data(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
         else:
             X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
-        runs = resolve_runs(X, y, groups=groups, run=self.run, dt=getattr(self, "dt", None), min_rows=min_rows)
+        clock = {"dt": getattr(self, "dt", None), "time": getattr(self, "time", None)}
+        uneven = clock["time"] is not None  # only models that integrate have a time column
+        runs = resolve_runs(X, y, groups=groups, run=self.run, **clock, allow_uneven=uneven, min_rows=min_rows)
         if reset:
             self._width = 0 if hasattr(self, "feature_names_in_") else self.n_features_in_
             outputs = np.concatenate([run.y for run in runs])

@@ -14,7 +14,7 @@ from sksurrogate._dynamic import FreeRunMixin, lengthened
 from sksurrogate.compose._network import describe_network
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.exceptions import DataError
-from sksurrogate.kernels.integrate import march
+from sksurrogate.kernels.integrate import rk4
 from sksurrogate.physics._free_run import hold_inputs
 from sksurrogate.runs import Runs
 
@@ -34,7 +34,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     estimator : regressor
         Learns f; features are the outputs, then the inputs.
     dt : float, default=1.0
-        Sample time.
+        Sample time; not used with ``time``.
     hold : {"zoh", "foh"}, default="zoh"
         Inputs are held from sample to sample, or joined linearly.
     window : int, default=10
@@ -48,6 +48,8 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         First row where ``predict`` gets no ``y0``: mean of the training outputs.
     run : None, column name, int or "index"
         Where X says which run a row belongs to; ``groups`` wins.
+    time : column name or int, optional
+        Column of X that holds the time; sampling may be uneven. It is no feature.
 
     Attributes
     ----------
@@ -101,6 +103,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         n_sub: int | None = None,
         init: Any = "mean",
         run: Any = None,
+        time: Any = None,
     ):
         self.estimator = estimator
         self.dt = dt
@@ -110,6 +113,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         self.n_sub = n_sub
         self.init = init
         self.run = run
+        self.time = time
 
     def fit(self, X: Any, y: Any, dydt: Any = None, groups: Any = None) -> DerivativeRegressor:
         """Fit f.
@@ -182,7 +186,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             first = np.broadcast_to(self.y_mean_, (len(runs), 1, len(self.y_mean_)))
         else:
             first = self._first_rows(self.init, runs, "init")
-        out = self._run_free([run.X for run in runs], first[:, 0], self.n_sub_)
+        out = self._run_free([run.X for run in runs], [run.t for run in runs], first[:, 0], self.n_sub_)
         self._refuse_far(runs, out, 'Train on more of (y, u), or try method="LSODA" if the model is stiff.')
         return self._shaped(runs, out)
 
@@ -225,7 +229,8 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             part = np.full(run.y.shape, np.nan)
             if len(run) > k:
                 windows = np.lib.stride_tricks.sliding_window_view(run.X, k + 1, axis=0).transpose(0, 2, 1)
-                part[k:] = np.stack(self._run_free(list(windows), run.y[:-k], self.n_sub_))[:, -1]
+                times = list(np.lib.stride_tricks.sliding_window_view(run.t, k + 1))
+                part[k:] = np.stack(self._run_free(list(windows), times, run.y[:-k], self.n_sub_))[:, -1]
             parts.append(part)
         return self._shaped(runs, parts)
 
@@ -273,11 +278,12 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
 
     def _choose_substeps(self, runs: Runs) -> None:
         """Double the substeps until the training runs no longer move."""
-        inputs, first = [run.X for run in runs], np.stack([run.y[0] for run in runs])
-        out = self._run_free(inputs, first, self.n_sub or 1)
+        first = np.stack([run.y[0] for run in runs])
+        given = [run.X for run in runs], [run.t for run in runs], first
+        out = self._run_free(*given, self.n_sub or 1)
         self.n_sub_ = self.n_sub or 1
         while self.n_sub is None and self.method == "RK4" and self.n_sub_ < 64:
-            finer = self._run_free(inputs, first, 2 * self.n_sub_)
+            finer = self._run_free(*given, 2 * self.n_sub_)
             moved = max(np.nanmax(np.abs(a - b) / self.y_spread_, initial=0.0) for a, b in zip(out, finer))
             lost = any(np.isfinite(b).sum() > np.isfinite(a).sum() for a, b in zip(out, finer))
             if moved <= SETTLED and not lost:
@@ -293,11 +299,13 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         mean = np.mean(error**2) if len(error) else np.nan
         self.free_run_rmse_ = float(np.sqrt(mean)) if np.isfinite(mean) else float("inf")
 
-    def _run_free(self, inputs: list[np.ndarray], first: np.ndarray, n_sub: int) -> list[np.ndarray]:
+    def _run_free(
+        self, inputs: list[np.ndarray], times: list[np.ndarray], first: np.ndarray, n_sub: int
+    ) -> list[np.ndarray]:
         """Free runs of any lengths; nan from where a run has diverged."""
         order = 0 if self.hold == "zoh" else 1
         if self.method != "RK4":
-            return [self._adaptive(U, start, order) for U, start in zip(inputs, first)]
+            return [self._adaptive(U, t, start, order) for U, t, start in zip(inputs, times, first)]
         net = describe_network(self.estimator_)
         far = 1e7 * (self.y_spread_ + np.abs(self.y_mean_))[:, None]
 
@@ -311,13 +319,19 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         longest = max(len(U) for U in inputs)
         U = np.stack([lengthened(u, longest) for u in inputs])
         mean, half = hold_inputs(U, n_sub, order)
-        start = np.asarray(first, dtype=float).T
-        out = march(slopes, start, np.zeros(len(inputs)), mean, half, float(self.dt) / n_sub)
-        return [out[:, r, : len(u)].T for r, u in enumerate(inputs)]
+        widths = np.stack([lengthened(np.diff(t, append=t[-1] + 1.0), longest) for t in times], axis=1) / n_sub
+        x = np.asarray(first, dtype=float).T
+        out = np.empty((longest, *x.shape))
+        for k in range(longest):  # every run has a width of its own where sampling is uneven
+            out[k] = x
+            if k + 1 < longest:
+                ends = None if half is None else half[..., k]
+                x = rk4(slopes, np.zeros(len(inputs)), x, mean[..., k], ends, widths[k])  # type: ignore[arg-type]
+        return [out[: len(u), :, r] for r, u in enumerate(inputs)]
 
-    def _adaptive(self, U: np.ndarray, start: np.ndarray, order: int) -> np.ndarray:
+    def _adaptive(self, U: np.ndarray, t: np.ndarray, start: np.ndarray, order: int) -> np.ndarray:
         """One run by scipy, sample by sample of held input or as a whole."""
-        t, out = float(self.dt) * np.arange(len(U)), np.full((len(U), len(start)), np.nan)
+        out = np.full((len(U), len(start)), np.nan)
         out[0] = start
         edges = np.r_[0, np.flatnonzero(np.any(np.diff(U[:-1], axis=0), axis=1)) + 1, len(U) - 1]
         edges = np.unique(edges) if order == 0 else np.array([0, len(U) - 1])

@@ -157,3 +157,28 @@ def test_a_model_that_runs_away_says_run_and_step():
         DerivativeRegressor(LinearRegression()).fit(X, y, y[:10])
     with pytest.raises(DataError, match="y0 has shape"):
         model.predict(X, y0=[1.0, 2.0])
+
+
+@pytest.mark.parametrize("method", ["RK4", "LSODA"])
+def test_uneven_times_are_integrated(method):
+    rng = np.random.default_rng(0)
+    n = 150
+    tables, outputs, groups = [], [], np.repeat([0, 1, 2], [n, n - 20, n - 50])
+    for r in range(3):
+        rows = int((groups == r).sum())
+        t = np.cumsum(rng.uniform(0.02, 0.1, size=rows))
+        u, y = np.repeat(rng.uniform(-1, 1, size=rows // 10 + 1), 10)[:rows], np.empty(rows)
+        y[0] = rng.normal()
+        for k in range(rows - 1):  # y' = -2 y + u, exactly
+            y[k + 1] = 0.5 * u[k] + (y[k] - 0.5 * u[k]) * np.exp(-2 * (t[k + 1] - t[k]))
+        tables.append(np.column_stack([t, u]))
+        outputs.append(y)
+    X, y = np.concatenate(tables), np.concatenate(outputs)
+    model = DerivativeRegressor(LinearRegression(), time=0, window=3, method=method).fit(X, y, groups=groups)
+    np.testing.assert_allclose(model.estimator_.coef_, [-2.0, 1.0], rtol=5e-3)  # trapezoidal rule over 0.1
+    first = np.stack([part[:1] for part in outputs])[:, :, None]
+    np.testing.assert_allclose(model.predict(X, y0=first, groups=groups), y, atol=5e-3)
+    one = model.predict_one_step(X, y, groups=groups)
+    assert np.nanmax(np.abs(one - y)) < 2e-3
+    with pytest.raises(DataError, match="time does not increase"):
+        model.predict(X[::-1], y0=[y[-1]])
