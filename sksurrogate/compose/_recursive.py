@@ -58,8 +58,8 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
     stability : float, default=0
         Weight of a second demand of the shooting loss: free runs that begin one spread off must be back on the data in
         the second half of the run (or horizon), so that the model forgets where it began.
-    n_starts : int, default=1
-        Starts of the shooting fit of a network, of which the best is kept.
+    n_starts : int, default=2
+        Starts of the shooting fit of a network; after some steps the best goes on.
     random_state : int, RandomState or None
         Of the starts.
     run : None, column name, int or "index"
@@ -132,7 +132,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         init: Any = "mean",
         alpha: float | None = None,
         stability: float = 0.0,
-        n_starts: int = 1,
+        n_starts: int = 2,
         random_state: Any = None,
         run: Any = None,
     ):

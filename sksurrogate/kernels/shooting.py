@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivit
 from sksurrogate.kernels.rollout import abreast, known_sums
 
 __all__ = ["FreeRunLoss", "adam", "fit_free_run", "levenberg_marquardt"]
+
+#: Steps of Levenberg-Marquardt after which starts are compared.
+SHORT = 15
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,12 @@ class FreeRunLoss:
         """Factor of every run's errors."""
         return 1.0 if self.weight is None else np.sqrt(self.weight)[:, None, None]
 
-    def run(self, model: LagNet, guess: np.ndarray | None = None) -> np.ndarray:
+    def run(self, model: LagNet, guess: np.ndarray | None = None, rtol: float = 1e-12) -> np.ndarray:
         """Free runs, by Newton over time from the free runs of weights nearby, else step by step."""
         folded, first = model.folded(), self.target[:, : self.n_first]
         if guess is not None:
             y = np.concatenate([first, guess[:, self.n_first :]], axis=1)
-            if newton_runs(folded, known_sums(folded, self.U, self.n_first), y, self.n_first, 8):
+            if newton_runs(folded, known_sums(folded, self.U, self.n_first), y, self.n_first, 8, rtol):
                 return y
         return abreast(folded, self.U, first)
 
@@ -94,7 +98,7 @@ def adam(loss: FreeRunLoss, model: LagNet, n_steps: int = 200, rate: float = 0.0
         move = first / (1 - 0.9**step) / (np.sqrt(second / (1 - 0.999**step)) + 1e-12)
         fall = 0.5 + 0.5 * np.cos(np.pi * step / (n_steps + 1))
         model = model.at(model.net.theta - rate * fall * move)
-        y = loss.run(model, y)
+        y = loss.run(model, y, 1e-7)  # a gradient needs no more digits
     return model if loss.value(model, y) < best_value else best
 
 
@@ -141,14 +145,16 @@ def levenberg_marquardt(
 
 
 def fit_free_run(
-    loss: FreeRunLoss, model: LagNet, adam_steps: int = 200, max_iter: int = 100, tol: float = 1e-6
+    loss: FreeRunLoss, starts: Sequence[LagNet], adam_steps: int = 200, max_iter: int = 200, tol: float = 1e-6
 ) -> tuple[LagNet, float]:
     """Adam, then Levenberg-Marquardt; a model without hidden layers needs no Adam.
+
+    Of several starts each goes half of Adam's way and some steps further; the best goes to the end.
 
     Parameters
     ----------
     loss : FreeRunLoss
-    model : LagNet
+    starts : sequence of LagNet
         Starting weights; their free runs must be finite.
     adam_steps, max_iter : int
         Steps of either at most.
@@ -160,6 +166,9 @@ def fit_free_run(
     model : LagNet
     value : float
     """
-    if model.net.activations:
-        model = adam(loss, model, adam_steps)
-    return levenberg_marquardt(loss, model, max_iter, tol)
+    if len(starts) == 1:
+        best = adam(loss, starts[0], adam_steps) if starts[0].net.activations else starts[0]
+    else:
+        tried = [levenberg_marquardt(loss, adam(loss, start, adam_steps // 2), SHORT, tol) for start in starts]
+        best = min(tried, key=lambda found: found[1])[0]
+    return levenberg_marquardt(loss, best, max_iter, tol)

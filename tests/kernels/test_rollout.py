@@ -108,5 +108,5 @@ def test_a_planted_network_is_found_by_its_free_run_from_small_random_weights():
     found = []
     for seed in range(3):
         start = truth.at(0.1 * np.random.default_rng(seed).normal(size=truth.net.theta.size))
-        found.append(fit_free_run(loss, start, max_iter=300, tol=1e-9)[1])
+        found.append(fit_free_run(loss, [start], max_iter=300, tol=1e-9)[1])
     assert max(found) < 1e-4  # of squares that sum to some hundred; the valley below is flat
