@@ -30,6 +30,7 @@ class FreeRunMixin(RegressorMixin):
     The regressor has ``run``, and after ``fit`` ``n_initial_``, ``y_is_1d_``, ``y_mean_`` and ``y_spread_``.
     """
 
+    _integrates = False  # whether uneven sampling is fine
     run: Any
     n_initial_: int
     y_is_1d_: bool
@@ -81,9 +82,10 @@ class FreeRunMixin(RegressorMixin):
             X = validate_data(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
         else:
             X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
-        clock = {"dt": getattr(self, "dt", None), "time": getattr(self, "time", None)}
-        uneven = clock["time"] is not None  # only models that integrate have a time column
-        runs = resolve_runs(X, y, groups=groups, run=self.run, **clock, allow_uneven=uneven, min_rows=min_rows)
+        runs = resolve_runs(
+            X, y, groups=groups, run=self.run, time=getattr(self, "time", None), dt=getattr(self, "dt", None),
+            allow_uneven=self._integrates, min_rows=min_rows,
+        )  # fmt: skip
         if reset:
             self._width = 0 if hasattr(self, "feature_names_in_") else self.n_features_in_
             outputs = np.concatenate([run.y for run in runs])

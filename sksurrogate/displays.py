@@ -257,9 +257,8 @@ class CoverageDisplay:
 
 
 def _runs_of(estimator: Any, X: Any, y: Any, groups: Any, min_rows: int) -> Runs:
-    return resolve_runs(
-        X, y, groups=groups, run=getattr(estimator, "run", None), dt=getattr(estimator, "dt", None), min_rows=min_rows
-    )
+    run, time, dt = (getattr(estimator, name, None) for name in ("run", "time", "dt"))
+    return resolve_runs(X, y, groups=groups, run=run, time=time, dt=dt, allow_uneven=True, min_rows=min_rows)
 
 
 def _axes(ax: Any, rows: int, columns: int) -> tuple[Any, np.ndarray]:

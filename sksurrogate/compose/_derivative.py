@@ -88,6 +88,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     1.0
     """
 
+    _integrates = True
     __metadata_request__fit = {"groups": True, "dydt": True}
     __metadata_request__predict = {"groups": True, "y0": True}
     __metadata_request__score = {"groups": True}
