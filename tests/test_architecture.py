@@ -85,7 +85,6 @@ LARGER = {
     "gap/_shrink.py:measure": 64,
     "gap/_trajectory.py:_report": 88,
     "kernels/disturbance.py:fit_noise": 72,
-    "neural/_torch.py:_classes": 110,
 }
 
 

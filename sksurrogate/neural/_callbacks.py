@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from sksurrogate.neural._network import Layers, Rows
+from sksurrogate.neural._network import Layers
+from sksurrogate.neural._problems import Rows
 
 try:
     from sklearn.callback import CallbackSupportMixin, with_callbacks

@@ -16,7 +16,9 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 
 from sksurrogate.exceptions import DataError
 from sksurrogate.neural._callbacks import CallbackSupportMixin, Tasks, with_callbacks
-from sksurrogate.neural._network import ACTIVATIONS, Rows
+from sksurrogate.neural._net_access import NetAccess
+from sksurrogate.neural._network import ACTIVATIONS
+from sksurrogate.neural._problems import Rows
 from sksurrogate.neural._solvers import Plan, Validation
 from sksurrogate.neural._training import (
     FEW_ROWS,
@@ -28,6 +30,7 @@ from sksurrogate.neural._training import (
     prepare,
     read_activations,
     read_sizes,
+    read_smoothness,
     remember,
     split,
     train,
@@ -43,7 +46,7 @@ ITERATIONS, STARTS = {"lm": 200}, {"lm": 5}
 MEMORY = 2_000
 
 
-class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
+class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorMixin, BaseEstimator):
     r"""Feedforward network, by default fitted by Levenberg-Marquardt with variable projection.
 
     Layer l maps :math:`\xi^{(l)} = \sigma^{(l)}(\xi^{(l-1)} W^{(l)} + b^{(l)})`, :math:`\xi^{(0)} = x`,
@@ -97,6 +100,9 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         fitted to a simulator while few rows of the plant are at hand.
     closeness : float, default=0.0
         Weight of the mean squared distance to ``prior`` at the rows of X, beside the mean squared error.
+    slope, curvature : float, default=0.0
+        Weights of the mean squared slopes and curvatures of the prediction at the rows of X, beside the mean squared error,
+        in standardised units (paper, section 2.3). Not with "binary_step".
 
     Attributes
     ----------
@@ -164,6 +170,8 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
         "prior": [callable, None],
         "closeness": [Interval(Real, 0, None, closed="left")],
+        "slope": [Interval(Real, 0, None, closed="left")],
+        "curvature": [Interval(Real, 0, None, closed="left")],
     }
 
     def __init__(
@@ -188,6 +196,8 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         n_iter_no_change: int = 20,
         prior: Callable[[np.ndarray], np.ndarray] | None = None,
         closeness: float = 0.0,
+        slope: float = 0.0,
+        curvature: float = 0.0,
     ):
         self.hidden_layer_sizes = hidden_layer_sizes
         self.activation = activation
@@ -208,6 +218,8 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         self.n_iter_no_change = n_iter_no_change
         self.prior = prior
         self.closeness = closeness
+        self.slope = slope
+        self.curvature = curvature
 
     @with_callbacks
     @_fit_context(prefer_skip_nested_validation=True)
@@ -295,6 +307,7 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         data, target, weights = self._checked(X, y, sample_weight, reset=True)
         activations = read_activations(self.activation, read_sizes(self.hidden_layer_sizes))
         rows = prepare(data, target, weights, activations[-1] == "identity")
+        rows = replace(rows, smooth=read_smoothness(self.slope, self.curvature, activations))
         solver = choose(self.solver, self._sizes(rows), len(rows))
         self.solver_, self.activations_ = solver, activations
         return rows, self._plan(rows, solver), solver
@@ -389,30 +402,6 @@ class FNNRegressor(CallbackSupportMixin, MultiOutputMixin, RegressorMixin, BaseE
         check_is_fitted(self)
         slopes = self._layers.jacobian(validate_data(self, X, reset=False, dtype=np.float64))
         return slopes[:, 0] if self._one_column else slopes
-
-    @property
-    def net_(self) -> Any:
-        """Initialised skorch net with the fitted weights, for raw inputs (n_samples, n_features)."""
-        check_is_fitted(self, "coefs_")
-        if "_net" not in self.__dict__:
-            from sksurrogate.neural._torch import build_net
-
-            solver = self.solver_ if self.solver_ in GRADIENT else "adam"
-            self._net = build_net(
-                self._layers,
-                solver=solver,
-                dtype=self.dtype,
-                device=self.device,
-                learning_rate=self.learning_rate or GRADIENT[solver],
-                batch_size=self.batch_size or -1,
-                options=self.net_params,
-            )
-        return self._net
-
-    def __getstate__(self) -> dict[str, Any]:
-        state = dict(super().__getstate__())
-        state.pop("_net", None)  # made again on access
-        return state
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "coefs_")

@@ -1,4 +1,4 @@
-"""A feedforward network as plain arrays: values, slopes, and the sums that least squares needs.
+"""A feedforward network as plain arrays: values and slopes.
 
 Inside, arrays lie features first, ``(n_units, n_rows)``: element-wise work then runs along the long side.
 """
@@ -11,12 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import erf, expit
 
-from sksurrogate.kernels.least_squares import Evaluate, Separable
-
-__all__ = ["ACTIVATIONS", "Layers", "Rows", "draw_layers", "normal_equations", "projected", "squares"]
-
-#: Rows that are worked on at once, so that a block of the Jacobian stays in cache.
-BLOCK = 2048
+__all__ = ["ACTIVATIONS", "Layers", "draw_layers"]
 
 
 @dataclass(frozen=True)
@@ -195,148 +190,3 @@ def draw_layers(sizes: Sequence[int], activations: Sequence[str], rng: np.random
         weights.append(w)
         biases.append(b)
     return Layers(tuple(weights), tuple(biases), tuple(activations))
-
-
-def projected(layers: Layers, X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None, alpha: float) -> Separable:
-    """Least squares over the hidden layers, the linear output layer eliminated (variable projection).
-
-    ``weights`` (n_rows,) multiply the squares; ``alpha`` multiplies the sum of the squared weights (not of biases).
-    """
-    hidden = layers.below(len(layers.weights) - 1)
-    x = np.ascontiguousarray(X.T)
-    n_basis, n_rows = len(hidden.biases[-1]) + 1, len(X)
-
-    def basis(omega: np.ndarray) -> tuple[np.ndarray, tuple]:
-        net = hidden.at(omega)
-        runs = net.run(x)
-        phi = np.empty((n_basis, n_rows))
-        phi[:-1], phi[-1] = runs[-1][1], 1.0
-        return phi, (net, runs)
-
-    def tangent(kept: tuple, theta: np.ndarray) -> list[np.ndarray]:
-        net, runs = kept
-        found = []
-        for column in theta.T:
-            out = np.empty((n_omega, n_rows))
-            net.back(x, runs, column[:-1, None], out)
-            found.append(out)
-        return found
-
-    n_omega = sum(w.size + b.size for w, b in zip(hidden.weights, hidden.biases))
-    ridge = np.append(np.full(n_basis - 1, alpha), 0.0) if alpha else None
-    return Separable(
-        basis,
-        tangent,
-        Y,
-        root_weights=None if weights is None else np.sqrt(weights),
-        ridge=ridge,
-        ridge_omega=alpha * hidden.is_weight if alpha else None,
-    )
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Data that are standardised block by block, so that no second copy of a large set is made.
-
-    Attributes
-    ----------
-    X, Y : ndarray (n_rows, n_inputs), (n_rows, n_outputs)
-        In the units of the user.
-    weights : ndarray (n_rows,) or None
-    mean, scale : ndarray (n_inputs,)
-    shift, gain : ndarray (n_outputs,)
-    """
-
-    X: np.ndarray
-    Y: np.ndarray
-    weights: np.ndarray | None
-    mean: np.ndarray
-    scale: np.ndarray
-    shift: np.ndarray
-    gain: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.X)
-
-    @property
-    def total(self) -> float:
-        """Sum of the weights."""
-        return float(len(self.X)) if self.weights is None else float(self.weights.sum())
-
-    def part(self, which: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Standardised inputs, outputs and weights of some rows."""
-        x = (self.X[which] - self.mean) / self.scale
-        y = (self.Y[which] - self.shift) / self.gain
-        return x, y, None if self.weights is None else self.weights[which]
-
-    def take(self, which: np.ndarray) -> Rows:
-        """Some rows as data of their own."""
-        return replace(
-            self, X=self.X[which], Y=self.Y[which], weights=None if self.weights is None else self.weights[which]
-        )
-
-    def through(self, layers: Layers) -> Rows:
-        """The same outputs, inputs replaced by what the layers make of the standardised ones."""
-        x = layers((self.X - self.mean) / self.scale)
-        return replace(self, X=x, mean=np.zeros(x.shape[1]), scale=np.ones(x.shape[1]))
-
-
-def normal_equations(layers: Layers, rows: Rows, alpha: float = 0.0) -> Evaluate:
-    """``theta -> (r'r, J'r, J'J)`` over all layers, added up over blocks of rows."""
-    penalty = alpha * layers.is_weight
-    n_theta, n_rows = len(penalty), len(rows)
-    scratch = np.empty((n_theta, min(BLOCK, n_rows)))
-
-    def evaluate(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        net = layers.at(theta)
-        cost, gradient, gram = float(penalty @ theta**2), penalty * theta, np.diag(penalty)
-        for first in range(0, n_rows, BLOCK):
-            X, Y, weights = rows.part(slice(first, first + BLOCK))
-            x = np.ascontiguousarray(X.T)
-            runs = net.run(x)
-            residual = runs[-1][1] - Y.T
-            root = None if weights is None else np.sqrt(weights)
-            if root is not None:
-                residual *= root
-            cost += float(np.vdot(residual, residual))
-            if not np.isfinite(cost):
-                return np.inf, gradient, gram
-            jacobian = scratch if len(X) == scratch.shape[1] else np.empty((n_theta, len(X)))
-            for k, r in enumerate(residual):
-                delta = np.zeros((len(residual), len(X)))
-                delta[k] = 1.0
-                net.back(x, runs, delta, jacobian)
-                if root is not None:
-                    jacobian *= root
-                gradient += jacobian @ r
-                gram += jacobian @ jacobian.T
-        return cost, gradient, gram
-
-    return evaluate
-
-
-def squares(layers: Layers, rows: Rows, alpha: float) -> Callable[[np.ndarray], tuple[float, np.ndarray]]:
-    """``theta -> (r'r, its gradient)`` by back-propagation, added up over blocks of rows."""
-    penalty = alpha * layers.is_weight
-
-    def evaluate(theta: np.ndarray) -> tuple[float, np.ndarray]:
-        net = layers.at(theta)
-        cost, gradient = float(penalty @ theta**2), 2.0 * penalty * theta
-        for first in range(0, len(rows), BLOCK):
-            X, Y, weights = rows.part(slice(first, first + BLOCK))
-            x = np.ascontiguousarray(X.T)
-            runs = net.run(x)
-            residual = runs[-1][1] - Y.T
-            delta = 2.0 * residual if weights is None else 2.0 * weights * residual
-            cost += 0.5 * float(np.vdot(delta, residual))
-            end = len(gradient)
-            for layer in range(len(net.weights) - 1, -1, -1):
-                delta = delta * ACTIVATIONS[net.activations[layer]].slope(*runs[layer])
-                below, w = (runs[layer - 1][1] if layer else x), net.weights[layer]
-                gradient[end - len(delta) : end] += delta.sum(axis=1)
-                end -= len(delta) + w.size
-                gradient[end : end + w.size] += (below @ delta.T).ravel()
-                delta = w @ delta
-        return cost, gradient
-
-    return evaluate

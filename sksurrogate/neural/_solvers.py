@@ -15,7 +15,8 @@ from sksurrogate.kernels.least_squares import (
     several_starts,
     with_memory,
 )
-from sksurrogate.neural._network import BLOCK, Layers, Rows, draw_layers, normal_equations, projected, squares
+from sksurrogate.neural._network import Layers, draw_layers
+from sksurrogate.neural._problems import BLOCK, Rows, normal_equations, projected, squares
 
 __all__ = [
     "Outcome",
@@ -154,7 +155,7 @@ def _projected_search(plan: Plan, rows: Rows) -> _Search:
     x, y, weights = rows.part(slice(None))
     template = plan.draw()
     n_hidden = len(plan.sizes) - 2
-    problem = projected(template, x, y, weights, plan.alpha * rows.total)
+    problem = projected(template, x, y, weights, plan.alpha * rows.total, rows.smooth)
 
     def whole(omega: np.ndarray) -> Layers:
         theta = problem.solve(omega)

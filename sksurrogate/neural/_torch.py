@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.neural._network import ACTIVATIONS, Layers
+from sksurrogate.neural._problems import STEP
 
 __all__ = ["build_net", "read_layers", "train_net", "write_layers"]
 
@@ -25,10 +26,9 @@ OPTIMIZERS: dict[str, tuple[str | None, dict[str, Any]]] = {
 
 
 @cache
-def _classes() -> dict[str, type]:
-    """The classes that derive from torch and skorch."""
+def _modules() -> list[type]:
+    """The layers."""
     import torch
-    from skorch import NeuralNetRegressor
 
     class BinaryStep(torch.nn.Module):
         """0 below zero, 1 from zero on."""
@@ -52,12 +52,31 @@ def _classes() -> dict[str, type]:
         def forward(self, X: Any, w: Any = None) -> Any:
             return self.layers(X)
 
+    return [BinaryStep, Chain]
+
+
+@cache
+def _nets() -> list[type]:
+    """The skorch net with our loss."""
+    import torch
+    from skorch import NeuralNetRegressor
+
     class Net(NeuralNetRegressor):
         """Weighted mean of squares as the loss, and the ridge on weights (not on biases)."""
 
-        def __init__(self, *args: Any, alpha: float = 0.0, loss: str = "mse", **kwargs: Any):
+        def __init__(
+            self,
+            *args: Any,
+            alpha: float = 0.0,
+            loss: str = "mse",
+            slope: float = 0.0,
+            curvature: float = 0.0,
+            **kwargs: Any,
+        ):
             super().__init__(*args, **kwargs)
             self.alpha = alpha
+            self.slope = slope
+            self.curvature = curvature
             self.loss = loss
             self.unit = 1.0  # mean weight of the rows
 
@@ -69,15 +88,35 @@ def _classes() -> dict[str, type]:
                 for name, weight in self.module_.named_parameters():
                     if name.endswith("weight"):
                         value = value + self.alpha * (weight**2).sum()
+            if training and (self.slope or self.curvature):
+                value = value + self.roughness(X["X"], y_pred, w)
             if self.loss == "rmse":
                 return torch.sqrt(value)
             return value * len(square) * self.unit if self.loss == "rss" else value
+
+        def roughness(self, x: Any, here: Any, w: Any) -> Any:
+            """Weighted mean squared slopes and curvatures, by the same differences as in least squares."""
+            x, total = x.to(here.device), 0.0
+            for move in STEP * torch.eye(x.shape[1], dtype=x.dtype, device=x.device):
+                up, down = self.module_(x + move), self.module_(x - move)
+                square = self.slope * (((up - down) / (2 * STEP)) ** 2).sum(dim=1)
+                square = square + self.curvature * (((up - 2 * here + down) / STEP**2) ** 2).sum(dim=1)
+                total = total + (square if w is None else w.to(square.device) * square).mean()
+            return total
 
         def infer(self, x: Any, **fit_params: Any) -> Any:
             dtype = next(self.module_.parameters()).dtype
             if isinstance(x, dict):
                 return super().infer({key: torch.as_tensor(part).to(dtype) for key, part in x.items()}, **fit_params)
             return super().infer(torch.as_tensor(x).to(dtype), **fit_params)
+
+    return [Net]
+
+
+@cache
+def _loops() -> list[type]:
+    """Mini-batches and the line search."""
+    import torch
 
     class Batches:
         """Slices of whole tensors: a data loader that gathers single rows costs more than the step itself."""
@@ -129,7 +168,13 @@ def _classes() -> dict[str, type]:
             group["lr"] = rate
             return before
 
-    found: dict[str, type] = {c.__name__: c for c in (BinaryStep, Chain, Net, Batches, LineSearch)}
+    return [Batches, LineSearch]
+
+
+@cache
+def _classes() -> dict[str, type]:
+    """The classes that derive from torch and skorch."""
+    found = {kind.__name__: kind for kind in (*_modules(), *_nets(), *_loops())}
     for kind in found.values():  # so that nets pickle: the names are found through __getattr__ below
         kind.__module__, kind.__qualname__ = __name__, kind.__name__
     return found
@@ -168,6 +213,8 @@ def build_net(
     dtype: str = "float64",
     device: str = "cpu",
     alpha: float = 0.0,
+    slope: float = 0.0,
+    curvature: float = 0.0,
     loss: str = "mse",
     learning_rate: float = 0.01,
     batch_size: int = -1,
@@ -192,6 +239,8 @@ def build_net(
         "optimizer": kinds["LineSearch"] if name is None else getattr(torch.optim, name),
         **{f"optimizer__{key}": value for key, value in parameters.items()},
         "alpha": alpha,
+        "slope": slope,
+        "curvature": curvature,
         "loss": loss,
         "lr": learning_rate,
         "batch_size": batch_size,

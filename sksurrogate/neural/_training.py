@@ -13,7 +13,8 @@ from sklearn.exceptions import ConvergenceWarning
 
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.least_squares import merge_rows, with_memory
-from sksurrogate.neural._network import ACTIVATIONS, BLOCK, Layers, Rows, normal_equations
+from sksurrogate.neural._network import ACTIVATIONS, Layers
+from sksurrogate.neural._problems import BLOCK, Rows, Smoothness, normal_equations
 from sksurrogate.neural._solvers import (
     Outcome,
     Plan,
@@ -34,6 +35,7 @@ __all__ = [
     "prepare",
     "read_activations",
     "read_sizes",
+    "read_smoothness",
     "remember",
     "split",
     "train",
@@ -107,6 +109,17 @@ def read_activations(activation: str | Sequence[str], hidden: tuple[int, ...]) -
     return given
 
 
+def read_smoothness(slope: float, curvature: float, activations: tuple[str, ...]) -> Smoothness | None:
+    """The smoothness asked for."""
+    if not slope and not curvature:
+        return None
+    if "binary_step" in activations:
+        raise DataError(
+            f'slope={slope!r}, curvature={curvature!r}: a network with "binary_step" has neither; take "logistic", or 0.'
+        )
+    return Smoothness(float(slope), float(curvature))
+
+
 def prepare(X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None, linear_output: bool) -> Rows:
     """Rows of weight zero left out, repeated ones merged, with the means and scales of inputs and outputs."""
     if weights is not None and not weights.all():
@@ -164,7 +177,7 @@ def train(solver: str, plan: Plan, rows: Rows, validation: Validation | None, to
         outcome = train_above_steps(plan, rows, above)
         n_fixed = max(i for i, kind in enumerate(plan.activations) if kind == "binary_step") + 1
         return Trained(outcome, n_fixed)
-    if len(plan.sizes) == 2 and plan.activations == ("identity",) and solver in ("lm", "lbfgs"):
+    if len(plan.sizes) == 2 and plan.activations == ("identity",) and solver in ("lm", "lbfgs") and not rows.smooth:
         return Trained(train_linear(plan, rows))
     if solver == "lm":
         return Trained(train_least_squares(plan, rows, validation))
@@ -180,7 +193,7 @@ def train(solver: str, plan: Plan, rows: Rows, validation: Validation | None, to
 def _train_in_torch(solver: str, plan: Plan, rows: Rows, validation: Validation | None, torch: Torch) -> Trained:
     from sksurrogate.neural._torch import read_layers, train_net, write_layers
 
-    net = _net(solver, plan, plan.draw(), torch, n_fixed=0)
+    net = _net(solver, plan, plan.draw(), torch, 0, rows.smooth)
     x, y, weights = rows.part(slice(None))
     one = None if validation is None else validation.fresh()
 
@@ -199,7 +212,7 @@ def _train_in_torch(solver: str, plan: Plan, rows: Rows, validation: Validation 
     return Trained(outcome, net=net)
 
 
-def _net(solver: str, plan: Plan, layers: Layers, torch: Torch, n_fixed: int) -> Any:
+def _net(solver: str, plan: Plan, layers: Layers, torch: Torch, n_fixed: int, smooth: Smoothness | None) -> Any:
     from sksurrogate.neural._torch import build_net
 
     return build_net(
@@ -208,6 +221,8 @@ def _net(solver: str, plan: Plan, layers: Layers, torch: Torch, n_fixed: int) ->
         dtype=torch.dtype,
         device=torch.device,
         alpha=plan.alpha,
+        slope=0.0 if smooth is None else smooth.slope,
+        curvature=0.0 if smooth is None else smooth.curvature,
         loss=torch.loss,
         learning_rate=torch.learning_rate or GRADIENT[solver],
         batch_size=torch.batch_size or -1,
@@ -228,7 +243,7 @@ def train_more(solver: str, plan: Plan, rows: Rows, so_far: Trained, torch: Torc
     if solver in GRADIENT:
         from sksurrogate.neural._torch import read_layers, train_net
 
-        net = so_far.net if so_far.net is not None else _net(solver, plan, layers, torch, k)
+        net = so_far.net if so_far.net is not None else _net(solver, plan, layers, torch, k, rows.smooth)
         net.set_params(max_epochs=1)
         curve = train_net(net, *rows.part(slice(None)))
         outcome = Outcome(read_layers(net, plan.activations), so_far.outcome.curve + curve, len(curve), [], True)

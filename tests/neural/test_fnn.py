@@ -4,6 +4,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,8 +20,10 @@ from sklearn.utils.estimator_checks import (
 )
 
 from sksurrogate.exceptions import DataError
+from sksurrogate.features import HeavisideFeatures
 from sksurrogate.neural import FNNRegressor
-from sksurrogate.neural._network import ACTIVATIONS, Layers, Rows, draw_layers, normal_equations, projected, squares
+from sksurrogate.neural._network import ACTIVATIONS, Layers, draw_layers
+from sksurrogate.neural._problems import Rows, Smoothness, normal_equations, projected, squares
 
 x = np.linspace(-1, 1, 50)[:, None]
 #: Function, and the bar for the median mean squared error of ten seeds.
@@ -127,13 +130,14 @@ def test_activations_agree_with_torch_in_value_and_slope(kind):
     np.testing.assert_allclose(ours.slope(z, ours.value(z)), theirs.grad.numpy(), atol=1e-12)
 
 
+@pytest.mark.parametrize("smooth", [None, Smoothness(0.2, 0.0), Smoothness(0.0, 0.1), Smoothness(0.3, 0.1)])
 @pytest.mark.parametrize("kinds", [("tanh", "identity"), ("silu", "logistic", "identity"), ("gelu", "softplus")])
-def test_sums_of_squares_have_the_slopes_of_differences(kinds):
+def test_sums_of_squares_have_the_slopes_of_differences(kinds, smooth):
     rng = np.random.default_rng(0)
     sizes = (3, *[4] * (len(kinds) - 1), 2)
     layers = draw_layers(sizes, kinds, rng)
     X, Y, w = rng.normal(size=(30, 3)), rng.normal(size=(30, 2)), rng.uniform(0.5, 2, 30)
-    rows = Rows(X, Y, w, np.full(3, 0.1), np.full(3, 1.5), np.full(2, 0.2), np.full(2, 0.7))
+    rows = Rows(X, Y, w, np.full(3, 0.1), np.full(3, 1.5), np.full(2, 0.2), np.full(2, 0.7), smooth)
     theta, alpha = layers.theta, 0.3
     evaluate, by_gradient = normal_equations(layers, rows, alpha), squares(layers, rows, alpha)
     cost, gradient, gram = evaluate(theta)
@@ -142,6 +146,8 @@ def test_sums_of_squares_have_the_slopes_of_differences(kinds):
     np.testing.assert_allclose(by_gradient(theta)[0], cost)
     np.testing.assert_allclose(by_gradient(theta)[1], differences, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(2 * gradient, differences, rtol=1e-5, atol=1e-5)
+    if smooth is not None:
+        return
 
     def residual(theta):
         misfit = layers.at(theta)((X - 0.1) / 1.5) - (Y - 0.2) / 0.7
@@ -271,7 +277,7 @@ def test_a_layer_of_steps_equals_heaviside_features_and_least_squares():
     X, y = np.sort(rng.uniform(-1, 1, 80))[:, None], rng.normal(size=80)
     model = FNNRegressor((7,), "binary_step").fit(X, y)
     thresholds = -model.intercepts_[0] / model.coefs_[0][0]
-    steps = (thresholds <= X).astype(float)
+    steps = HeavisideFeatures(thresholds).fit_transform(X)
     np.testing.assert_allclose(model.predict(X), LinearRegression().fit(steps, y).predict(steps), atol=1e-10)
     # zero-order splines: between thresholds the prediction is the mean of the data there
     piece = steps.sum(axis=1)
@@ -470,3 +476,43 @@ def test_weights_of_rows_count_in_mini_batches():
     settings = {"solver": "adam", "batch_size": 50, "learning_rate": 0.01, "max_epochs": 200, "random_state": 0}
     model = FNNRegressor((), **settings).fit(X, y, sample_weight=w)
     np.testing.assert_allclose(model.coefs_[0], exact.coefs_[0], rtol=0.02)
+
+
+def test_smoothness_weighs_the_slopes_of_the_jacobian():
+    rng = np.random.default_rng(13)
+    layers = draw_layers((2, 4, 1), ("tanh", "identity"), rng)
+    X, Y = rng.normal(size=(30, 2)), rng.normal(size=(30, 1))
+    rows = Rows(X, Y, None, np.zeros(2), np.ones(2), np.zeros(1), np.ones(1))
+    plain = squares(layers, rows, 0.0)(layers.theta)[0]
+    sloped = squares(layers, replace(rows, smooth=Smoothness(0.5, 0.0)), 0.0)(layers.theta)[0]
+    np.testing.assert_allclose(sloped - plain, 0.5 * np.sum(layers.jacobian(X) ** 2), rtol=1e-3)
+    bent = squares(layers, replace(rows, smooth=Smoothness(0.0, 0.5)), 0.0)(layers.theta)[0]
+    step = 1e-4 * np.eye(2)
+    second = [(layers(X + s) - 2 * layers(X) + layers(X - s)) / 1e-8 for s in step]
+    np.testing.assert_allclose(bent - plain, 0.5 * np.sum(np.square(second)), rtol=1e-3)
+
+
+def test_slope_is_a_ridge_for_a_linear_model():
+    rng = np.random.default_rng(14)
+    X, y = rng.normal(size=(40, 3)), rng.normal(size=40)
+    ridge = FNNRegressor((), alpha=0.3).fit(X, y).predict(X)
+    np.testing.assert_allclose(FNNRegressor((), slope=0.3).fit(X, y).predict(X), ridge, atol=1e-6)
+    np.testing.assert_allclose(FNNRegressor((), slope=0.3, solver="lbfgs").fit(X, y).predict(X), ridge, atol=1e-5)
+    adam = FNNRegressor((), slope=0.3, solver="adam", learning_rate=0.02, max_epochs=1500, random_state=0)
+    np.testing.assert_allclose(adam.fit(X, y).predict(X), ridge, atol=1e-3)
+
+
+def test_curvature_calms_a_fit_to_noise():
+    rng = np.random.default_rng(15)
+    X = np.sort(rng.uniform(-1, 1, (40, 1)), axis=0)
+    y = np.sin(3 * X[:, 0]) + 0.2 * rng.normal(size=40)
+    fine = np.linspace(-1, 1, 200)[:, None]
+    with ignore_warnings(category=ConvergenceWarning):
+        rough = FNNRegressor((10,), random_state=0).fit(X, y).score(fine, np.sin(3 * fine[:, 0]))
+        calm = FNNRegressor((10,), curvature=1e-3, random_state=0).fit(X, y).score(fine, np.sin(3 * fine[:, 0]))
+    assert calm > max(rough, 0.95)
+
+
+def test_steps_have_no_slope_to_weigh():
+    with pytest.raises(DataError, match="has neither"):
+        FNNRegressor(activation="binary_step", slope=1.0).fit(x, x[:, 0])
