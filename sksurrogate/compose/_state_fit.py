@@ -9,6 +9,8 @@ from sksurrogate.kernels.state_space import StateFit, fit_output_error, simulate
 
 __all__ = ["cut_pieces", "first_rows", "fit_linear", "fit_networks"]
 
+#: Rows that a subspace start looks at.
+ENOUGH = 100_000
 #: Rows of the pieces on which networks are fitted before whole runs.
 PIECES = (8, 24, 72)
 #: Share of the penalty there: a linear model is enough for short pieces, and weights that the penalty has taken to zero
@@ -24,17 +26,18 @@ def fit_linear(
     model = StateModel(n, m, o, (), feedthrough)
     rows, outputs, starts = np.concatenate(U), np.concatenate(Y), first_rows(U)
     candidates = []
+    few = _few(U), _few(Y)
     for past in sorted({n + 1, 2 * n + 2, 10, 20}):
-        found = subspace(U, Y, n, past, feedthrough)
+        found = subspace(*few, n, past, feedthrough)
         if found is not None:
             candidates.append(model.affine(*found))
     if not candidates:  # too short for a projection: slow decay, everything else at zero but the outputs of the states
         C = np.eye(o, n)
         candidates = [model.affine(0.8 * np.eye(n), np.zeros((n, m)), C, np.zeros((o, m)), np.zeros(n), np.zeros(o))]
-    fits = []
+    fits, trial = [], (np.concatenate(few[0]), np.concatenate(few[1]), first_rows(few[0]))
     for theta in candidates:
         # the free run is linear in the initial states: a fit with two steps finds them
-        fits.append(fit_output_error(model, theta, np.zeros((len(U), n)), rows, outputs, starts, max_iter=2))
+        fits.append(fit_output_error(model, theta, np.zeros((len(few[0]), n)), *trial, max_iter=2))
     best = int(np.argmin([fit.cost for fit in fits]))
     if not refine:
         theta = candidates[best]
@@ -44,7 +47,9 @@ def fit_linear(
             measured[r, : len(part)] = part
         x0 = start_states(model, theta, padded, measured, np.zeros(n), 1e-8 * np.eye(n))
         return StateFit(theta, x0, simulate(model, theta, x0, rows, starts), np.nan, 0)
-    return fit_output_error(model, fits[best].theta, fits[best].x0, rows, outputs, starts, max_iter=max_iter)
+    x0 = np.zeros((len(U), n))
+    x0[: len(few[0])] = fits[best].x0
+    return fit_output_error(model, fits[best].theta, x0, rows, outputs, starts, max_iter=max_iter)
 
 
 def fit_networks(
@@ -110,6 +115,17 @@ def _grow(
         fit = fit_output_error(model, *begun, U, Y, starts, alpha=LIGHT * alpha, max_iter=max_iter)
         fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter)
     return fit
+
+
+def _few(parts: list[np.ndarray]) -> list[np.ndarray]:
+    """The first runs, with ENOUGH rows in all."""
+    out, left = [], ENOUGH
+    for part in parts:
+        if left <= 1:
+            break
+        out.append(part[:left])
+        left -= len(part)
+    return out
 
 
 def first_rows(parts: list[np.ndarray]) -> np.ndarray:

@@ -280,6 +280,15 @@ class _Objective:
             flat = J.reshape(-1, size)
             H += self.scale * flat.T @ flat
             gradient = gradient + self.scale * flat.T @ e.ravel()
+            lengths = np.diff(edges[a : b + 1])
+            e = e[:, :, None]
+            if b - a > 1 and np.all(lengths == lengths[0]):  # runs of one length in one product
+                each = (b - a, lengths[0] * e.shape[1], -1)
+                Jr, Xr, er = J.reshape(each), Jx.reshape(each), e.reshape(each)
+                couple[a:b] = self.scale * Jr.transpose(0, 2, 1) @ Xr
+                own[a:b] += self.scale * Xr.transpose(0, 2, 1) @ Xr
+                own_gradient[a:b] += self.scale * (Xr.transpose(0, 2, 1) @ er)[:, :, 0]
+                continue
             for r in range(a, b):
                 part = slice(edges[r] - edges[a], edges[r + 1] - edges[a])
                 Jr, Xr, er = J[part].reshape(-1, size), Jx[part].reshape(-1, n), e[part].ravel()
