@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from sklearn.utils.parallel import _get_threadpool_controller
 
 from sksurrogate.kernels.net import LagNet, Net
 from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run, levenberg_marquardt
@@ -85,9 +86,12 @@ def shoot(
                 break
             start = start.at(0.8 * start.net.theta)
         starts = [start]
-    found, value = fit_free_run(loss, starts, max_iter=max_iter)
-    if demanding is not None:  # begun where the data alone are met: from afar it has more poor minima
-        found, value = levenberg_marquardt(demanding, found, max_iter)
+    with _get_threadpool_controller().limit(
+        limits=1, user_api="blas"
+    ):  # small matrices: threads only wait on each other
+        found, value = fit_free_run(loss, starts, max_iter=max_iter)
+        if demanding is not None:  # begun where the data alone are met: from afar it has more poor minima
+            found, value = levenberg_marquardt(demanding, found, max_iter)
     return scaling.raw(found), value
 
 
