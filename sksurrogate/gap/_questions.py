@@ -88,7 +88,7 @@ class Questions:
         found.slots = equivalents(search, final)
         say("what is left")
         found.latent = latent_force(at, final, quiet_sensors=left(final) > FAR)
-        found.law = law_of(at, found.latent, self.seed)
+        found.law = law_of(at, found.latent, self.seed, final.fit.x[: len(problem.plant.states)])
         found.places = places(problem, null, (10.0,) if final.effects and left(final) < 1.2 else (5.0, 25.0))
         say("how far the gap shrinks on runs left out")
         correction = generic_correction(problem.plant.simulator, self.correction, problem.plant.outputs)
@@ -129,7 +129,7 @@ class Questions:
         )
         search.final, found.slots = null, []
         found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
-        found.law = law_of(search.at(null), found.latent, self.seed)
+        found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
         held = found.held
         after = held.before if not self.problem.free else held.retuned
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)

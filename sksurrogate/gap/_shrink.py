@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,6 +21,8 @@ __all__ = ["HeldOut", "blocked", "held_out", "measure", "shares"]
 CORRECTION_FOLDS = 2
 #: Runs are put into at most this many folds.
 MOST_FOLDS = 6
+#: Rows of the shortest block of a run that is cut.
+SHORTEST_BLOCK = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ def blocked(record: Record, least: int = 3) -> Record:
     pieces = int(np.ceil(4 / len(record.starts)))
     starts = []
     for a, n in zip(record.starts, record.lengths):
-        count = max(1, min(pieces, n // 30))
+        count = max(1, min(pieces, n // SHORTEST_BLOCK))
         starts.extend(a + np.round(np.linspace(0, n, count + 1)[:-1]).astype(int))
     return replace(record, starts=np.array(starts, dtype=int))
 
@@ -227,6 +230,8 @@ def generic_correction(
         from sksurrogate.compose import HybridRegressor
 
         model = HybridRegressor(simulator) if correction is None else correction
+        if not len(record.u):  # regressors want a column
+            return np.full(record.y.shape, np.nan)
         row_of = record.run_of_row
         out = np.full(record.y.shape, np.nan)
         fold = np.asarray(fold) % CORRECTION_FOLDS
@@ -246,7 +251,13 @@ def generic_correction(
                     .reshape(test.sum(), -1)
                     .T
                 )
-            except (SurrogateError, FloatingPointError, np.linalg.LinAlgError):
+            except (SurrogateError, ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
+                # The answers so far are worth more than the bar of the learned correction.
+                warnings.warn(
+                    f"correction: {type(model).__name__} failed on runs left out ({error}); its bar is left out.",
+                    UserWarning,
+                    stacklevel=2,
+                )
                 continue
         return out
 

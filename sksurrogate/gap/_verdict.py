@@ -23,8 +23,13 @@ FAR = 5.0
 SMALL_SHARE = 0.12
 #: Share of the latent force that states and inputs explain on runs left out, above which it is a law.
 LAW = 0.10
-#: A gap whose free-run error is below this share of the output's deviation is below the practical bar.
-PRACTICAL = 0.002
+#: A law that explains less than this over the number of samples may be chance.
+FEW = 20.0
+#: A latent force beyond this share of the RMS of dx/dt is no disturbance.
+FORCE = 0.06
+#: A gap of which no effect explains anything is below the practical bar when its free-run error is below the first share
+#: of the output's deviation, or below the second and no repeatable law of states and inputs.
+PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,9 @@ class Facts:
         Whether re-tuning alone passed its bar.
     exhausted : bool
         Whether as many effects passed as are looked for: a stack of stand-ins.
+    error : float
+        Free-run error before, held out, each output divided by its deviation.
+    n_samples : int
     """
 
     accepted: bool
@@ -56,19 +64,22 @@ class Facts:
     force: float
     retuned: bool
     exhausted: bool = False
+    error: float = np.inf
+    n_samples: int = 1000
 
 
 def decide(facts: Facts) -> str:
     """None, explained or unknown."""
-    lawful = facts.law > LAW or facts.force > 0.25
+    law = facts.law > max(LAW, FEW / facts.n_samples)
+    lawful = law or facts.force > FORCE
     if facts.accepted or facts.retuned:
         if facts.exhausted and facts.left > FAR and lawful:
             return "unknown"
         far = (facts.share_left > SHARE and facts.left > 1.05) or (facts.left > FAR and facts.share_left > SMALL_SHARE)
         return "unknown" if far and lawful else "explained"
-    if (facts.law > LAW and facts.left > 1.15) or facts.left > FAR:
-        return "unknown"
-    return "none"
+    if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
+        return "none"
+    return "unknown" if (law and facts.left > 1.15) or facts.left > FAR else "none"
 
 
 def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law: np.ndarray, retuned: bool) -> Facts:
@@ -82,6 +93,8 @@ def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law
         float(np.max(latent.size, initial=0.0)),
         retuned,
         len(final.effects) >= MOST_EFFECTS,
+        float(shrink.before) if np.isfinite(shrink.before) else np.inf,
+        final.model.record.n_samples,
     )
 
 
