@@ -35,7 +35,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         A :class:`CalibratedSimulator` is fitted first. None: no physics, the surrogate alone.
     residual : regressor, optional
         Learns the correction from (n_samples, n_lags * n_outputs + (n_lags + 1) * n_inputs + n_outputs) features: past
-        deviations, inputs, and the simulator's own output. Default for "output": the mean of three small tanh nets with
+        deviations, inputs, and the simulator's own output. Default for "output": the mean of five small tanh nets with
         a linear part, trained through the free run, judged on runs left out; for "static" and "series": ridge on
         polynomials, chosen on runs left out.
         For "dynamics" and "input": transformers and a linear model; default: monomials, degree chosen on runs left out.

@@ -27,7 +27,7 @@ class FreeRunResidual(BaseEstimator):
     ----------
     hidden : int, default=6
         tanh units of each map.
-    n_starts : int, default=3
+    n_starts : int, default=5
         Maps; the ones that follow runs left out best are kept.
     alpha : float, default=1e-2
         Penalty on the tanh layer, as a share of the variance of one step's increments.
@@ -51,7 +51,7 @@ class FreeRunResidual(BaseEstimator):
     def __init__(
         self,
         hidden: int = 6,
-        n_starts: int = 3,
+        n_starts: int = 5,
         alpha: float = 1e-2,
         decay: float = 0.4,
         loss: str = "shooting",
