@@ -210,7 +210,9 @@ def _followed(case: Case, answer: dict[str, Any], row: dict[str, Any], solver: S
     }
     for key, name in (("class_after", None), ("class_repeated", CONTROL)):
         question = follow(case, answer, name)
-        second: dict[str, Any] = solver.ask(question) if question is not None and found["experiment"] else {"error": "not done"}
+        second: dict[str, Any] = (
+            solver.ask(question) if question is not None and found["experiment"] else {"error": "not done"}
+        )
         effects = second.get("effects") or []
         found[key] = max((1 + len(e["equivalents"]) for e in effects), default=None)
     return found

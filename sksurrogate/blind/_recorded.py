@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._solve import missing
 from sksurrogate.blind._truths import remaining
 from sksurrogate.datasets import fetch_ball_drops, fetch_cascaded_tanks, fetch_heat_exchanger, fetch_silverbox
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import CalibratedSimulator, ODESimulator
 
 __all__ = ["RECORDINGS", "Recording", "recorded", "run_recorded"]
 
@@ -237,7 +238,19 @@ def _diagnosed(recording: Recording, withhold: bool) -> dict[str, Any]:
         "class": len(every), "place": report.where.location, "right": right, "before": _errors(recording, recording.simulator, start),
         "after": _errors(recording, diagnoser.augmented_, start), "unit": recording.unit, "published": recording.published,
         "sentence": report.sentence, "seconds": seconds,
+        "retuned": _retuned(recording), "missing_term": missing(report.missing_term),
     }  # fmt: skip
+
+
+def _retuned(recording: Recording) -> list[float | None]:
+    """Test errors when the free parameters are re-tuned and nothing is added."""
+    if not recording.free:
+        return []
+    names = list(recording.simulator.params) if recording.free == "all" else list(recording.free)
+    calibration = CalibratedSimulator(recording.simulator, params=names)
+    tuned = calibration.fit(recording.X, recording.y[:, 0], groups=recording.groups)  # each has one output
+    start = np.asarray(tuned.x0_)[0]
+    return list(_errors(recording, tuned.simulator_, start))
 
 
 def _errors(recording: Recording, simulator: Any, start: np.ndarray) -> list[float]:

@@ -11,7 +11,9 @@ from sksurrogate.blind._truths import Truth
 
 @pytest.fixture(scope="module")
 def regional():
-    return next(case for seed in range(20) if (case := draw("region", seed)).truths[0].name == "input_saturation")
+    case = draw("region", 1)
+    assert case.truths[0].name == "input_saturation"
+    return case
 
 
 def test_rules_are_read():
@@ -36,7 +38,7 @@ def test_the_true_region_scores_one_and_everywhere_scores_its_part(regional):
 
 
 def test_a_learned_curve_is_compared_with_the_true_term():
-    case = next(case for seed in range(30) if (case := draw("novel", seed)).truths[0].name == "novel_bump")
+    case = draw("novel", 0)
     truth = case.truths[0]
     at = np.linspace(-2, 2, 30) * truth.params["scale"] + truth.params["middle"]
     true = true_curve(truth, at)
