@@ -10,10 +10,11 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 
 from sksurrogate._dynamic import FAR
+from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.features._lag import lag_list, named_position
 from sksurrogate.runs import Runs
 
-__all__ = ["REPORTED", "barely_fitted", "diverged", "name_features", "stacked"]
+__all__ = ["REPORTED", "barely_fitted", "diverged", "divergence", "name_features", "stacked"]
 
 
 #: Training rows that are run freely after a fit.
@@ -50,6 +51,19 @@ def diverged(
         far = ~(np.abs(found - mean) <= limit).all(axis=2)
     rows = [np.flatnonzero(far[r, n:length]) for r, length in enumerate(lengths)]
     return [(r, n + int(steps[0])) for r, steps in enumerate(rows) if len(steps)]
+
+
+def divergence(runs: Runs, bad: Sequence[tuple[int, int]]) -> SimulationDiverged:
+    """The error that names the first of the (run, step) that diverged and the way out."""
+    which, row = bad[0]
+    label = runs[which].label
+    return SimulationDiverged(
+        f"the free run diverged: run {which if label is None else label!r}, step {row}; {len(bad)} of {len(runs)} runs in "
+        'all. Fit with loss="shooting" (and stability above 0), give more lags or training runs, or a larger penalty.',
+        run=label,
+        row=row,
+        time=float(runs[which].t[row]),
+    )
 
 
 def stacked(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -14,11 +14,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened
 from sksurrogate.compose._free_fit import shoot
-from sksurrogate.compose._lagged import REPORTED, barely_fitted, diverged, name_features, stacked
+from sksurrogate.compose._lagged import REPORTED, barely_fitted, diverged, divergence, name_features, stacked
 from sksurrogate.compose._linear_lags import fit_linear_lags
 from sksurrogate.compose._network import agrees, describe_network, write_network
 from sksurrogate.compose._stability import StabilityReport, growth_along
-from sksurrogate.exceptions import DataError, RunError, SimulationDiverged
+from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features._lag import lag_columns, lag_list
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.rollout import free_run, march
@@ -210,15 +210,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         runs = self._resolve(X, None, groups)
         out, bad = self._run_free([run.X for run in runs], self._initial(y0, runs))
         if bad:
-            which, row = bad[0]
-            label = runs[which].label
-            raise SimulationDiverged(
-                f"the free run diverged: run {which if label is None else label!r}, step {row}; {len(bad)} of {len(runs)} "
-                'runs in all. Fit with loss="shooting", give more lags or training runs, or a larger penalty.',
-                run=label,
-                row=row,
-                time=float(runs[which].t[row]),
-            )
+            raise divergence(runs, bad)
         return self._shaped(runs, out)
 
     def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
@@ -250,17 +242,25 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         Returns
         -------
         ndarray, shape of y
+
+        Raises
+        ------
+        SimulationDiverged
+            As for :meth:`predict`.
         """
         check_is_fitted(self, "estimator_")
         if k < 1:
             raise ValueError(f"k={k!r} must be at least 1 step ahead.")
         runs = self._resolve(X, y, groups)
         n, parts = self.n_initial_, []
-        for run in runs:
+        for r, run in enumerate(runs):
             part = np.full(run.y.shape, np.nan)
             for start in range(0, len(run) - n - k + 1, BLOCK):
                 begins = np.arange(start, min(start + BLOCK, len(run) - n - k + 1))[:, None]
                 found = self._roll(run.X[begins + np.arange(n + k)], run.y[begins + np.arange(n)])
+                bad = diverged(found, [n + k] * len(found), n, self.y_mean_, self.y_spread_)
+                if bad:
+                    raise divergence(runs, [(r, start + bad[0][0] + bad[0][1])])
                 part[begins[:, 0] + n + k - 1] = found[:, -1]
             parts.append(part)
         return self._shaped(runs, parts)

@@ -166,6 +166,9 @@ def test_a_diverging_free_run_names_run_step_and_remedy():
     model.estimator_.coef_ = np.array([3.0, 0.0, 1.0, 0.3])
     with pytest.raises(SimulationDiverged, match=r"run 0, step \d+; 3 of 3 .*shooting"):
         model.predict(X, groups=groups)
+    with pytest.raises(SimulationDiverged, match=r"run 0, step \d+; .*shooting"):
+        model.predict_ahead(X, y, 40, groups=groups)
+    assert np.isfinite(model.predict_ahead(X, y, 3, groups=groups)[4:80]).all()
 
 
 def test_lag_orders_are_chosen_by_the_free_run_in_a_search():
