@@ -81,6 +81,7 @@ class BoundFitModel:
     def __init__(self, model: FitModel, theta: np.ndarray):
         self.m, record = model, model.record
         self.varied = {name: row[:, None] for name, row in zip(model.names, theta)}
+        self._wide: dict[tuple[int, ...], dict[str, np.ndarray]] = {}
         order = 0 if model.inner.plant.hold == "zoh" or model.inner.plant.access == "step" else 1
         signals = [hold(u, model.n_sub, order, record.starts) for u in record.u]
         self.mean = (
@@ -97,7 +98,10 @@ class BoundFitModel:
             return m.inner.step(t, x, mean[0], m.record.dt, self.varied)
 
         def derivative(now: Any, z: np.ndarray, u: np.ndarray) -> np.ndarray:
-            return m.inner.derivative(now, z, u, self.varied)
+            shape = z.shape[1:]
+            if shape not in self._wide:  # spread once for all substeps
+                self._wide[shape] = {k: np.ascontiguousarray(np.broadcast_to(v, shape)) for k, v in self.varied.items()}
+            return m.inner.derivative(now, z, u, self._wide[shape])
 
         return rk4(derivative, t, x, mean, half, m.record.dt / m.n_sub)
 

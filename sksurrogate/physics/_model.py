@@ -71,7 +71,8 @@ class PlantModel:
         times = np.broadcast_to(t, shape).reshape(size)
         inputs = np.broadcast_to(u, (len(u), *shape)).reshape(len(u), size)
         if varied:
-            p = {**p, **{k: np.broadcast_to(v, shape).reshape(size) for k, v in varied.items()}}
+            spread = {k: v if v.shape == shape else np.broadcast_to(v, shape) for k, v in varied.items()}
+            p = {**p, **{k: v.reshape(size) for k, v in spread.items()}}
         return function(times, x.reshape(len(x), size), inputs, p, *extra).reshape(function.size, *shape)
 
     def derivative(

@@ -8,8 +8,17 @@ import pytest
 from sklearn.base import clone
 from sklearn.linear_model import LinearRegression
 
+from sksurrogate.datasets import make_reactor
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
-from sksurrogate.physics import CallableSimulator, ControlSimulator, ODESimulator, StepSimulator, TableSimulator
+from sksurrogate.physics import (
+    CallableSimulator,
+    ControlSimulator,
+    ODESimulator,
+    StepSimulator,
+    TableSimulator,
+    linearise,
+    steady_state,
+)
 
 
 def _step(t, x, u, p, dt):
@@ -73,6 +82,30 @@ def test_a_transfer_function_equals_its_realisation():
     np.testing.assert_allclose(
         ControlSimulator(system, dt=0.1).simulate(U), ODESimulator(_rhs, **NAMES).simulate(U), atol=1e-7
     )
+
+
+def test_a_nonlinear_system_equals_the_right_hand_side():
+    control = pytest.importorskip("control")
+    reactor = make_reactor()
+
+    def update(t, x, u, params):
+        return reactor.rhs(t, x, u, reactor.params)
+
+    system = control.nlsys(update, None, inputs=["u"], states=["y"], outputs=["y"], name="reactor")
+    wrapped = ControlSimulator(system, dt=reactor.dt, x0=[8.0])
+    U = np.random.default_rng(0).uniform(0.1, 0.2, size=(30, 1))
+    np.testing.assert_allclose(wrapped.simulate(U), reactor.simulate(U, x0=[8.0]), rtol=1e-7)
+    assert (wrapped.states, wrapped.inputs, wrapped.outputs) == (["y"], ["u"], ["y"])
+
+
+def test_a_linearisation_goes_to_python_control_and_back():
+    pytest.importorskip("control")
+    reactor = make_reactor()
+    local = linearise(reactor, steady_state(reactor, [0.15], x0=[5.0]), [0.15])
+    wrapped = ControlSimulator(local.to_control(), dt=reactor.dt)
+    U = 1e-5 * np.random.default_rng(0).normal(size=(60, 1))
+    deviation = reactor.simulate(0.15 + U, x0=local.x0) - local.y0
+    np.testing.assert_allclose(wrapped.simulate(U), deviation, atol=2e-3 * np.abs(deviation).max())
 
 
 def test_the_table_finds_runs_and_pieces_again():
