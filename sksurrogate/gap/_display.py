@@ -43,9 +43,11 @@ class GapDisplay:
         """
         plt = require("matplotlib.pyplot", "plot")
         report = self.report
-        panels = [self._waterfall, self._ranking, self._trace, self._frequency]
-        if report.missing_term is not None and report.missing_term.curves:
-            panels.append(self._missing)
+        panels = [self._waterfall]
+        panels += [self._ranking] if len(report.ranking) else []
+        panels += [self._trace] if report.traces else []
+        panels += [self._frequency] if len(report.where.by_frequency) else []
+        panels += [self._missing] if report.missing_term is not None and report.missing_term.curves else []
         self.figure_, axes = plt.subplots(len(panels), 1, figsize=(8, 2.6 * len(panels)), constrained_layout=True)
         self.axes_ = list(np.atleast_1d(axes))
         for panel, ax in zip(panels, self.axes_):
@@ -69,23 +71,36 @@ class GapDisplay:
         ax.set(xlabel="evidence over no effect, 2 (L - L0); named effects in black")
 
     def _trace(self, ax: Any) -> None:
-        if not self.report.traces:
-            return
-        trace = self.report.traces[0]
-        ax.plot(trace.t, trace.measured[:, 0], color="#8a8a8a", lw=3, label="measured")
-        ax.plot(trace.t, trace.before[:, 0], color="#d55e00", ls="--", label="simulator")
-        ax.plot(trace.t, trace.after[:, 0], color="#000000", lw=1, label="with the effects")
-        ax.set(xlabel="time", ylabel=self.report.outputs[0])
+        trace, j = self.report.traces[0], self._worst()
+        measured = trace.measured[:, j]
+        ax.plot(trace.t, measured, color="#8a8a8a", lw=3, label="measured")
+        ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label="simulator")
+        ax.plot(trace.t, trace.after[:, j], color="#000000", lw=1, label="with the effects")
+        low, high = ax.get_ylim()
+        room = 0.6 * float(np.ptp(measured))  # a simulator that runs away must not flatten the measurement
+        if room > 0:
+            ax.set_ylim(max(low, float(measured.min()) - room), min(high, float(measured.max()) + room))
+        ax.set(xlabel=f"time (run {trace.label}, left out of the fit)", ylabel=self.report.outputs[j])
+        ax.margins(x=0)
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=3, frameon=False)
+
+    def _worst(self) -> int:
+        """The output with the largest share of the gap."""
+        rows = self.report.where.by_output
+        shares = [row["share"] for row in rows if row["output"] in self.report.outputs]
+        return int(np.argmax(shares)) if len(shares) == len(self.report.outputs) and shares else 0
 
     def _frequency(self, ax: Any) -> None:
         rows = self.report.where.by_frequency
-        if not len(rows):
-            return
         middle = [(r["low"] + r["high"]) / 2 for r in rows]
         ax.step(middle, [r["gap"] for r in rows], where="mid", color="#d55e00", label="error of the simulator")
         ax.step(middle, [r["noise"] for r in rows], where="mid", color="#000000", ls=":", label="noise")
-        ax.set(xscale="log", yscale="log", xlabel="frequency / cycles per time unit", ylabel="power")
+        ax.set(
+            xscale="log",
+            yscale="log",
+            xlabel="frequency / cycles per time unit",
+            ylabel="power / variance of the output",
+        )
         ax.legend(frameon=False)
 
     def _missing(self, ax: Any) -> None:

@@ -1,0 +1,74 @@
+"""The drawing: every axis is named, the worst output is shown, lines differ without colour."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sksurrogate.gap import GapDisplay
+from sksurrogate.gap._report import Curve, GapReport, MissingTerm, Shrink, Table, Trace, Where
+
+plt = pytest.importorskip("matplotlib.pyplot")
+
+
+@pytest.fixture
+def report():
+    t = np.linspace(0, 4, 50)
+    wave = np.stack([np.sin(t), 5 + np.cos(t)], axis=1)
+    outputs = Table(({"output": "a", "share": 0.1}, {"output": "b", "share": 0.9}))
+    bands = Table(tuple({"low": f, "high": 2 * f, "gap": 1 / f, "noise": 0.01, "share": 0.3} for f in (0.1, 0.2, 0.4)))
+    ranking = Table(
+        tuple(
+            {"name": f"effect {k}", "location": "x", "variable": None, "evidence": 10.0 - k, "named": k == 0}
+            for k in range(12)
+        )
+    )
+    return GapReport(
+        verdict="unknown",
+        sentence="Something is missing.",
+        effects=[],
+        ranking=ranking,
+        retuned=Table(),
+        where=Where("x", "state", outputs, by_frequency=bands),
+        shrink=Shrink(1.0, 0.2, 0.1, 0.8, (0.7, 0.9), after_correction=0.15),
+        missing_term=MissingTerm("x", "state", (Curve("u", t, t**2, t**2 - 1, t**2 + 1, 0.9),)),
+        outputs=("a", "b"),
+        traces=(Trace(3, t, wave, 40 * wave, wave),),
+    )
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+def test_every_axis_has_its_names(report):
+    display = report.plot()
+    assert isinstance(display, GapDisplay) and len(display.axes_) == 5
+    for ax in display.axes_:
+        assert ax.get_xlabel()
+    assert all(ax.get_ylabel() for ax in display.axes_[2:])
+
+
+def test_the_output_with_the_largest_gap_is_drawn(report):
+    ax = report.plot().axes_[2]
+    assert ax.get_ylabel() == "b"
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), report.traces[0].measured[:, 1])
+
+
+def test_a_simulator_that_runs_away_does_not_flatten_the_measurement(report):
+    ax = report.plot().axes_[2]
+    low, high = ax.get_ylim()
+    assert high - low < 3 * np.ptp(report.traces[0].measured[:, 1])
+
+
+def test_lines_differ_without_colour(report):
+    for ax in report.plot().axes_:
+        styles = [(line.get_linestyle(), line.get_linewidth()) for line in ax.lines]
+        assert len(set(styles)) == len(styles)
+
+
+def test_a_report_that_knows_little_is_drawn_too(report):
+    bare = dataclasses.replace(report, ranking=Table(), traces=(), where=Where(None, None), missing_term=None)
+    assert len(bare.plot().axes_) == 1
