@@ -20,9 +20,6 @@ from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["LagEmbedding", "lag_columns", "lag_list", "named_position"]
 
-#: Rows that are written at once.
-BLOCK = 32768
-
 
 def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
     """The lags that an int (``first..lags``) or a list stands for, sorted."""
@@ -72,14 +69,11 @@ def lag_columns(
 
 
 def _shift(values: np.ndarray, columns: Sequence[tuple[int, int]], out: np.ndarray) -> None:
-    """``out[t, i] = values[column_i, t - lag_i]`` where there is one; block by block, so that what is read stays cached."""
+    """``out[t, i] = values[column_i, t - lag_i]`` where there is one; a column at a time (measured: blocks are no faster)."""
     n = values.shape[1]
-    for start in range(0, n, BLOCK):
-        stop = min(start + BLOCK, n)
-        for i, (column, lag) in enumerate(columns):
-            begin = max(start, lag)
-            if begin < stop:
-                out[begin:stop, i] = values[column, begin - lag : stop - lag]
+    for i, (column, lag) in enumerate(columns):
+        if lag < n:
+            out[lag:, i] = values[column, : n - lag]
 
 
 def _write_lags(runs: Runs, columns: Sequence[tuple[int, int]], fill: str | float, out: np.ndarray) -> None:
