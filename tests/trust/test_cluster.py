@@ -63,6 +63,16 @@ def test_a_diagnosis_on_the_cluster(client):
     assert str(here) == str(there)
 
 
+def test_a_diagnosis_in_two_processes():
+    X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
+    names = ["parameter_error", "sensor_bias", "input_bias", "input_lag"]
+    alone, shared = (
+        GapDiagnoser(make_reactor(second=80.0), effects=names, n_jobs=n_jobs, random_state=0).fit(X, y, groups=groups)
+        for n_jobs in (None, 2)
+    )
+    assert str(alone.report_) == str(shared.report_)
+
+
 def test_a_simulator_with_a_function_of_the_script_travels(client):
     """Lambdas and functions of a script go by value."""
     from sksurrogate.physics import ODESimulator

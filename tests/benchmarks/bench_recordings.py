@@ -1,0 +1,102 @@
+"""Which black box runs freely on recorded data? Two tanks with overflow and the Silverbox.
+
+Run: ``OMP_NUM_THREADS=1 SKSURROGATE_DATA=FOLDER python tests/benchmarks/bench_recordings.py [tanks] [silverbox]``. Every
+model is fitted on the training record; where a penalty is chosen, by the free run on the last third of that record. The
+test is the free run on the other record from its first 50 rows, these left out.
+"""
+
+import os
+import sys
+import time
+import warnings
+
+import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.linear_model import LinearRegression
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from sksurrogate.compose import RecursivePredictor, StateSpaceRegressor
+from sksurrogate.datasets import fetch_cascaded_tanks, fetch_silverbox
+from sksurrogate.exceptions import SimulationDiverged
+from sksurrogate.model_selection import scan_orders
+from sksurrogate.neural import RecurrentRegressor
+
+warnings.simplefilter("ignore", ConvergenceWarning)
+FIRST = 50
+
+
+def tanks():
+    """Training and test record in volts."""
+    data = fetch_cascaded_tanks(os.environ.get("SKSURROGATE_DATA"))
+    return data.uEst[:, None], data.yEst, data.uVal[:, None], data.yVal, "V", 1.0
+
+
+def silverbox():
+    """8000 rows to train, the arrow head to test, millivolts."""
+    data = fetch_silverbox(os.environ.get("SKSURROGATE_DATA"))
+    train, test = slice(data.train.start, data.train.start + 8000), data.test_arrow
+    return data.V1[train, None], data.V2[train], data.V1[test, None], data.V2[test], "mV", 1e3
+
+
+def models(u, y):
+    """Name -> list of candidates; of several the one that runs best on the last third is taken."""
+    scan = scan_orders(u, y, max_output_lags=6, max_input_lags=6)
+    lags = scan.best_output_lags, scan.best_input_lags
+
+    def net(seed, nodes=8, alpha=1e-3):
+        mlp = MLPRegressor(
+            hidden_layer_sizes=(nodes,),
+            activation="tanh",
+            solver="lbfgs",
+            alpha=alpha,
+            max_iter=1000,
+            random_state=seed,
+        )
+        return make_pipeline(StandardScaler(), mlp)
+
+    orders = [(n, a) for n in (2, 3) for a in (1e-4, 1e-3)]
+    return {
+        f"lags {lags[0]}, {lags[1]} from scan_orders, linear": [
+            RecursivePredictor(make_pipeline(StandardScaler(), LinearRegression()), lags[1], lags[0])
+        ],
+        "5 lags, 8 nodes, one step": [RecursivePredictor(net(s), 5, 5) for s in range(3)],
+        "5 lags, 8 nodes, shooting": [RecursivePredictor(net(s), 5, 5, loss="shooting") for s in range(3)],
+        "state space, 2 states, linear": [StateSpaceRegressor(2, n_initial=FIRST)],
+        "state space, 8 nodes": [
+            StateSpaceRegressor(n, hidden_layer_sizes=(8,), alpha=a, n_initial=FIRST, random_state=0) for n, a in orders
+        ],
+        "GRU, 16 units": [RecurrentRegressor(n_initial=FIRST, max_epochs=300, batch_size=4, random_state=0)],
+    }
+
+
+def free_run_rmse(model, u, y):
+    """From the first FIRST rows."""
+    n = model.n_initial_
+    try:
+        free = model.predict(u[FIRST - n :], y0=y[FIRST - n : FIRST])
+    except SimulationDiverged:
+        return np.inf
+    return float(np.sqrt(np.mean((free[n:] - y[FIRST:]) ** 2)))
+
+
+def main(names):
+    for name in names:
+        u, y, u1, y1, unit, gain = {"tanks": tanks, "silverbox": silverbox}[name]()
+        cut = 2 * len(u) // 3
+        print(f"\n{name}\n\n| model | s | train / {unit} | test / {unit} |\n|---|---|---|---|")
+        for label, candidates in models(u, y).items():
+            start = time.perf_counter()
+            best = candidates[0]
+            if len(candidates) > 1:
+                held = [free_run_rmse(model.fit(u[:cut], y[:cut]), u[cut:], y[cut:]) for model in candidates]
+                best = candidates[int(np.argmin(held))]
+            best.fit(u, y)
+            seconds = time.perf_counter() - start
+            train, test = (gain * free_run_rmse(best, *pair) for pair in ((u, y), (u1, y1)))
+            print(f"| {label} | {seconds:.1f} | {train:.3g} | {test:.3g} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or ["tanks", "silverbox"])
