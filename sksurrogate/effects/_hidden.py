@@ -9,7 +9,6 @@ import numpy as np
 
 from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
 from sksurrogate.effects._smooth import TINY, follow, magnitude
-from sksurrogate.physics._simulator import Plant
 
 __all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
 
@@ -170,11 +169,6 @@ class HiddenMode(HiddenEffect):
     signature = "ringing at one frequency after fast changes"
     twins = ("hidden_relaxation", "periodic_disturbance", "linear_loss", "parameter_error")
     linear = True
-
-    @classmethod
-    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """The other states: a part hangs on a place and acts on the balance of the speed."""
-        return tuple(name for name in plant.states if name != location)
 
     def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
         """``z(0) = v(0), z'(0) = 0``."""

@@ -28,19 +28,40 @@ def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def _profile(
-    G: np.ndarray, logdet: float, precision: np.ndarray, pull: np.ndarray, theta: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Log likelihood at the best parameters to first order, that step, and the normal matrix."""
+    G: np.ndarray,
+    logdet: float,
+    precision: np.ndarray,
+    pull: np.ndarray,
+    theta: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+) -> float:
+    """Log likelihood at the best parameters within bounds, to first order."""
     base = -0.5 * (G[0, 0] + logdet) - 0.5 * float(np.sum(precision * theta**2))
     if len(G) == 1:
-        return base, np.zeros(0), np.zeros((0, 0))
+        return base
     H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
     scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
     normal, right = H / np.outer(scale, scale), g / scale
     if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
-        return -np.inf, np.zeros(len(g)), H
-    step = np.linalg.lstsq(normal, right, rcond=1e-10)[0] / scale
-    return base + 0.5 * float(g @ step), step, H
+        return -np.inf
+    step = _bounded(normal, right, (bounds[0] - theta) * scale, (bounds[1] - theta) * scale)
+    return base + float(right @ step) - 0.5 * float(step @ normal @ step)
+
+
+def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Solve ``normal step = right``; components that leave their bounds are held there and the others solved again."""
+    step, free = np.zeros(len(right)), np.ones(len(right), bool)
+    for _ in range(len(right)):
+        if not free.any():
+            break
+        pushed = right[free] - normal[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], pushed, rcond=1e-10)[0]
+        outside = free & ((step < low) | (step > high))
+        if not outside.any():
+            break
+        step[outside] = np.clip(step, low, high)[outside]
+        free &= ~outside
+    return step
 
 
 def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> float:
@@ -50,6 +71,7 @@ def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) ->
     if not np.all(np.isfinite(J)):
         return best
     D = problem.disturbance(rival)
+    bounds = problem.bounds(rival.effects)
     for noise in noises:
         try:
             G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), noise)
@@ -57,7 +79,7 @@ def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) ->
             continue
         if not np.all(np.isfinite(G)):
             continue
-        value = _profile(G, logdet, precision, pull, rival.fit.theta)[0]
+        value = _profile(G, logdet, precision, pull, rival.fit.theta, bounds)
         best = max(best, value)
     return best
 

@@ -180,7 +180,12 @@ def _scores(
 
 
 def screen(
-    problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None
+    problem: Problem,
+    candidates: Sequence[BaseEffect],
+    base: Rival,
+    x: np.ndarray,
+    noise: Noise | None,
+    shape: tuple[float, ...] = (),
 ) -> list[Start]:
     """Score every candidate, added to a base, at all its starting values.
 
@@ -194,6 +199,8 @@ def screen(
         Trajectory near the measured one, to start the smoother.
     noise : Noise, optional
         Noise with forces for the second score.
+    shape : tuple of float, default=()
+        Second and further parameters, where they are known, instead of those of the starting values.
 
     Returns
     -------
@@ -201,16 +208,23 @@ def screen(
         One for each candidate and starting value.
     """
     with np.errstate(all="ignore"):
-        return _screen(problem, candidates, base, x, noise)
+        return _screen(problem, candidates, base, x, noise, shape)
 
 
 def _screen(
-    problem: Problem, candidates: Sequence[BaseEffect], base: Rival, x: np.ndarray, noise: Noise | None
+    problem: Problem,
+    candidates: Sequence[BaseEffect],
+    base: Rival,
+    x: np.ndarray,
+    noise: Noise | None,
+    shape: tuple[float, ...],
 ) -> list[Start]:
     s = _Screener(problem, base, x)
     taken, values, columns, paths = [], [], [], []
     for effect in candidates:
         starts = effect.starts(probe_of(problem, effect, s.smoothed.x, problem.rate))
+        if shape:
+            starts = list(dict.fromkeys((start[0], *shape) for start in starts))
         if not starts:
             continue
         theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T

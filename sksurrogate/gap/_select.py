@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from joblib import Parallel, delayed
 
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
-from sksurrogate.gap._fits import best_starts, distinct, fit_added, fit_chunk, mean_start, numerics_matter, open_null
-from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._screen import Start, screen
+from sksurrogate.gap._expand import Expander
+from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
+from sksurrogate.gap._problem import Rival
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["EQUAL", "Search"]
@@ -25,8 +23,6 @@ SMALLEST_SHARE = 1e-3
 FAR = 5.0
 #: Sets of effects that are kept beside the best one, far from the data.
 RUNNERS = 3
-#: Numerics of the search; what it finds is polished with finer ones.
-SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
 #: Forms that contain a simpler one; it is named where the richer form removes hardly more of the gap's power.
 NESTED = {
     "stribeck_friction": ("coulomb_friction",),
@@ -50,41 +46,23 @@ MOST_EFFECTS = 4
 
 
 @dataclass
-class Search:
+class Search(Expander):
     """Forward and backward search over sets of effects.
 
     Attributes
     ----------
-    problem : Problem
-    candidates : list of BaseEffect
-    x : ndarray (n_states, n_samples)
-        Smoothed nominal trajectory.
-    n_jobs : int or None
-    report : callable (message) -> None
-        Progress.
     null, final : Rival or None
         Filled as the search goes on, so that an interrupt leaves what is known.
-    fitted : dict
-        Every rival fitted so far, by its keys.
+    first_round : list of Rival
+        Single effects, best first.
     """
 
-    problem: Problem
-    candidates: list[BaseEffect]
-    x: np.ndarray
-    n_jobs: int | None = None
-    report: Callable[[str], None] = lambda message: None
     null: Rival | None = None
     final: Rival | None = None
-    fitted: dict = field(default_factory=dict)
     first_round: list[Rival] = field(default_factory=list)
-    first_screen: list[Start] = field(default_factory=list)
     runners: list[Rival] = field(default_factory=list)
     richer: dict = field(default_factory=dict)
     nominal_left: float = float("nan")
-
-    @property
-    def n_values(self) -> int:
-        return self.problem.record.y.size
 
     def bar(self, k: int) -> float:
         return bar(k, len(self.candidates), self.n_values)
@@ -144,7 +122,7 @@ class Search:
     def run(self) -> Rival:
         """The whole search; returns the final rival (the null where nothing passes)."""
         null = self.null or self.fit_null()
-        self.first_round = self.ranked(self.expand(null, 16, 6), null)
+        self.first_round = self.ranked(self.expand(null, 16, 6, siblings=True), null)
         if not self.first_round:
             return null
         best = self.simplify(self.best_polished(self.first_round))
@@ -168,7 +146,7 @@ class Search:
     def one_more(self, best: Rival, passed: bool) -> Rival | None:
         """The best rival with one effect more, None where it does not pass."""
         self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
-        trial = self.ranked(self.expand(best, 8, 4), best)
+        trial = self.ranked(self.expand(best, 8, 4, siblings=True), best)
         if trial and not self.passes(trial[0], best, passed):
             if passed and left(best) < 1.5:
                 return None
@@ -261,72 +239,6 @@ class Search:
         return base
 
     # ---- steps ------------------------------------------------------------------------------------------------------
-    def at(self, rival: Rival) -> Problem:
-        """The problem with the numerics of a rival."""
-        return replace(self.problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
-
-    def searching(self, base: Rival) -> Problem:
-        """The problem with the numerics of a base, but no finer than the search needs."""
-        n_sub = min(base.model.n_sub, max(SEARCH_SUBSTEPS, self.problem.n_sub))
-        return replace(self.problem, n_sub=n_sub, sharpness=min(base.model.sharpness, SEARCH_SHARPNESS))
-
-    def expand(
-        self, base: Rival, n_white: int, n_forced: int, among: Sequence[BaseEffect] | None = None
-    ) -> list[Rival]:
-        """Fit the candidates that the screen puts first, added to a base."""
-        problem = self.searching(base)
-        taken = set(base.keys)
-        candidates = [e for e in (self.candidates if among is None else among) if e.key not in taken]
-        n = len(self.problem.plant.states)
-        x = self.x if not base.effects else base.fit.x[:n]
-        guess = np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
-        if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
-            base = Rival(
-                base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
-            )
-        starts = self.screened(problem, candidates, base, guess, among is None)
-        chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
-        self.report(f"fitting {len(chosen)} rivals")
-        again = [] if base.effects else [rival for c in chosen if (rival := self.known(problem, c)) is not None]
-        have = {rival.keys for rival in again}
-        rivals = again + self.fit_all(problem, base, [c for c in chosen if (c[0].effect.key,) not in have])
-        for rival in rivals:
-            known = self.fitted.get(frozenset(rival.keys))
-            if known is None or rival.fit.cost < known.fit.cost:
-                self.fitted[frozenset(rival.keys)] = rival
-        return rivals
-
-    def screened(
-        self, problem: Problem, candidates: Sequence[BaseEffect], base: Rival, guess: np.ndarray, whole: bool
-    ) -> list[Start]:
-        """The screen of a base; that of the null is made once."""
-        if base.effects or not whole:
-            return screen(problem, candidates, base, guess, base.noise)
-        if not self.first_screen:
-            self.first_screen = screen(problem, candidates, base, guess, base.noise)
-        return self.first_screen
-
-    def known(self, problem: Problem, starts: list[Start]) -> Rival | None:
-        """A single effect that was fitted before with the same numerics."""
-        rival = self.fitted.get(frozenset([starts[0].effect.key]))
-        same = rival is not None and (rival.model.n_sub, rival.model.sharpness) == (problem.n_sub, problem.sharpness)
-        return rival if same else None
-
-    def fit_all(self, problem: Problem, base: Rival, chosen: Sequence[list[Start]]) -> list[Rival]:
-        """Fit rivals, best first; in worker processes where asked."""
-        if self.n_jobs is None or self.n_jobs == 1:
-            out, best = [], base.fit.cost
-            for starts in chosen:
-                rival = fit_added(problem, base, starts, best)
-                if rival is not None:
-                    out.append(rival)
-                    best = min(best, rival.fit.cost)
-            return out
-        n = max(1, len(chosen) // 8)
-        chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
-        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk) for chunk in chunks)
-        return [rival for part in parts for rival in part if rival is not None]
-
     def ranked(self, rivals: Iterable[Rival], base: Rival) -> list[Rival]:
         """Rivals by penalised likelihood, the best under their own noise, the others by a quick look."""
         rivals = list(rivals)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap._evidence import quick_likelihood
+from sksurrogate.gap._evidence import estimate_noise, quick_likelihood
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment, Table
 from sksurrogate.gap._select import EQUAL, Search
@@ -17,6 +17,8 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["Slot", "equivalents", "next_experiment"]
 
+#: Rivals further than this under the final noise are not judged under their own; nor are more than this many.
+NEAR, MOST_JUDGED = 40.0, 8
 #: Initial states are pushed by this share of their size for sensitivities.
 PUSH = 1e-4
 #: Outputs closer than this share of the noise are the same prediction.
@@ -59,7 +61,7 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     coarse, fine = search.searching(base), search.at(final)
     own = final.effects[i].key
     level = quick_likelihood(fine, final, [final.noise])
-    rivals = search.expand(base, 8, 2) if search.is_far(final) else search.expand(base, 24, 10)
+    rivals = search.expand(base, 8, 2) if search.is_far(final) else search.expand(base, 24, 10, siblings=True)
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
     same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
     reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
@@ -70,10 +72,8 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
         if not same_numerics:
             again = fine.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, max_steps=8, settled=True)
             rival = again or rival
-        value = quick_likelihood(fine, rival, [final.noise])
-        if 2.0 * (level - value) <= EQUAL:
-            found.append((value, rival))
-    found.sort(key=lambda item: -item[0])
+        found.append((quick_likelihood(fine, rival, [final.noise]), rival))
+    found = _with_own_noise(fine, final, level, found)
     sd = final.noise.sigma[:, None]
     twins, identical = [], []
     size = len(final.effects[i].parameters)
@@ -85,6 +85,23 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
             twins.append(rival)
             identical.append(same)
     return Slot(i, twins, identical)
+
+
+def _with_own_noise(
+    problem: Problem, final: Rival, level: float, found: list[tuple[float, Rival]]
+) -> list[tuple[float, Rival]]:
+    """The rivals within :data:`EQUAL`, best first; near ones are judged under their own noise, as the final rival is."""
+    assert final.noise is not None
+    found.sort(key=lambda item: -item[0])
+    judged = []
+    for rank, (value, rival) in enumerate(found):
+        missing = 2.0 * (level - value)
+        if EQUAL < missing <= NEAR and rank < MOST_JUDGED:
+            estimate_noise(problem, rival, final.noise, final.curvature, max_iterations=8)
+            value = max(value, rival.log_likelihood)
+        if 2.0 * (level - value) <= EQUAL:
+            judged.append((value, rival))
+    return sorted(judged, key=lambda item: -item[0])
 
 
 @dataclass(frozen=True, eq=False)

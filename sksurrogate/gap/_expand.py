@@ -1,0 +1,149 @@
+"""Rivals with one effect more than a base: the screen orders them, the best are fitted, in worker processes where asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._screen import Start, screen
+
+__all__ = ["Expander"]
+
+#: Numerics of the search; what it finds is polished with finer ones.
+SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
+#: Other places and variables of the nearest effect that are fitted from its shape.
+MOST_SIBLINGS = 8
+
+
+@dataclass
+class Expander:
+    """Fits candidates added to a base, and remembers every fit.
+
+    Attributes
+    ----------
+    problem : Problem
+    candidates : list of BaseEffect
+    x : ndarray (n_states, n_samples)
+        Smoothed nominal trajectory.
+    n_jobs : int or None
+    report : callable (message) -> None
+        Progress.
+    fitted : dict
+        Every rival fitted so far, by its keys.
+    first_screen : list of Start
+        What the screen expects of single effects.
+    """
+
+    problem: Problem
+    candidates: list[BaseEffect]
+    x: np.ndarray
+    n_jobs: int | None = None
+    report: Callable[[str], None] = lambda message: None
+    fitted: dict = field(default_factory=dict)
+    first_screen: list[Start] = field(default_factory=list)
+
+    @property
+    def n_values(self) -> int:
+        return self.problem.record.y.size
+
+    def at(self, rival: Rival) -> Problem:
+        """The problem with the numerics of a rival."""
+        return replace(self.problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+
+    def searching(self, base: Rival) -> Problem:
+        """The problem with the numerics of a base, but no finer than the search needs."""
+        n_sub = min(base.model.n_sub, max(SEARCH_SUBSTEPS, self.problem.n_sub))
+        return replace(self.problem, n_sub=n_sub, sharpness=min(base.model.sharpness, SEARCH_SHARPNESS))
+
+    def expand(
+        self,
+        base: Rival,
+        n_white: int,
+        n_forced: int,
+        among: Sequence[BaseEffect] | None = None,
+        siblings: bool = False,
+    ) -> list[Rival]:
+        """Fit the candidates that the screen puts first, added to a base; with the siblings of the best."""
+        problem = self.searching(base)
+        taken = set(base.keys)
+        candidates = [e for e in (self.candidates if among is None else among) if e.key not in taken]
+        guess = self.guess(base)
+        if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
+            base = Rival(
+                base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
+            )
+        starts = self.screened(problem, candidates, base, guess, among is None)
+        chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
+        self.report(f"fitting {len(chosen)} rivals")
+        again = [] if base.effects else [rival for c in chosen if (rival := self.known(problem, c)) is not None]
+        have = {rival.keys for rival in again}
+        rivals = again + self.fit_all(problem, base, [c for c in chosen if (c[0].effect.key,) not in have])
+        self.remember(rivals)
+        return rivals + self.siblings(rivals, base) if siblings and rivals else rivals
+
+    def guess(self, base: Rival) -> np.ndarray:
+        """Trajectory to start the smoother from: measured where nothing was added, with the hidden states of the base."""
+        n = len(self.problem.plant.states)
+        x = self.x if not base.effects else base.fit.x[:n]
+        return np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
+
+    def remember(self, rivals: Sequence[Rival]) -> None:
+        """Keep the best fit of every set of effects."""
+        for rival in rivals:
+            known = self.fitted.get(frozenset(rival.keys))
+            if known is None or rival.fit.cost < known.fit.cost:
+                self.fitted[frozenset(rival.keys)] = rival
+
+    def siblings(self, rivals: Sequence[Rival], base: Rival) -> list[Rival]:
+        """The nearest rival's effect at other places and in other variables, from its shape.
+
+        A memory that fits in one place is found again in another, where the screen's starting values may be too far off.
+        """
+        nearest = min(rivals, key=lambda rival: rival.fit.cost)
+        effect, theta = nearest.effects[-1], nearest.theta_of(len(nearest.effects) - 1)
+        have = {*base.keys, *(rival.effects[-1].key for rival in rivals)}
+        others = [e for e in self.candidates if e.name == effect.name and e.key not in have]
+        if len(theta) < 2 or not others:
+            return []
+        problem = self.searching(base)
+        starts = screen(problem, others, base, self.guess(base), None, tuple(float(v) for v in theta[1:]))
+        found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values))
+        self.remember(found)
+        return found
+
+    def screened(
+        self, problem: Problem, candidates: Sequence[BaseEffect], base: Rival, guess: np.ndarray, whole: bool
+    ) -> list[Start]:
+        """The screen of a base; that of the null is made once."""
+        if base.effects or not whole:
+            return screen(problem, candidates, base, guess, base.noise)
+        if not self.first_screen:
+            self.first_screen = screen(problem, candidates, base, guess, base.noise)
+        return self.first_screen
+
+    def known(self, problem: Problem, starts: list[Start]) -> Rival | None:
+        """A single effect that was fitted before with the same numerics."""
+        rival = self.fitted.get(frozenset([starts[0].effect.key]))
+        same = rival is not None and (rival.model.n_sub, rival.model.sharpness) == (problem.n_sub, problem.sharpness)
+        return rival if same else None
+
+    def fit_all(self, problem: Problem, base: Rival, chosen: Sequence[list[Start]]) -> list[Rival]:
+        """Fit rivals, best first; in worker processes where asked."""
+        if self.n_jobs is None or self.n_jobs == 1:
+            out, best = [], base.fit.cost
+            for starts in chosen:
+                rival = fit_added(problem, base, starts, best)
+                if rival is not None:
+                    out.append(rival)
+                    best = min(best, rival.fit.cost)
+            return out
+        n = max(1, len(chosen) // 8)
+        chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
+        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk) for chunk in chunks)
+        return [rival for part in parts for rival in part if rival is not None]
