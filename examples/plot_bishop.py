@@ -5,7 +5,7 @@ How well can five tanh nodes draw a parabola, a corner, a wave and a step?
 Bishop's experiment (section 3.5 of Lie, *Surrogate and Hybrid Models for Control*, SIMS 2019): one hidden layer of five
 tanh nodes and a linear output, 50 points in [-1, 1]. Adam, as in the paper, leaves errors that the eye can see; Bishop's
 remark that quasi-Newton does far better holds, and least squares proper (Levenberg-Marquardt, the output layer eliminated)
-goes further still, in a hundredth of the time.
+goes further still, in a small part of Adam's time.
 """
 
 import time
@@ -30,23 +30,24 @@ solvers = {
     "L-BFGS": FNNRegressor(solver="lbfgs", random_state=0),
     "least squares": FNNRegressor(random_state=0),
 }
-colors = {"Adam, 1000 epochs": "tab:gray", "L-BFGS": "tab:blue", "least squares": "tab:red"}
+colors = {"Adam, 1000 epochs": "#8a8a8a", "L-BFGS": "#0072b2", "least squares": "#d55e00"}
+styles = {"Adam, 1000 epochs": "-", "L-BFGS": "--", "least squares": ":"}
 
 figure, axes = plt.subplots(2, 4, figsize=(13, 6), sharex=True, constrained_layout=True)
 for (title, y), above, below in zip(functions.items(), *axes):
-    above.plot(x, y, "o", color="tab:orange", markersize=3, label="data")
+    above.plot(x, y, "o", color="#56b4e9", markersize=4, label="data")
     for name, model in solvers.items():
         begun = time.perf_counter()
         model.fit(x, y)
         seconds = time.perf_counter() - begun
         error = np.mean((model.predict(x) - y) ** 2)
         print(f"{title:16} {name:18} {1e3 * seconds:7.1f} ms   mean squared error {error:.1e}")
-        above.plot(fine, model.predict(fine), color=colors[name], linewidth=1.2, label=name)
+        above.plot(fine, model.predict(fine), styles[name], color=colors[name], linewidth=1.6, label=name)
         below.semilogy(x, np.abs(model.predict(x) - y) + 1e-17, ".-", color=colors[name], linewidth=0.8)
     above.set_title(title)
     below.set_ylim(1e-17, 10)
-    below.set_xlabel("x")
-axes[0, 0].set_ylabel("y")
-axes[1, 0].set_ylabel("error at the data")
+    below.set_xlabel("x / 1")
+axes[0, 0].set_ylabel("y / 1")
+axes[1, 0].set_ylabel("absolute error at the data / 1")
 figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
 plt.show()

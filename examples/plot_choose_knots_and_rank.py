@@ -15,6 +15,7 @@ from sklearn.pipeline import Pipeline
 from sksurrogate.features import SplineFeatures
 from sksurrogate.linear import PCRRegressor
 
+plt.style.use("tableau-colorblind10")
 rng = np.random.default_rng(1)
 
 
@@ -53,9 +54,9 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained"
 line = np.linspace(-3, 3, 400)
 left.plot(x_train, y_train, ".", color="0.7", label="training and validation")
 left.plot(x_grade, y_grade, ".", color="C1", label="grading")
-left.plot(line, truth(line), "k--", lw=1, label="truth")
+left.plot(line, truth(line), "k--", lw=1.5, label="truth")
 left.plot(line, search.predict(line[:, None]), "C0", label="chosen model")
-left.set(xlabel="x", ylabel="y", title=f"{best['splines__n_knots']} knots, degree {best['splines__degree']}")
+left.set(xlabel="x / 1", ylabel="y / 1", title=f"{best['splines__n_knots']} knots, degree {best['splines__degree']}")
 left.legend()
 for n_knots in grid["splines__n_knots"]:
     row = (found["param_splines__n_knots"] == n_knots) & (found["param_splines__degree"] == best["splines__degree"])
@@ -64,6 +65,6 @@ for n_knots in grid["splines__n_knots"]:
     right.plot(ranks[real], error[real], "o-", label=f"{n_knots} knots")
 right.plot(np.sqrt(gcv.gcv_scores_), "k--", label="generalised cross-validation")
 right.axhline(0.2, color="k", ls=":", lw=1, label="noise")
-right.set(xlabel="practical rank r", ylabel="root mean squared error", title="Validation", ylim=(0.15, 0.5))
+right.set(xlabel="practical rank r", ylabel="root mean squared error / 1", title="Validation", ylim=(0.15, 0.5))
 right.legend()
 plt.show()

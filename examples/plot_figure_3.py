@@ -15,15 +15,16 @@ X, y, groups, dydt = make_reactor_experiments()
 t = 0.02 * np.arange(100)
 runs, slopes = unstack_runs(y, groups), unstack_runs(dydt, groups)
 
+colours = plt.cm.viridis(np.linspace(0.0, 0.9, 8))  # in the order of y(0)
 figure, axes = plt.subplots(3, 1, figsize=(8, 8), sharex=True, constrained_layout=True)
 axes[0].step(t, X[:100, 0], where="post", color="#000000")
-axes[0].set(ylabel="u", title="One input, eight initial states")
-for run, slope in zip(runs, slopes):
-    axes[1].plot(t, run, lw=1.5, label=f"y(0) = {run[0]:g}")
-    axes[2].step(t, slope, where="post", lw=1)
-axes[1].set(ylabel="y")
+axes[0].set(ylabel="temperature u / 1", title="One input, eight initial states")
+for run, slope, colour in zip(runs, slopes, colours):
+    axes[1].plot(t, run, lw=1.5, color=colour, label=f"y(0) = {run[0]:g}")
+    axes[2].step(t, slope, where="post", lw=1, color=colour)
+axes[1].set(ylabel="concentration y / 1")
 axes[1].legend(ncols=4, fontsize=8, frameon=False)
-axes[2].set(ylabel="dy/dt", xlabel="time", yscale="symlog")
+axes[2].set(ylabel="dy/dt / 1", xlabel="time / 1", yscale="symlog")
 
 # %%
 # The derivatives are those of the outputs, and every start is forgotten before the end.

@@ -47,6 +47,7 @@ models = {
     "fitted on y(0) = 15 alone": DerivativeRegressor(network(), 0.02).fit(X[alone], y[alone], dydt[alone]),
     "fitted on all runs": DerivativeRegressor(network(), 0.02).fit(X, y, dydt, groups=groups),
 }
+colours = plt.cm.viridis(np.linspace(0.0, 0.9, 8))  # in the order of y(0)
 figure, axes = plt.subplots(1, 2, figsize=(11, 4.5), sharey=True, constrained_layout=True)
 fits = {}
 for ax, (name, model) in zip(axes, models.items()):
@@ -54,12 +55,12 @@ for ax, (name, model) in zip(axes, models.items()):
     for r in range(8):
         free, fit = fit_of_run(model, r)
         fits[name].append(fit)
-        colour = f"C{r}"
+        colour = colours[r]
         ax.plot(t, y[groups == r], color=colour, lw=1.5)
         ax.plot(t, free, ":", color=colour, lw=2)
-    ax.set(title=name, xlabel="time", ylim=(-1, 16))
+    ax.set(title=name, xlabel="time / 1", ylim=(-1, 16))
     print(name, "- fit per cent of the free runs:", np.round(fits[name], 1))
-axes[0].set_ylabel("y (solid: plant, dotted: model)")
+axes[0].set_ylabel("y / 1 (solid: plant, dotted: model)")
 
 # %%
 # The paper's statement: poor elsewhere; and its remedy: all runs.

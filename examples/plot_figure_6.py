@@ -46,13 +46,14 @@ panels = {
     "ad hoc recursion": middle.predict(X, y0=first, groups=groups),
     "beyond the paper: trained by shooting": shot.predict(X, y0=first, groups=groups),
 }
+colours = plt.cm.viridis(np.linspace(0.0, 0.9, 8))  # in the order of y(0)
 figure, axes = plt.subplots(1, 3, figsize=(13, 4.5), sharey=True, constrained_layout=True)
 for ax, (name, found) in zip(axes, panels.items()):
     for r in range(8):
-        ax.plot(0.02 * np.arange(100), plant[groups == r], color=f"C{r}", lw=1.5)
-        ax.plot(0.02 * np.arange(100), found[groups == r], ":", color=f"C{r}", lw=2)
-    ax.set(title=f"{name}\nRMSE {rmse(found):.2f}", xlabel="time", ylim=(0, 15.5))
-axes[0].set_ylabel("y (solid: plant, dotted: model)")
+        ax.plot(0.02 * np.arange(100), plant[groups == r], color=colours[r], lw=1.5)
+        ax.plot(0.02 * np.arange(100), found[groups == r], ":", color=colours[r], lw=2)
+    ax.set(title=f"{name}\nRMSE {rmse(found):.2f}", xlabel="time / 1", ylim=(0, 15.5))
+axes[0].set_ylabel("y / 1 (solid: plant, dotted: model)")
 
 # %%
 # One step ahead the model is within the noise that it was given (R2 0.95 and more); in recursion its error is of the

@@ -55,13 +55,14 @@ panels = {
     "five lags, recursion": free_run(models[5]),
     "beyond the paper: recurrent network": free_run(gru),
 }
+colours = plt.cm.viridis(np.linspace(0.0, 0.9, 8))  # in the order of y(0)
 figure, axes = plt.subplots(1, 3, figsize=(13, 4.5), sharey=True, constrained_layout=True)
 for ax, (name, found) in zip(axes, panels.items()):
     for r in range(8):
-        ax.plot(0.02 * np.arange(100), plant[groups == r], color=f"C{r}", lw=1.5)
-        ax.plot(0.02 * np.arange(100), found[groups == r], ":", color=f"C{r}", lw=2)
-    ax.set(title=f"{name}\nRMSE {rmse(found):.2f}", xlabel="time", ylim=(0, 15.5))
-axes[0].set_ylabel("y (solid: plant, dotted: model)")
+        ax.plot(0.02 * np.arange(100), plant[groups == r], color=colours[r], lw=1.5)
+        ax.plot(0.02 * np.arange(100), found[groups == r], ":", color=colours[r], lw=2)
+    ax.set(title=f"{name}\nRMSE {rmse(found):.2f}", xlabel="time / 1", ylim=(0, 15.5))
+axes[0].set_ylabel("y / 1 (solid: plant, dotted: model)")
 
 # %%
 # Five lags average the noise out of the past; the middle one of seven starts is decent in recursion. The recurrent

@@ -18,6 +18,7 @@ from sksurrogate.datasets import linear_reactor, make_reactor_runs
 N_SAMPLES, NOISE, N_NEW = 150, 0.02, 12
 SIZES, DRAWS = (1, 2, 4, 8), 3
 simulator = linear_reactor(u0=0.15)
+plt.style.use("tableau-colorblind10")
 
 
 def first_rows(y, groups, n):
@@ -55,6 +56,8 @@ print(f"medians of {DRAWS} draws; the last fit took {seconds:.1f} s")
 
 # %%
 # One unseen run in which the simulator is far off, as in the paper's picture.
+# On the right, what the table says: data do not help the simulator; from two runs on, hybrid and surrogate alone are both far
+# below it, and on this plant of one state neither needs fewer runs than the other.
 run = int(np.argmax([np.std((alone - new_y)[new == k]) for k in range(N_NEW)]))
 rows = new == run
 t = simulator.dt * np.arange(N_SAMPLES)
@@ -65,12 +68,12 @@ left.plot(t, new_y[rows], color="0.6", lw=4, label="plant, Eq. (9)")
 left.plot(t, alone[rows], "--", color="C1", label="(a) simulator alone")
 left.plot(t, mean, color="C0", lw=1.2, label="(c) hybrid, 8 runs")
 left.fill_between(t, mean - 2 * std, mean + 2 * std, color="C0", alpha=0.25, lw=0)
-left.set(xlabel="time", ylabel="y", title=f"An unseen run (number {run})")
+left.set(xlabel="time / 1", ylabel="concentration y / 1", title=f"An unseen run (number {run})")
 left.legend(frameon=False)
 right.axhline(gap, color="C1", ls="--", label="(a) simulator alone")
-right.plot(SIZES, errors["(b) surrogate alone"], "s-", color="C2", label="(b) surrogate alone")
+right.plot(SIZES, errors["(b) surrogate alone"], "s-", color="#000000", label="(b) surrogate alone")
 right.plot(SIZES, errors["(c) hybrid"], "o-", color="C0", label="(c) hybrid")
-right.set(xscale="log", yscale="log", xlabel="training runs of 150 samples", ylabel="RMSE above noise, unseen runs")
+right.set(xscale="log", yscale="log", xlabel="training runs of 150 samples", ylabel="RMSE above noise, unseen runs / 1")
 right.set_xticks(SIZES, [str(size) for size in SIZES])
 right.minorticks_off()
 right.legend(frameon=False)

@@ -32,8 +32,8 @@ models = {
     "3 free Gaussians": NonlinearBasisRegressor("gaussian", n_basis=3, n_starts=12, random_state=0),
 }
 figure, (curves, errors, starts) = plt.subplots(3, 1, figsize=(8, 9), constrained_layout=True)
-curves.plot(x, y, ".", color="tab:orange", markersize=4, label="data")
-for color, (name, model) in zip(("tab:gray", "tab:red", "tab:blue"), models.items()):
+curves.plot(x, y, ".", color="#56b4e9", markersize=4, label="data")
+for color, (name, model) in zip(("#8a8a8a", "#d55e00", "#0072b2"), models.items()):
     miss = model.fit(x, y).predict(fine) - front(fine)
     print(f"{name:20} root mean squared distance from the truth {np.sqrt(np.mean(miss**2)):.3f}")
     curves.plot(fine, model.predict(fine), color=color, linewidth=1.2, label=name)
@@ -41,11 +41,12 @@ for color, (name, model) in zip(("tab:gray", "tab:red", "tab:blue"), models.item
     if isinstance(model, NonlinearBasisRegressor):
         starts.semilogy(np.sort(model.start_losses_), "o-", color=color, label=name)
 for knot in models["6 free knots"].knots_[0]:
-    errors.axvline(knot, color="tab:red", linewidth=0.6, linestyle=":")
+    errors.axvline(knot, color="#d55e00", linewidth=0.6, linestyle=":")
+curves.set_ylabel("y / 1")
 curves.legend(frameon=False)
-errors.set_ylabel("distance from the truth")
-errors.set_xlabel("x (dotted: free knots)")
-starts.set_ylabel("mean squared error")
+errors.set_ylabel("distance from the truth / 1")
+errors.set_xlabel("x / 1 (dotted: free knots)")
+starts.set_ylabel("mean squared error / 1")
 starts.set_xlabel("start, best first (after 60 steps)")
 starts.legend(frameon=False)
 plt.show()

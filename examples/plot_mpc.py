@@ -22,6 +22,7 @@ except MissingExtraError as error:
     print(f"Skipped: {error}")
     raise SystemExit(0) from None
 
+plt.style.use("tableau-colorblind10")
 HORIZON, N_STEPS, LOW, HIGH = 20, 150, 0.05, 0.25
 X, y, groups = make_reactor_runs(8, 150, noise=0.02, random_state=0)
 hybrid = HybridRegressor(linear_reactor(), n_lags=2, fade=float("inf")).fit(X, y, groups=groups)
@@ -88,8 +89,8 @@ t = plant.dt * np.arange(N_STEPS)
 figure, (top, bottom) = plt.subplots(2, 1, sharex=True, figsize=(8, 4.5), layout="constrained")
 top.step(t, targets, "--", color="0.5", where="post", label="target")
 top.plot(t, levels, color="C0", label="plant")
-top.set(ylabel="y", title="The paper's plant under a controller that knows a hybrid surrogate")
+top.set(ylabel="concentration y / 1", title="The paper's plant under a controller that knows a hybrid surrogate")
 top.legend(frameon=False)
 bottom.step(t, moves_made, color="C1", where="post")
-bottom.set(xlabel="time", ylabel="u", ylim=(LOW - 0.01, HIGH + 0.01))
+bottom.set(xlabel="time / 1", ylabel="temperature u / 1", ylim=(LOW - 0.01, HIGH + 0.01))
 plt.show()

@@ -3,7 +3,7 @@ What does each addition to least squares do?
 ============================================
 
 Section 2.3 of the paper on one data set: a rising curve, few and noisy data with a hole, and more splines than the data can
-carry. Each panel adds one thing to the squared error (dashed: the truth).
+carry. Each panel adds one thing to the squared error.
 """
 
 import matplotlib.pyplot as plt
@@ -55,10 +55,12 @@ figure, panels = plt.subplots(3, 3, figsize=(10, 8), sharex=True, sharey=True, l
 errors = {}
 for axes, (name, model) in zip(panels.flat, models.items()):
     errors[name] = float(np.sqrt(np.mean((model.predict(line) - truth(line[:, 0])) ** 2)))
-    axes.plot(x, y, ".", color="0.6")
-    axes.plot(line, truth(line), "k--", lw=1)
-    axes.plot(line, model.predict(line), "C0")
-    axes.set(title=name, ylim=(-1.8, 1.8))
+    axes.plot(x, y, ".", color="0.6", label="data")
+    axes.plot(line, truth(line), "k--", lw=1, label="truth")
+    axes.plot(line, model.predict(line), color="#0072b2", label="fit")
+    axes.set(title=name, ylim=(-1.8, 1.8), xlabel="x / 1", ylabel="y / 1")
     axes.text(0.97, 0.05, f"error {errors[name]:.2f}", ha="right", transform=axes.transAxes)
+    axes.label_outer()
     print(f"{name:35} root mean squared distance from the truth {errors[name]:.3f}")
+figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
 plt.show()
