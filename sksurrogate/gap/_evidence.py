@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -87,8 +88,20 @@ def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) ->
 def estimate_noise(
     problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
 ) -> Rival:
-    """Fill in a rival's own noise and its likelihood under it."""
+    """Fill in a rival's own noise and its likelihood under it.
+
+    The noise of another rival is a start; white noise of the size of the residual is the other, taken where it is better:
+    a fit that explains what was coloured before must not start from that colour.
+    """
     r, J, precision, pull = columns(problem, rival)
+    white = replace(
+        start,
+        sigma=np.maximum(np.sqrt(np.mean(r**2, axis=1)), 1e-3 * start.sigma),
+        force=np.minimum(start.force, 1e-3 * problem.force_unit()),
+        coloured=np.minimum(start.coloured, 0.05 * start.sigma),
+    )
+    if quick_likelihood(problem, rival, [white]) > quick_likelihood(problem, rival, [start]):
+        start, curvature = white, None
     D = problem.disturbance(rival)
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
         rival.noise, rival.log_likelihood = start, -np.inf

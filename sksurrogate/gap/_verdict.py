@@ -31,6 +31,9 @@ FORCE = 0.06
 #: of the output's deviation, or below the second and no repeatable law of states and inputs.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
 
+#: Share of a parameter that integrators and the smoothing of kinks may always move.
+NUMERICS = 5e-4
+
 
 @dataclass(frozen=True)
 class Facts:
@@ -141,7 +144,7 @@ def intervals(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray]:
     theta = rival.fit.theta
     spread = np.sqrt(np.maximum(np.diag(covariance(problem, rival)), 0.0))
     numerical = numerical_change(problem, rival)
-    half = np.sqrt((1.645 * spread) ** 2 + numerical**2) + 1e-3 * np.abs(theta)
+    half = np.sqrt((1.645 * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2)
     low, high = problem.bounds(rival.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
 
