@@ -3,7 +3,7 @@ Can a model without memory follow an actuator with hysteresis?
 ==============================================================
 
 A piezo stage: the voltage acts through hysteresis of Bouc and Wen, the simulator is a plain second-order stage. The loop that
-position and voltage draw shows at once what a table of errors hides: the simulator's goes one way for every voltage.
+position and voltage draw shows at once what a table of errors hides: the simulator's is nearly a line, the stage's is open.
 """
 
 import numpy as np
@@ -57,6 +57,6 @@ plt = require("matplotlib.pyplot", "plot")
 figure, ax = plt.subplots(figsize=(6.5, 4.5), constrained_layout=True)
 ax.plot(U[5, :, 0], Y[5, :, 0], color="#8a8a8a", lw=3.5, label="measured")
 ax.plot(U[5, :, 0], simulator.simulate(U[5])[:, 0], color="#d55e00", ls="--", label="simulator")
-ax.plot(U[5, :, 0], diagnoser.augmented_.simulate(U[5])[:, 0], color="black", lw=1.2, label="with the named effects")
+ax.plot(U[5, :, 0], diagnoser.augmented_.simulate(U[5])[:, 0], color="black", lw=1.2, label="with the named effect")
 ax.set(xlabel="voltage / V", ylabel="position / µm", title="A run that took no part in the fit")
 ax.legend(frameon=False)

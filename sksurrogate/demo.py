@@ -24,6 +24,12 @@ class Story:
     ending : str
     closed : float
         Share of the gap above the noise that the augmented simulator or the hybrid closes on unseen runs.
+
+    Examples
+    --------
+    >>> from sksurrogate.demo import story_actuator_and_sensor
+    >>> told = story_actuator_and_sensor()   # doctest: +SKIP
+    >>> print(told.report, told.ending)   # doctest: +SKIP
     """
 
     title: str
@@ -44,6 +50,22 @@ def story_actuator_and_sensor(
     """Plant: Eq. (9) behind an actuator lag and with a sensor offset; simulator: Eq. (9).
 
     The lag is simulated with ten times shorter samples and an exact first-order filter, not with the package's effect.
+
+    Parameters
+    ----------
+    n_runs, n_samples : int
+    noise : float
+        Standard deviation of the sensor's noise, in units of y.
+    lag : float
+        Time constant of the actuator, in units of time.
+    offset : float
+        Of the sensor, in units of y.
+
+    Examples
+    --------
+    >>> from sksurrogate.demo import story_actuator_and_sensor
+    >>> story_actuator_and_sensor().report.verdict   # doctest: +SKIP
+    'explained'
     """
     X, _, groups = make_reactor_runs(n_runs, n_samples, random_state=1)
     fine, rng = 10, np.random.default_rng(2)
@@ -66,7 +88,20 @@ def story_actuator_and_sensor(
 
 
 def story_linearised(n_runs: int = 10, n_samples: int = 200, noise: float = 0.02) -> Story:
-    """The paper's Figure 8: the simulator is the linearisation at u = 0.15; no named effect, but a hybrid model."""
+    """The paper's Figure 8: the simulator is the linearisation at u = 0.15; no named effect, but a hybrid model.
+
+    Parameters
+    ----------
+    n_runs, n_samples : int
+    noise : float
+        Standard deviation of the sensor's noise, in units of y.
+
+    Examples
+    --------
+    >>> from sksurrogate.demo import story_linearised
+    >>> story_linearised().report.verdict   # doctest: +SKIP
+    'unknown'
+    """
     X, y, groups = make_reactor_runs(n_runs, n_samples, noise=noise, random_state=0)
     simulator = linear_reactor()
     report = GapDiagnoser(simulator, random_state=0).fit(X, y, groups=groups).report_

@@ -217,6 +217,15 @@ class CoverageDisplay:
     ----------
     ax_ : matplotlib Axes
     figure_ : matplotlib Figure
+
+    Examples
+    --------
+    >>> from sksurrogate.compose import coverage_report
+    >>> from sksurrogate.datasets import make_reactor_runs
+    >>> from sksurrogate.displays import CoverageDisplay
+    >>> X, y, runs = make_reactor_runs(4, 60, random_state=0)
+    >>> CoverageDisplay(coverage_report(X, y, runs)).plot().ax_   # doctest: +SKIP
+    <Axes: ...>
     """
 
     def __init__(self, report: Any):

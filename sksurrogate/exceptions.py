@@ -27,19 +27,54 @@ __all__ = [
 
 
 class SurrogateError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base of every error that this package raises on purpose.
+
+    Examples
+    --------
+    >>> from sksurrogate import cut_runs
+    >>> from sksurrogate.exceptions import SurrogateError
+    >>> try:
+    ...     cut_runs([0, 0], n_blocks=5)
+    ... except SurrogateError as error:
+    ...     print(type(error).__name__)
+    RunError
+    """
 
 
 class DataError(SurrogateError, ValueError):
-    """The data given do not keep the data convention."""
+    """The data given do not keep the data convention.
+
+    Examples
+    --------
+    >>> from sksurrogate import stack_runs
+    >>> from sksurrogate.exceptions import DataError
+    >>> issubclass(DataError, ValueError)   # as scikit-learn's own
+    True
+    """
 
 
 class RunError(DataError):
-    """A run is in two pieces, too short for the lags asked for, or unknown."""
+    """A run is in two pieces, too short for the lags asked for, or unknown.
+
+    Examples
+    --------
+    >>> from sksurrogate.runs import resolve_runs
+    >>> resolve_runs([[1.0], [2.0], [3.0]], groups=[0, 1, 0])
+    Traceback (most recent call last):
+    sksurrogate.exceptions.RunError: run 0 is in two pieces: ...
+    """
 
 
 class SimulatorError(SurrogateError, ValueError):
-    """A simulator does not keep the protocol of :mod:`sksurrogate.physics`."""
+    """A simulator does not keep the protocol of :mod:`sksurrogate.physics`.
+
+    Examples
+    --------
+    >>> from sksurrogate.gap import GapDiagnoser
+    >>> GapDiagnoser("plant.py").fit(20 * [[1.0]], 20 * [1.0])
+    Traceback (most recent call last):
+    sksurrogate.exceptions.SimulatorError: ...
+    """
 
 
 class SimulationDiverged(SimulatorError):
@@ -55,6 +90,20 @@ class SimulationDiverged(SimulatorError):
         Time of that row.
     state : str or None
         Name of the state or output that left first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.exceptions import SimulationDiverged
+    >>> from sksurrogate.physics import ODESimulator
+    >>> runaway = ODESimulator(
+    ...     lambda t, x, u, p: [x[0] ** 2], states=["x"], inputs=[], outputs=["x"], params={}, dt=0.1, x0=[5.0]
+    ... )
+    >>> try:
+    ...     runaway.simulate(np.zeros((9, 0)))
+    ... except SimulationDiverged as error:
+    ...     print(error.row, error.state)
+    2 x
     """
 
     def __init__(
@@ -81,7 +130,17 @@ def _rebuild_diverged(
 
 
 class MissingExtraError(SurrogateError, ImportError):
-    """An optional package is missing; the message holds the line to type."""
+    """An optional package is missing; the message holds the line to type.
+
+    Examples
+    --------
+    >>> from sksurrogate.exceptions import MissingExtraError, require
+    >>> try:
+    ...     require("no_such_package", "plot")
+    ... except MissingExtraError as error:
+    ...     print(error)
+    no_such_package is needed here and is not installed: type  pip install 'sksurrogate[plot]'
+    """
 
 
 def require(module: str, extra: str) -> ModuleType:

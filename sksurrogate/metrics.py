@@ -23,6 +23,14 @@ class ResidualTest(NamedTuple):
         99 % bound of one correlation.
     statistic, p_value : float
         Of all lags together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.metrics import whiteness_test
+    >>> test = whiteness_test(np.random.default_rng(0).normal(size=500))
+    >>> bool(test.p_value > 0.01)   # nothing left in white noise
+    True
     """
 
     lags: np.ndarray

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._tables import as_table, column_number, floats, labels_from_index, outputs_of, raw_column
 from sksurrogate.exceptions import DataError, RunError
 
 __all__ = ["Run", "Runs", "cut_runs", "resolve_runs", "stack_runs", "unstack_runs"]
@@ -30,6 +31,11 @@ class Run:
     y : ndarray (n_samples, n_outputs) or None
     t : ndarray (n_samples,)
         Time of each row; starts at 0 unless a time column was named.
+
+    Examples
+    --------
+    >>> [(run.label, run.start) for run in resolve_runs([[1.0], [2.0], [3.0]], groups=[0, 0, 1])]
+    [(0, 0), (1, 2)]
     """
 
     label: Any
@@ -58,6 +64,11 @@ class Runs(Sequence):
         Column names where a frame was given (run and time columns left out).
     y_is_1d : bool
         Whether y came as (n_samples,).
+
+    Examples
+    --------
+    >>> len(resolve_runs([[1.0], [2.0], [3.0]], groups=["a", "a", "b"]))
+    2
     """
 
     runs: tuple[Run, ...]
@@ -139,19 +150,19 @@ def resolve_runs(
     """
     frame = X if hasattr(X, "columns") else None
     names = [str(c) for c in frame.columns] if frame is not None else None
-    labels = _labels_from_index(frame) if run == "index" else None
-    table = _as_table(X, "X")
+    labels = labels_from_index(frame) if run == "index" else None
+    table = as_table(X, "X")
     n_samples = len(table)
     drop: list[int] = []
     if run is not None and run != "index":
-        column = _column(run, names, table.shape[1], "run")
+        column = column_number(run, names, table.shape[1], "run")
         drop.append(column)
-        labels = _raw_column(X, table, column)
+        labels = raw_column(X, table, column)
     clock = None
     if time is not None:
-        column = _column(time, names, table.shape[1], "time")
+        column = column_number(time, names, table.shape[1], "time")
         drop.append(column)
-        clock = _floats(table[:, column], f"time={time!r}")
+        clock = floats(table[:, column], f"time={time!r}")
     if groups is not None:
         labels = np.asarray(groups)
         if labels.ndim != 1 or len(labels) != n_samples:
@@ -159,8 +170,8 @@ def resolve_runs(
                 f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
             )
     keep = [j for j in range(table.shape[1]) if j not in drop]
-    inputs = _floats(table[:, keep] if drop else table, "X")
-    outputs, output_names, is_1d = _outputs(y, n_samples)
+    inputs = floats(table[:, keep] if drop else table, "X")
+    outputs, output_names, is_1d = outputs_of(y, n_samples)
     if not allow_nan:
         _refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
         if outputs is not None:
@@ -184,6 +195,16 @@ def resolve_runs(
 def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
     """Stack a list of runs: ``stack_runs([X1, X2], [y1, y2]) -> X, y, groups``.
 
+    Parameters
+    ----------
+    X : list of array-like (n_samples_of_the_run, n_inputs)
+    y : list of array-like (n_samples_of_the_run,) or (n_samples_of_the_run, n_outputs), optional
+
+    Returns
+    -------
+    X, y, groups : ndarray
+        y is None where none was given; groups numbers the runs from 0.
+
     Examples
     --------
     >>> X, y, groups = stack_runs([[[1.0], [2.0]], [[3.0]]], [[1.0, 2.0], [3.0]])
@@ -205,6 +226,16 @@ def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
 
 def unstack_runs(X: Any, groups: Any) -> list[np.ndarray]:
     """Inverse of :func:`stack_runs` for one array: a list with one array a run.
+
+    Parameters
+    ----------
+    X : array-like (n_samples, ...)
+    groups : array-like (n_samples,)
+        Rows labelled -1 are left out.
+
+    Returns
+    -------
+    list of ndarray
 
     Examples
     --------
@@ -251,83 +282,6 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
             out[edges[k] + k * gap : edges[k + 1] + k * gap] = count
             count += 1
     return out
-
-
-def _as_table(X: Any, name: str) -> np.ndarray:
-    """A 2-D array of whatever dtype; 1-D and sparse are refused with the way out."""
-    if hasattr(X, "toarray"):
-        raise DataError(f"{name} is sparse; sparse input is not supported here: pass {name}.toarray().")
-    table = X.to_numpy() if hasattr(X, "to_numpy") else np.asarray(X)
-    if table.ndim == 1:
-        raise DataError(
-            f"{name} is 1-D with shape {table.shape}, expected (n_samples, n_inputs): use {name}.reshape(-1, 1) for one input."
-        )
-    if table.ndim != 2:
-        raise DataError(
-            f"{name} has shape {table.shape}, expected (n_samples, n_inputs); stack several runs with stack_runs."
-        )
-    if len(table) == 0:
-        raise DataError(f"{name} has no rows; at least one sample is needed.")
-    return table
-
-
-def _column(key: str | int, names: list[str] | None, n_columns: int, argument: str) -> int:
-    """Position of a column that is given by name or position."""
-    if isinstance(key, str):
-        if names is None:
-            raise DataError(
-                f"{argument}={key!r} names a column, but X is an array without names: give its position or pass a frame."
-            )
-        if key not in names:
-            raise DataError(f"{argument}={key!r} is not a column of X; columns are {names}.")
-        return names.index(key)
-    if not -n_columns <= key < n_columns:
-        raise DataError(f"{argument}={key} is out of range: X has {n_columns} columns.")
-    return int(key) % n_columns
-
-
-def _raw_column(X: Any, table: np.ndarray, column: int) -> np.ndarray:
-    """The column as the user wrote it (an object table would lose integer labels)."""
-    values = np.asarray(table[:, column])
-    if values.dtype == object:
-        values = np.asarray(values.tolist())
-    if values.dtype.kind == "f" and np.all(np.isfinite(values)) and np.all(values == np.round(values)):
-        values = values.astype(int)
-    return values
-
-
-def _labels_from_index(frame: Any) -> np.ndarray:
-    """First level of a pandas index."""
-    if frame is None or not hasattr(frame, "index"):
-        raise DataError(
-            'run="index" needs a pandas frame with the run in its index; name the column instead: run="...".'
-        )
-    return np.asarray(frame.index.get_level_values(0))
-
-
-def _floats(values: np.ndarray, name: str) -> np.ndarray:
-    """float64, or a message that shows what could not be read as a number."""
-    if np.iscomplexobj(values):
-        raise DataError(f"Complex data not supported: {name} is complex.")
-    try:
-        return np.ascontiguousarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise DataError(
-            f"{name} holds something that is not a number ({error}): is a text column among the inputs?"
-        ) from error
-
-
-def _outputs(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | None, bool]:
-    """y as (n_samples, n_outputs), its names, and whether it was 1-D."""
-    if y is None:
-        return None, None, True
-    names = [str(c) for c in y.columns] if hasattr(y, "columns") else None
-    values = _floats(y.to_numpy() if hasattr(y, "to_numpy") else np.asarray(y), "y")
-    if values.ndim not in (1, 2):
-        raise DataError(f"y has shape {values.shape}, expected (n_samples,) or (n_samples, n_outputs).")
-    if len(values) != n_samples:
-        raise DataError(f"X has {n_samples} rows and y has {len(values)}: both need one row a sample.")
-    return values.reshape(n_samples, -1), names, values.ndim == 1
 
 
 def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None, labels: np.ndarray | None) -> None:

@@ -178,6 +178,13 @@ def run_case(
     -------
     dict
         A row, see :func:`~sksurrogate.blind._score.score`.
+
+    Examples
+    --------
+    >>> from sksurrogate.blind import run_case
+    >>> row = run_case("none", 7)   # doctest: +SKIP
+    >>> row["verdict"]   # doctest: +SKIP
+    'none'
     """
     begun = time.perf_counter()
     try:

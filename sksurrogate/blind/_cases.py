@@ -54,6 +54,13 @@ class Question:
     X_test : ndarray (n_runs, n_samples, n_inputs)
         Inputs of runs that nobody fits, to be predicted.
     x0_test : ndarray (n_runs, n_states)
+
+    Examples
+    --------
+    >>> from sksurrogate.blind import draw
+    >>> question = draw("none", 1).question
+    >>> len(question.X) == len(question.y) == len(question.groups)
+    True
     """
 
     simulator: Any
@@ -88,6 +95,13 @@ class Case:
         Standard deviation of the white sensor noise.
     starts : ndarray (n_runs, n_states)
         True initial states of the recorded runs.
+
+    Examples
+    --------
+    >>> from sksurrogate.blind import draw
+    >>> case = draw("none", 1)
+    >>> len(case.truths), case.facts["plant"] == case.plant.name
+    (0, True)
     """
 
     arm: str

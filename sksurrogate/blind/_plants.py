@@ -80,6 +80,12 @@ class PlantSpec:
     output : callable, optional
         ``output(t, x, u, p)`` where outputs are not states.
     hold : {"zoh", "foh"}
+
+    Examples
+    --------
+    >>> from sksurrogate.blind import PLANTS
+    >>> PLANTS["cascaded_tanks"].states
+    ('upper', 'lower')
     """
 
     name: str

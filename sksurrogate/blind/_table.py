@@ -29,6 +29,12 @@ class BlindResult:
     ----------
     rows : tuple of dict
         See :func:`sksurrogate.blind._score.score`.
+
+    Examples
+    --------
+    >>> from sksurrogate.blind import run_blind_check
+    >>> result = run_blind_check(2, ["none"], seed=0)   # doctest: +SKIP
+    >>> print(result.to_markdown())   # doctest: +SKIP
     """
 
     rows: tuple[Row, ...]

@@ -38,6 +38,15 @@ class CoverageReport:
     holes : ndarray (n_holes, n_names)
         Centres of the largest empty balls, largest first, no ball within another.
     hole_radius : ndarray (n_holes,)
+
+    Examples
+    --------
+    >>> from sksurrogate.compose import coverage_report
+    >>> from sksurrogate.datasets import make_reactor_runs
+    >>> X, y, runs = make_reactor_runs(4, 60, random_state=0)
+    >>> report = coverage_report(X, y, runs)
+    >>> 0 < report.share < 1, report.holes.shape[1]
+    (True, 2)
     """
 
     names: tuple[str, ...]

@@ -46,6 +46,15 @@ class Experiments:
         Initial states of the design.
     failed : tuple of int
         Runs that diverged and were left out.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor, simulate_experiments
+    >>> made = simulate_experiments(
+    ...     make_reactor(), {"y": (0.5, 15)}, {"u": (0.05, 0.25)}, n_runs=4, n_samples=50, random_state=0
+    ... )
+    >>> made.X.shape, made.y.shape, made.x0.shape, made.failed
+    ((200, 1), (200,), (4, 1), ())
     """
 
     X: np.ndarray

@@ -17,7 +17,24 @@ PAPER_LEVELS = (0.22, 0.12, 0.25, 0.08, 0.18, 0.05, 0.20, 0.10, 0.16, 0.14)
 
 
 def reactor_rhs(t: Any, x: Any, u: Any, p: Any) -> list[Any]:
-    """Eq. (9): ``dy/dt = 2 (4 - y) - 1e2 exp(-1/u) y^2 + 1e3 exp(-1/u) y``; y a concentration, u a scaled temperature."""
+    """Eq. (9): ``dy/dt = 2 (4 - y) - 1e2 exp(-1/u) y^2 + 1e3 exp(-1/u) y``; y a concentration, u a scaled temperature.
+
+    Parameters
+    ----------
+    t : float
+    x : sequence of one float or ndarray
+        y.
+    u : sequence of one float or ndarray
+    p : dict
+        flow 2, feed 4, second 100, first 1000.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor, reactor_rhs
+    >>> dydt = reactor_rhs(0.0, [4.0], [0.15], make_reactor().params)
+    >>> round(float(dydt[0]), 3)
+    3.054
+    """
     rate = np.exp(-1.0 / u[0])
     return [p["flow"] * (p["feed"] - x[0]) - p["second"] * rate * x[0] ** 2 + p["first"] * rate * x[0]]
 

@@ -94,6 +94,13 @@ def fetch_cascaded_tanks(data_home: Any = None, *, download_if_missing: bool = T
     ------
     DataError
         The file is damaged, not there and not to be downloaded, or the download failed.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import fetch_cascaded_tanks
+    >>> data = fetch_cascaded_tanks()   # doctest: +SKIP
+    >>> data.yEst.shape   # doctest: +SKIP
+    (1024,)
     """
     arrays = _fetch("cascaded_tanks", "cascaded_tanks.npz", _TANKS, data_home, download_if_missing, url, _convert_tanks)
     return Bunch(
@@ -120,6 +127,13 @@ def fetch_silverbox(data_home: Any = None, *, download_if_missing: bool = True, 
     ------
     DataError
         As in :func:`fetch_cascaded_tanks`.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import fetch_silverbox
+    >>> data = fetch_silverbox()   # doctest: +SKIP
+    >>> data.V2.shape   # doctest: +SKIP
+    (131072,)
     """
     arrays = _fetch(
         "silverbox", "silverbox_SNLS80mV.npz", _SILVERBOX, data_home, download_if_missing, url, _convert_silverbox
@@ -154,6 +168,13 @@ def fetch_heat_exchanger(data_home: Any = None, *, download_if_missing: bool = T
     ------
     DataError
         As in :func:`fetch_cascaded_tanks`.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import fetch_heat_exchanger
+    >>> data = fetch_heat_exchanger()   # doctest: +SKIP
+    >>> data.th.shape   # doctest: +SKIP
+    (4000,)
     """
     home = _home(data_home) / "heat_exchanger"
     path = home / "heat_exchanger.npz"
@@ -192,6 +213,13 @@ def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True,
     ------
     DataError
         As in :func:`fetch_cascaded_tanks`.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import fetch_ball_drops
+    >>> data = fetch_ball_drops()   # doctest: +SKIP
+    >>> data.height.shape   # doctest: +SKIP
+    (n_rows,)
     """
     home = _home(data_home) / "ball_drops"
     path = home / "ball_drops.csv"

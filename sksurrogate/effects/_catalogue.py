@@ -100,6 +100,14 @@ def build_effects(
     ------
     ValueError
         A name is not in the catalogue, a class is no effect, or an instance names a signal that the plant lacks.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor
+    >>> from sksurrogate.effects import build_effects
+    >>> from sksurrogate.physics._simulator import describe
+    >>> [effect.key for effect in build_effects(describe(make_reactor()), ["y"], ["sensor_bias", "input_lag"])]
+    [('sensor_bias', 'y', None), ('input_lag', 'u', None)]
     """
     if effects is None:
         wanted: list[Any] = list(CATALOGUE.values())

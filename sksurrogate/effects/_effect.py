@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
+from sksurrogate.effects._parts import Parameter, Probe, SensorPath
 from sksurrogate.kernels.signals import Signal
 from sksurrogate.physics._simulator import Plant
 
@@ -29,67 +29,6 @@ __all__ = [
     "SensorEffect",
     "SensorPath",
 ]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One parameter of an effect.
-
-    Attributes
-    ----------
-    name : str
-    null : float
-        Value at which the effect is absent (of the magnitude; that of a shape parameter is not used).
-    low, high : float
-        Bounds.
-    unit : str
-        In words, for example "dx/dt over v".
-    """
-
-    name: str
-    null: float = 0.0
-    low: float = -np.inf
-    high: float = np.inf
-    unit: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Probe:
-    """What the data show about one place, from which an effect takes its starting values.
-
-    Attributes
-    ----------
-    v : ndarray (n_samples,) or None
-        The variable along the smoothed trajectory (the product for "v*w"); the input, output or state itself where
-        the effect acts on it.
-    x : ndarray (n_samples,)
-        The state, input or output of the location.
-    rate : float
-        RMS of the derivative of that state (0 for inputs and outputs).
-    dt, duration : float
-        Sample time and length of the longest run.
-    starts : ndarray of int (n_runs,)
-        First rows of the runs.
-    factors : tuple of ndarray (n_samples,)
-        The two signals of a variable "v*w" one by one.
-    """
-
-    v: np.ndarray | None
-    x: np.ndarray
-    rate: float
-    dt: float
-    duration: float
-    starts: np.ndarray
-    factors: tuple[np.ndarray, ...] = ()
-
-    def unit(self, form: np.ndarray) -> float:
-        """Size of a coefficient that makes ``c * form`` a tenth of the derivative."""
-        size = float(np.mean(np.abs(form)))
-        return 0.1 * self.rate / size if size > 0 and self.rate > 0 else 1.0
-
-    def quantiles(self, values: np.ndarray, *q: float) -> list[float]:
-        """Distinct quantiles of ``values``."""
-        return list(dict.fromkeys(float(value) for value in np.quantile(values, q)))
 
 
 class BaseEffect(BaseEstimator):
@@ -120,6 +59,15 @@ class BaseEffect(BaseEstimator):
         Whether the change is proportional to the magnitude.
     order : int
         Place in the order in which effects on one input or sensor act.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> friction = CATALOGUE["coulomb_friction"]("speed", "speed")
+    >>> friction.key
+    ('coulomb_friction', 'speed', 'speed')
+    >>> [parameter.name for parameter in friction.parameters]
+    ['level']
     """
 
     name: ClassVar[str] = ""
@@ -183,7 +131,26 @@ class BaseEffect(BaseEstimator):
 
 
 class ParameterEffect(BaseEffect):
-    """A parameter of the simulator is not what it is said to be."""
+    """A parameter of the simulator is not what it is said to be.
+
+    Parameters
+    ----------
+    location : str, optional
+        Where it enters, as in :class:`BaseEffect`.
+    variable : str, optional
+        What drives it.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import Parameter, ParameterEffect
+    >>> class Softening(ParameterEffect):
+    ...     name, equation = "softening", "p (1 - share)"
+    ...     parameters = (Parameter("share", high=1.0),)
+    ...     def value(self, p, t, theta, width):
+    ...         return p * (1 - theta[0])
+    >>> float(Softening("stiffness").value(4.0, 0.0, (0.25,), 0.0))
+    3.0
+    """
 
     kind = "parameter"
     access = "trajectory"
@@ -194,7 +161,27 @@ class ParameterEffect(BaseEffect):
 
 
 class BalanceEffect(BaseEffect):
-    """A term is missing in the balance of a state."""
+    """A term is missing in the balance of a state.
+
+    Parameters
+    ----------
+    location : str, optional
+        Where it enters, as in :class:`BaseEffect`.
+    variable : str, optional
+        What drives it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.effects import BalanceEffect, Parameter
+    >>> class Convection(BalanceEffect):
+    ...     name, equation = "convection", "- c v abs(v)^0.25"
+    ...     parameters = (Parameter("coefficient", low=0.0),)
+    ...     def term(self, t, x, v, theta, width):
+    ...         return -theta[0] * v * np.abs(v) ** 0.25
+    >>> float(Convection("wall", "wall").term(0.0, 0.0, 16.0, (0.5,), 0.0))
+    -16.0
+    """
 
     #: Signals that may be the variable: "state", "input" or both; () for forms without v.
     drivers: ClassVar[tuple[str, ...]] = ("state",)
@@ -234,7 +221,22 @@ class BalanceEffect(BaseEffect):
 
 
 class LimitEffect(BaseEffect):
-    """A state cannot pass a limit."""
+    """A state cannot pass a limit.
+
+    Parameters
+    ----------
+    location : str, optional
+        Where it enters, as in :class:`BaseEffect`.
+    variable : str, optional
+        What drives it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.effects import CATALOGUE, LimitEffect
+    >>> issubclass(CATALOGUE["state_saturation"], LimitEffect)
+    True
+    """
 
     linear = False
 
@@ -263,7 +265,21 @@ class LimitEffect(BaseEffect):
 
 
 class HiddenEffect(BalanceEffect):
-    """The balance depends on a state that the simulator does not have."""
+    """The balance depends on a state that the simulator does not have.
+
+    Parameters
+    ----------
+    location : str, optional
+        Where it enters, as in :class:`BaseEffect`.
+    variable : str, optional
+        What drives it.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE, HiddenEffect
+    >>> [name for name, effect in CATALOGUE.items() if issubclass(effect, HiddenEffect)]
+    ['hysteresis', 'lugre_friction', 'hidden_relaxation', 'hidden_mode']
+    """
 
     n_hidden: ClassVar[int] = 1
     #: Whether the hidden initial state is fitted with the others (a filter that may not have been at rest) or known.
@@ -295,7 +311,22 @@ class HiddenEffect(BalanceEffect):
 
 
 class InputEffect(BaseEffect):
-    """The actuator does something to the input before it acts."""
+    """The actuator does something to the input before it acts.
+
+    Parameters
+    ----------
+    location : str, optional
+        Where it enters, as in :class:`BaseEffect`.
+    variable : str, optional
+        What drives it.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE, InputEffect
+    >>> gain = CATALOGUE["input_gain"]("force")
+    >>> isinstance(gain, InputEffect), gain.kind
+    (True, 'input')
+    """
 
     kind = "input"
     access = "trajectory"
@@ -319,22 +350,23 @@ class InputEffect(BaseEffect):
         """
 
 
-@dataclass(frozen=True, eq=False)
-class SensorPath:
-    """An output between the samples as cubic pieces: values and slopes to the right and to the left of every sample.
-
-    Attributes
-    ----------
-    y, right, left : ndarray (n_columns, n_samples)
-    """
-
-    y: np.ndarray
-    right: np.ndarray
-    left: np.ndarray
-
-
 class SensorEffect(BaseEffect):
-    """The sensor does not show what it should."""
+    """The sensor does not show what it should.
+
+    Parameters
+    ----------
+    location : str, optional
+        Where it enters, as in :class:`BaseEffect`.
+    variable : str, optional
+        What drives it.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE, SensorEffect
+    >>> bias = CATALOGUE["sensor_bias"]("level")
+    >>> isinstance(bias, SensorEffect), bias.kind
+    (True, 'output')
+    """
 
     kind = "output"
     access = "trajectory"

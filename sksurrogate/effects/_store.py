@@ -33,6 +33,17 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     See Also
     --------
     load_augmented : the way back.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> from sksurrogate.datasets import make_reactor
+    >>> from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
+    >>> slow = AugmentedSimulator(make_reactor(), [CATALOGUE["input_lag"]("u")], [{"time_constant": 0.05}])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_augmented(slow, os.path.join(folder, "better.json"))
+    ...     load_augmented(make_reactor(), os.path.join(folder, "better.json")).values
+    [{'time_constant': 0.05}]
     """
     scale = augmented.scale
     text = {

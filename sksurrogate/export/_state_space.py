@@ -26,6 +26,14 @@ class StateSpace:
         The point, and the next state and the output there; x1 = x0 at a steady state.
     dt : float or None
         Sample time.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor
+    >>> from sksurrogate.export import state_space
+    >>> local = state_space(make_reactor(), [0.15])
+    >>> local.A.shape, local.dt, bool(abs(local.A[0, 0]) < 1)   # stable in discrete time
+    ((1, 1), 0.02, True)
     """
 
     A: np.ndarray

@@ -24,6 +24,11 @@ class GapDisplay:
     ----------
     figure_ : matplotlib Figure
     axes_ : list of matplotlib Axes
+
+    Examples
+    --------
+    >>> display = GapDisplay(diagnoser.report_).plot()   # doctest: +SKIP
+    >>> display.figure_.savefig("gap.png")   # doctest: +SKIP
     """
 
     def __init__(self, report: GapReport):

@@ -99,6 +99,13 @@ class EffectEstimate:
         Other effects that these data cannot tell from this one.
     why : str
         When they part.
+
+    Examples
+    --------
+    >>> from sksurrogate.gap import EffectEstimate
+    >>> effect = EffectEstimate("sensor_bias", "y", None, 0.98, {"value": 0.5}, {"value": (0.4, 0.6)}, 0.99, [], "")
+    >>> effect.location, effect.params["value"]
+    ('y', 0.5)
     """
 
     name: str
@@ -290,6 +297,19 @@ class GapReport:
     outputs, states, inputs : tuple of str
     traces : tuple of Trace
     seconds : float
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor, make_reactor_runs
+    >>> from sksurrogate.gap import GapDiagnoser
+    >>> X, y, runs = make_reactor_runs(3, 60, noise=0.02, random_state=0)
+    >>> diagnoser = GapDiagnoser(make_reactor(), effects=["sensor_bias", "input_bias"], random_state=0)
+    >>> report = diagnoser.fit(X, y + 0.5, groups=runs).report_
+    >>> report.verdict, report.where.kind, report.where.location
+    ('explained', 'output', 'y')
+    >>> bool(report.shrink.after < 0.1 * report.shrink.before)
+    True
+    >>> page = report.to_html()   # or to_html("gap.html"), plot(), print(report)
     """
 
     verdict: str

@@ -1,23 +1,17 @@
 """Fits that are linear in their parameters."""
 
-from sksurrogate.linear._lagged import LaggedLinearRegressor
-from sksurrogate.linear._nonlinear_basis import NonlinearBasisRegressor
-from sksurrogate.linear._pcr import PCRRegressor
-from sksurrogate.linear._penalties import (
+from sksurrogate.linear._constraints import (
     BaseConstraint,
-    BasePenalty,
     Bounds,
-    CloseTo,
-    Curvature,
     LinearEquality,
     LinearInequality,
     Monotone,
     OutputBounds,
-    Ridge,
-    RidgeTo,
-    Rows,
-    Slope,
 )
+from sksurrogate.linear._lagged import LaggedLinearRegressor
+from sksurrogate.linear._nonlinear_basis import NonlinearBasisRegressor
+from sksurrogate.linear._pcr import PCRRegressor
+from sksurrogate.linear._penalties import BasePenalty, CloseTo, Curvature, Ridge, RidgeTo, Rows, Slope
 from sksurrogate.linear._regressor import PenalizedRegressor
 
 __all__ = [

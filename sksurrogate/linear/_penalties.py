@@ -1,4 +1,4 @@
-"""Secondary losses and constraints of linear fits (paper, section 2.3): each is a few rows ``L theta ~ t``."""
+"""Secondary losses of linear fits (paper, section 2.3): each is a few rows ``L theta ~ t``."""
 
 from __future__ import annotations
 
@@ -14,20 +14,15 @@ import numpy as np
 from sksurrogate.exceptions import DataError
 
 __all__ = [
-    "BaseConstraint",
     "BasePenalty",
-    "Bounds",
     "CloseTo",
     "Curvature",
-    "LinearEquality",
-    "LinearInequality",
-    "Monotone",
-    "OutputBounds",
     "Ridge",
     "RidgeTo",
     "Rows",
     "Situation",
     "Slope",
+    "no_intercept",
 ]
 
 
@@ -98,7 +93,7 @@ class Situation:
         """Rows that act on the coefficients, with a zero for the intercept unless a column for it is there."""
         rows = np.atleast_2d(np.asarray(matrix, dtype=float))
         if rows.ndim == 2 and rows.shape[1] == self.n_features:
-            return _no_intercept(rows)
+            return no_intercept(rows)
         if rows.ndim == 2 and rows.shape[1] == self.n_features + 1:
             return rows
         raise DataError(
@@ -111,13 +106,26 @@ class Situation:
         return np.hstack([self.phi(points), np.ones((len(points), 1))])
 
 
-def _no_intercept(rows: np.ndarray) -> np.ndarray:
+def no_intercept(rows: np.ndarray) -> np.ndarray:
     """Rows that do not touch the intercept."""
     return np.hstack([rows, np.zeros((len(rows), 1))])
 
 
 class BasePenalty(ABC):
-    """A secondary loss ``weight * |L theta - t|^2``, theta with the intercept as its last row."""
+    """A secondary loss ``weight * |L theta - t|^2``, theta with the intercept as its last row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import BasePenalty, PenalizedRegressor
+    >>> class Sum(BasePenalty):   # the coefficients add up to one
+    ...     weight = 1.0
+    ...     def rows(self, at):
+    ...         return np.r_[np.ones(at.n_features), 0.0][None, :], np.ones((1, at.n_outputs))
+    >>> model = PenalizedRegressor([Sum()], alpha=1e8).fit([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], [1.0, 3.0, 4.0])
+    >>> round(float(model.coef_.sum()), 3)
+    1.0
+    """
 
     weight: float
 
@@ -126,23 +134,30 @@ class BasePenalty(ABC):
         """L (n_rows, n_features + 1) and t (n_rows, n_outputs)."""
 
 
-class BaseConstraint(ABC):
-    """A constraint ``lower <= C theta <= upper``, theta with the intercept as its last row."""
-
-    @abstractmethod
-    def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """C (n_rows, n_features + 1), lower and upper (n_rows, n_outputs)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Ridge(BasePenalty):
-    """Sum of squared coefficients (Tikhonov, weight decay); the intercept is free. Paper 2.3 (i)."""
+    """Sum of squared coefficients (Tikhonov, weight decay); the intercept is free. Paper 2.3 (i).
+
+    Parameters
+    ----------
+    weight : float, default=1.0
+        Beside the other penalties; alpha multiplies them all.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import PenalizedRegressor, Ridge
+    >>> X = np.linspace(0, 1, 20)[:, None]
+    >>> model = PenalizedRegressor([Ridge()], alpha=1.0).fit(X, 2 * X[:, 0])
+    >>> bool(0 < model.coef_[0] < 2)   # drawn towards 0
+    True
+    """
 
     weight: float = 1.0
 
     def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray]:
         """The identity."""
-        return _no_intercept(np.eye(at.n_features)), np.zeros((at.n_features, at.n_outputs))
+        return no_intercept(np.eye(at.n_features)), np.zeros((at.n_features, at.n_outputs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +168,15 @@ class RidgeTo(BasePenalty):
     ----------
     theta0 : float or array-like (n_features,) or (n_outputs, n_features)
     weight : float, default=1.0
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import PenalizedRegressor, RidgeTo
+    >>> X = np.linspace(0, 1, 20)[:, None]
+    >>> model = PenalizedRegressor([RidgeTo(1.0)], alpha=1e6).fit(X, 2 * X[:, 0])
+    >>> round(float(model.coef_[0]), 3)   # the prior wins
+    1.0
     """
 
     theta0: Any
@@ -160,7 +184,7 @@ class RidgeTo(BasePenalty):
 
     def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray]:
         """The identity, with the prior as target."""
-        return _no_intercept(np.eye(at.n_features)), at.parameters(self.theta0, "RidgeTo(theta0=...)")
+        return no_intercept(np.eye(at.n_features)), at.parameters(self.theta0, "RidgeTo(theta0=...)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +198,15 @@ class CloseTo(BasePenalty):
     values : array-like (n_points,) or (n_points, n_outputs), callable, or fitted estimator
         The solution there: numbers, ``values(points)``, or ``values.predict(points)``.
     weight : float, default=1.0
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import CloseTo, PenalizedRegressor
+    >>> X = np.linspace(0, 1, 20)[:, None]
+    >>> model = PenalizedRegressor([CloseTo(X, lambda p: 1 - p[:, 0])], alpha=1e6).fit(X, X[:, 0])
+    >>> bool(abs(model.predict([[0.0]])[0] - 1) < 1e-3)
+    True
     """
 
     points: Any
@@ -204,6 +237,15 @@ class Slope(BasePenalty):
         Coefficients a block, where differences must not reach from one block into the next (splines of several
         inputs); a tuple is the shape of a tensor, with neighbours along each axis. None: as the transformer
         ``features`` says (``SplineFeatures`` does), else all in a row. Without points only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import PenalizedRegressor, Slope
+    >>> X = np.linspace(0, 1, 20)[:, None]
+    >>> model = PenalizedRegressor([Slope(X)], alpha=1e6).fit(X, X[:, 0])
+    >>> bool(np.ptp(model.predict(X)) < 1e-3)   # flat
+    True
     """
 
     points: Any = None
@@ -230,6 +272,16 @@ class Curvature(BasePenalty):
     weight : float, default=1.0
     blocks : sequence of int, optional
         As in :class:`Slope`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import Curvature, PenalizedRegressor
+    >>> X = np.linspace(0, 1, 20)[:, None]
+    >>> from sksurrogate.features import SplineFeatures
+    >>> model = PenalizedRegressor([Curvature(X)], alpha=1e6, features=SplineFeatures(6)).fit(X, X[:, 0] ** 2)
+    >>> bool(np.abs(np.diff(model.predict(X), 2)).max() < 1e-3)   # a straight line
+    True
     """
 
     points: Any = None
@@ -267,6 +319,15 @@ class Rows(BasePenalty):
         The last column of the wider form acts on the intercept.
     target : float or array-like (n_rows,) or (n_rows, n_outputs), default=0.0
     weight : float, default=1.0
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.linear import PenalizedRegressor, Rows
+    >>> X, y = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], [1.0, 3.0, 4.0]
+    >>> equal = Rows([[1.0, -1.0]])   # both coefficients alike
+    >>> bool(abs(np.diff(PenalizedRegressor([equal], alpha=1e8).fit(X, y).coef_)[0]) < 1e-6)
+    True
     """
 
     matrix: Any
@@ -281,7 +342,7 @@ class Rows(BasePenalty):
 
 def _with_zeros(rows: np.ndarray, at: Situation) -> tuple[np.ndarray, np.ndarray]:
     """Rows that leave the intercept free and aim at zero."""
-    return _no_intercept(rows), np.zeros((len(rows), at.n_outputs))
+    return no_intercept(rows), np.zeros((len(rows), at.n_outputs))
 
 
 def _differences(at: Situation, blocks: Sequence[int | tuple[int, ...]] | None, order: int, name: str) -> np.ndarray:
@@ -299,119 +360,3 @@ def _differences(at: Situation, blocks: Sequence[int | tuple[int, ...]] | None, 
             parts[-1][:, start : start + size] = steps
         start += size
     return np.concatenate(parts)
-
-
-@dataclass(frozen=True, eq=False)
-class Bounds(BaseConstraint):
-    """Bounds on the coefficients, not on the intercept.
-
-    Parameters
-    ----------
-    lower, upper : float or array-like (n_features,) or (n_outputs, n_features)
-    """
-
-    lower: Any = -np.inf
-    upper: Any = np.inf
-
-    def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The identity."""
-        lower, upper = (at.parameters(v, f"Bounds({n}=...)") for v, n in ((self.lower, "lower"), (self.upper, "upper")))
-        return _no_intercept(np.eye(at.n_features)), lower, upper
-
-
-@dataclass(frozen=True, eq=False)
-class LinearEquality(BaseConstraint):
-    """``matrix theta = value``.
-
-    Parameters
-    ----------
-    matrix : array-like (n_rows, n_features) or (n_rows, n_features + 1)
-        The last column of the wider form acts on the intercept.
-    value : float or array-like (n_rows,) or (n_rows, n_outputs), default=0.0
-    """
-
-    matrix: Any
-    value: Any = 0.0
-
-    def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As given."""
-        rows = at.matrix(self.matrix, "LinearEquality")
-        value = at.outputs(self.value, len(rows), "LinearEquality(value=...)")
-        return rows, value, value
-
-
-@dataclass(frozen=True, eq=False)
-class LinearInequality(BaseConstraint):
-    """``lower <= matrix theta <= upper``.
-
-    Parameters
-    ----------
-    matrix : array-like (n_rows, n_features) or (n_rows, n_features + 1)
-        The last column of the wider form acts on the intercept.
-    upper : float or array-like (n_rows,) or (n_rows, n_outputs), default=0.0
-    lower : as upper, default=-inf
-    """
-
-    matrix: Any
-    upper: Any = 0.0
-    lower: Any = -np.inf
-
-    def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As given."""
-        rows = at.matrix(self.matrix, "LinearInequality")
-        upper, lower = (
-            at.outputs(v, len(rows), f"LinearInequality({n}=...)")
-            for v, n in ((self.upper, "upper"), (self.lower, "lower"))
-        )
-        return rows, lower, upper
-
-
-@dataclass(frozen=True, eq=False)
-class OutputBounds(BaseConstraint):
-    """Bounds on y-hat over a region, given by points in it.
-
-    Parameters
-    ----------
-    points : array-like (n_points, n_inputs)
-        In the columns of the X given to fit.
-    lower, upper : float or array-like (n_points,) or (n_points, n_outputs)
-    """
-
-    points: Any
-    lower: Any = -np.inf
-    upper: Any = np.inf
-
-    def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The predictor at the points."""
-        points = at.points(self.points, "OutputBounds")
-        lower, upper = (
-            at.outputs(v, len(points), f"OutputBounds({n}=...)")
-            for v, n in ((self.lower, "lower"), (self.upper, "upper"))
-        )
-        return at.predictor(points), lower, upper
-
-
-@dataclass(frozen=True, eq=False)
-class Monotone(BaseConstraint):
-    """y-hat rises (or falls) along one input over a region, given by points in it.
-
-    Parameters
-    ----------
-    points : array-like (n_points, n_inputs)
-        In the columns of the X given to fit; the slope has its sign at each of them.
-    input : int, default=0
-        Column of the input.
-    increasing : bool, default=True
-    """
-
-    points: Any
-    input: int = 0
-    increasing: bool = True
-
-    def rows(self, at: Situation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The slope at the points."""
-        if not -at.n_inputs <= self.input < at.n_inputs:
-            raise DataError(f"Monotone(input={self.input}) is out of range: X has {at.n_inputs} columns.")
-        slope = at.gradient(at.points(self.points, "Monotone"))[:, :, self.input]
-        zero, infinite = np.zeros((len(slope), at.n_outputs)), np.full((len(slope), at.n_outputs), np.inf)
-        return _no_intercept(slope), *((zero, infinite) if self.increasing else (-infinite, zero))

@@ -20,7 +20,8 @@ from sksurrogate.kernels.gram import (
     triangle,
 )
 from sksurrogate.linear._base import BaseBlockedRegressor, Blocks, warn_ill_conditioned
-from sksurrogate.linear._penalties import BaseConstraint, BasePenalty, Situation
+from sksurrogate.linear._constraints import BaseConstraint
+from sksurrogate.linear._penalties import BasePenalty, Situation
 
 __all__ = ["PenalizedRegressor"]
 

@@ -30,6 +30,15 @@ class OrderScan:
         Standard error of ``free_run`` over the folds.
     best_output_lags, best_input_lags : int
         The smallest model whose free run is within one standard error of the best one.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor_runs
+    >>> from sksurrogate.model_selection import scan_orders
+    >>> X, y, runs = make_reactor_runs(4, 60, u_range=(0.1, 0.16), noise=0.02, random_state=0)
+    >>> scan = scan_orders(X, y, groups=runs)
+    >>> len(scan.free_run) == len(scan.n_params) == len(scan.output_lags)
+    True
     """
 
     output_lags: np.ndarray

@@ -26,6 +26,15 @@ class Linearisation:
         The point; f is 0 at a steady state of a right-hand side.
     dt : float
         0 for a right-hand side (continuous time), the sample time for a step.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor
+    >>> from sksurrogate.physics import linearise, steady_state
+    >>> reactor = make_reactor()
+    >>> local = linearise(reactor, steady_state(reactor, [0.15]), [0.15])
+    >>> local.A.shape, bool(local.A[0, 0] < 0)   # stable there
+    ((1, 1), True)
     """
 
     A: np.ndarray
@@ -118,6 +127,14 @@ def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
     ------
     SimulatorError
         None was found from ``x0``.
+
+    Examples
+    --------
+    >>> from sksurrogate.datasets import make_reactor
+    >>> from sksurrogate.physics import steady_state
+    >>> x = steady_state(make_reactor(), [0.15])
+    >>> bool(abs(make_reactor().rhs(0.0, x, [0.15], make_reactor().params)[0]) < 1e-8)
+    True
     """
     plant, model = _point(simulator)
     u = np.asarray(u0, dtype=float).reshape(-1, 1)

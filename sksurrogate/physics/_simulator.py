@@ -22,6 +22,19 @@ class BaseSimulator(BaseEstimator):
     ``step(t, x, u, p, dt)``, ``output(t, x, u, p)``, ``simulate_states(U, x0, t)``, ``simulate_batch(U, X0, t)``,
     ``jacobian(t, x, u, p)``, and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
     and ``x0``. Any object with ``simulate`` is a simulator; this base only adds ``get_params``, ``clone`` and ``repr``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.physics import BaseSimulator
+    >>> class Gain(BaseSimulator):
+    ...     inputs, outputs = ["u"], ["y"]
+    ...     def __init__(self, gain=2.0):
+    ...         self.gain = gain
+    ...     def simulate(self, U, x0=None, t=None):
+    ...         return self.gain * np.asarray(U, dtype=float)
+    >>> Gain().set_params(gain=3.0).simulate([[1.0], [2.0]]).tolist()
+    [[3.0], [6.0]]
     """
 
     @abstractmethod

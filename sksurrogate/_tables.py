@@ -1,0 +1,88 @@
+"""What users give as X and y, read as arrays of numbers: arrays, lists, frames."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import DataError
+
+__all__ = ["as_table", "column_number", "floats", "labels_from_index", "outputs_of", "raw_column"]
+
+
+def as_table(X: Any, name: str) -> np.ndarray:
+    """A 2-D array of whatever dtype; 1-D and sparse are refused with the way out."""
+    if hasattr(X, "toarray"):
+        raise DataError(f"{name} is sparse; sparse input is not supported here: pass {name}.toarray().")
+    table = X.to_numpy() if hasattr(X, "to_numpy") else np.asarray(X)
+    if table.ndim == 1:
+        raise DataError(
+            f"{name} is 1-D with shape {table.shape}, expected (n_samples, n_inputs): use {name}.reshape(-1, 1) for one input."
+        )
+    if table.ndim != 2:
+        raise DataError(
+            f"{name} has shape {table.shape}, expected (n_samples, n_inputs); stack several runs with stack_runs."
+        )
+    if len(table) == 0:
+        raise DataError(f"{name} has no rows; at least one sample is needed.")
+    return table
+
+
+def column_number(key: str | int, names: list[str] | None, n_columns: int, argument: str) -> int:
+    """Position of a column that is given by name or position."""
+    if isinstance(key, str):
+        if names is None:
+            raise DataError(
+                f"{argument}={key!r} names a column, but X is an array without names: give its position or pass a frame."
+            )
+        if key not in names:
+            raise DataError(f"{argument}={key!r} is not a column of X; columns are {names}.")
+        return names.index(key)
+    if not -n_columns <= key < n_columns:
+        raise DataError(f"{argument}={key} is out of range: X has {n_columns} columns.")
+    return int(key) % n_columns
+
+
+def raw_column(X: Any, table: np.ndarray, column: int) -> np.ndarray:
+    """The column as the user wrote it (an object table would lose integer labels)."""
+    values = np.asarray(table[:, column])
+    if values.dtype == object:
+        values = np.asarray(values.tolist())
+    if values.dtype.kind == "f" and np.all(np.isfinite(values)) and np.all(values == np.round(values)):
+        values = values.astype(int)
+    return values
+
+
+def labels_from_index(frame: Any) -> np.ndarray:
+    """First level of a pandas index."""
+    if frame is None or not hasattr(frame, "index"):
+        raise DataError(
+            'run="index" needs a pandas frame with the run in its index; name the column instead: run="...".'
+        )
+    return np.asarray(frame.index.get_level_values(0))
+
+
+def floats(values: np.ndarray, name: str) -> np.ndarray:
+    """float64, or a message that shows what could not be read as a number."""
+    if np.iscomplexobj(values):
+        raise DataError(f"Complex data not supported: {name} is complex.")
+    try:
+        return np.ascontiguousarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"{name} holds something that is not a number ({error}): is a text column among the inputs?"
+        ) from error
+
+
+def outputs_of(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | None, bool]:
+    """y as (n_samples, n_outputs), its names, and whether it was 1-D."""
+    if y is None:
+        return None, None, True
+    names = [str(c) for c in y.columns] if hasattr(y, "columns") else None
+    values = floats(y.to_numpy() if hasattr(y, "to_numpy") else np.asarray(y), "y")
+    if values.ndim not in (1, 2):
+        raise DataError(f"y has shape {values.shape}, expected (n_samples,) or (n_samples, n_outputs).")
+    if len(values) != n_samples:
+        raise DataError(f"X has {n_samples} rows and y has {len(values)}: both need one row a sample.")
+    return values.reshape(n_samples, -1), names, values.ndim == 1
