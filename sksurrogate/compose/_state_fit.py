@@ -11,6 +11,8 @@ __all__ = ["cut_pieces", "first_rows", "fit_linear", "fit_networks"]
 
 #: Rows that a subspace start looks at.
 ENOUGH = 100_000
+#: Rows that are run from elsewhere after every step of a fit.
+GUARDED = 10_000
 #: Rows of the pieces on which networks are fitted before whole runs.
 PIECES = (8, 24, 72)
 #: Share of the penalty there: a linear model is enough for short pieces, and weights that the penalty has taken to zero
@@ -100,26 +102,49 @@ def _grow(
     max_iter: int,
 ) -> StateFit:
     """Fits to pieces of growing length: whole runs from a poor start have no useful slope."""
-    longest, begun = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts])
+    longest, begun, stays = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts]), _Stays(model, U, starts)
     for horizon in PIECES:
         if 2 * horizon <= longest:
             edges = zip(starts, np.r_[starts[1:], len(U)])
             cuts = np.concatenate([np.arange(a, max(b - 1, a + 1), horizon) for a, b in edges])
             steps = max(max_iter // 2, 1)
             fit = fit_output_error(model, theta, x[cuts], U, Y, cuts, alpha=LIGHT * alpha, max_iter=steps, tol=1e-4)
+            if not stays(fit.theta, fit.x):
+                break
             theta, x = fit.theta, fit.x
-    fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=alpha, max_iter=max_iter)
-    away = simulate(model, fit.theta, np.broadcast_to(fit.x.mean(axis=0), x[starts].shape), U, starts)
-    if not (fit.cost <= plain_cost and np.all(np.abs(away) < 1e3)):
-        # pieces led astray, or to a model that runs away from another start: whole runs from the linear model
-        fit = fit_output_error(model, *begun, U, Y, starts, alpha=LIGHT * alpha, max_iter=max_iter)
-        fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter)
+    fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=alpha, max_iter=max_iter, holds=stays)
+    if not fit.cost <= plain_cost:
+        # pieces led astray: whole runs from the linear model
+        light = LIGHT * alpha
+        fit = fit_output_error(model, *begun, U, Y, starts, alpha=light, max_iter=max_iter, holds=stays)
+        fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter, holds=stays)
     return fit
 
 
-def _few(parts: list[np.ndarray]) -> list[np.ndarray]:
-    """The first runs, with ENOUGH rows in all."""
-    out, left = [], ENOUGH
+class _Stays:
+    """Whether free runs that begin elsewhere stay near the trajectory: a fit alone does not see where they run to.
+
+    A model may follow the training runs from their fitted initial states and leave for infinity from any other.
+    """
+
+    def __init__(self, model: StateModel, U: np.ndarray, starts: np.ndarray):
+        parts = _few([U[a:b] for a, b in zip(starts, np.r_[starts[1:], len(U)])], GUARDED)
+        self.model, self.U, self.starts = model, np.concatenate(parts * 2), first_rows(parts * 2)
+        self.last: np.ndarray | None = None  # the next runs are near these
+
+    def __call__(self, theta: np.ndarray, x: np.ndarray) -> bool:
+        mean, spread = x.mean(axis=0), x.std(axis=0)
+        each = (len(self.starts) // 2, self.model.n_states)
+        x0 = np.concatenate([np.broadcast_to(mean + side * spread, each) for side in (1.0, -1.0)])
+        away = simulate(self.model, theta, x0, self.U, self.starts, self.last)
+        near = bool(np.all(np.abs(away - mean) <= 100 * spread + 1.0))
+        self.last = away if near else self.last
+        return near
+
+
+def _few(parts: list[np.ndarray], left: int = ENOUGH) -> list[np.ndarray]:
+    """The first runs, with so many rows in all."""
+    out = []
     for part in parts:
         if left <= 1:
             break

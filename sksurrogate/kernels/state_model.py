@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 
@@ -34,25 +35,30 @@ class Block:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return sum(int(np.prod(shape)) for shape in self.shapes)
+        return sum(prod(shape) for shape in self.shapes)
 
     @property
     def penalised(self) -> np.ndarray:
         """Which parameters are weights of the network, (size,) of bool."""
-        return np.concatenate([np.full(int(np.prod(s)), k > 1 and len(s) == 2) for k, s in enumerate(self.shapes)])
+        return np.concatenate([np.full(prod(s), k > 1 and len(s) == 2) for k, s in enumerate(self.shapes)])
 
     def parts(self, theta: np.ndarray) -> list[np.ndarray]:
         """Cut flat parameters."""
         out, place = [], 0
         for shape in self.shapes:
-            n = int(np.prod(shape))
+            n = prod(shape)
             out.append(theta[place : place + n].reshape(shape))
             place += n
         return out
 
     def value(self, theta: np.ndarray, z: np.ndarray) -> np.ndarray:
         """(n_rows, n_in) -> (n_rows, n_out)."""
-        W, b, *layers = self.parts(theta)
+        return self.value_of(self.parts(theta), z)
+
+    @staticmethod
+    def value_of(parts: list[np.ndarray], z: np.ndarray) -> np.ndarray:
+        """:meth:`value` of parameters that are cut already."""
+        W, b, *layers = parts
         out = z @ W + b
         if layers:
             for k in range(0, len(layers) - 2, 2):

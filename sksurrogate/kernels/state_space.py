@@ -7,7 +7,7 @@ and eliminated run by run from the normal equations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,13 +74,13 @@ def _abreast(model: StateModel, theta: np.ndarray, x0: np.ndarray, U: np.ndarray
     order = np.argsort(-lengths, kind="stable")
     alive = np.searchsorted(-lengths[order], -np.arange(1, lengths.max() + 1), side="right")
     out, x, first = np.empty((len(U), model.n_states)), x0[order], starts[order]
-    f, part = model.f, theta[: model.f.size]
+    step, parts = model.f.value_of, model.f.parts(theta[: model.f.size])
     with np.errstate(over="ignore", invalid="ignore"):
         for t in range(int(lengths.max())):
             rows = first[: alive[t]] + t
             x = x[: alive[t]]
             out[rows] = x
-            x = f.value(part, np.concatenate([x, U[rows]], axis=1))
+            x = step(parts, np.concatenate([x, U[rows]], axis=1))
     return out
 
 
@@ -309,6 +309,7 @@ def fit_output_error(
     alpha: float = 0.0,
     max_iter: int = 100,
     tol: float = 1e-6,
+    holds: Callable[[np.ndarray, np.ndarray], bool] | None = None,
 ) -> StateFit:
     """Levenberg-Marquardt on the free run, parameters and the initial state of every run together.
 
@@ -327,6 +328,8 @@ def fit_output_error(
         Penalty on the networks' weights beside the mean squared error.
     max_iter, tol
         Steps at most; relative decrease at which it stops.
+    holds : callable(theta, x) -> bool, optional
+        Steps to parameters that it refuses are not taken.
 
     Returns
     -------
@@ -355,7 +358,7 @@ def fit_output_error(
             own_step = np.einsum("rnm,rm->rn", inverse, own_gradient - np.tensordot(couple, step, axes=([1], [0])))
             trial, trial_x0 = theta - step, x0 - own_step
             new, x_new = objective.cost(trial, trial_x0, x)
-            if new < cost:
+            if new < cost and (holds is None or holds(trial, x_new)):
                 theta, x0, cost, x, damping = trial, trial_x0, new, x_new, max(damping / 5, 1e-10)
                 break
             damping *= 4
