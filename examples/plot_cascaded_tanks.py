@@ -38,11 +38,12 @@ diagnoser = GapDiagnoser(simulator, free_params="all", random_state=0)
 diagnoser.fit(data.uEst[:, None], data.yEst[:, None])
 print(diagnoser.report_)
 print(f"{time.perf_counter() - begun:.0f} s")
-same_start = diagnoser.initial_states_[0]
-tuned = CalibratedSimulator(simulator, params=["k1", "k2", "k3", "k4"]).fit(data.uEst[:, None], data.yEst)
+start = diagnoser.initial_states_[0]  # both records begin at the same levels
+bounds = dict.fromkeys(simulator.params, (0.001, 1.0))
+tuned = CalibratedSimulator(simulator, list(bounds), bounds=bounds).fit(data.uEst[:, None], data.yEst)
 runs = {
-    "simulator, parameters re-tuned": tuned.simulator_.simulate(data.uVal[:, None], x0=same_start)[:, 0],
-    "with the named effects": diagnoser.augmented_.simulate(data.uVal[:, None], x0=same_start)[:, 0],
+    "simulator, parameters re-tuned": tuned.simulator_.simulate(data.uVal[:, None], x0=tuned.x0_[0])[:, 0],
+    "with the named effects": diagnoser.augmented_.simulate(data.uVal[:, None], x0=start)[:, 0],
 }
 for label, run in runs.items():
     print(f"test record, {label}: RMSE {np.sqrt(np.mean((run - data.yVal) ** 2)):.3f} V")

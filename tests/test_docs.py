@@ -1,12 +1,17 @@
 """Every Python block in the pages runs: prompts as doctests, the rest as a script, in one namespace a page."""
 
 import doctest
+import importlib
+import inspect
+import pkgutil
 import re
 import sys
 import types
 from pathlib import Path
 
 import pytest
+
+import sksurrogate
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -46,3 +51,52 @@ def test_links_between_pages_lead_somewhere():
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+\.md)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+REFERENCE = DOCS / "_scripts" / "reference_page.py"
+#: Faces that stand on a page of their own (the command line) or are for the package alone.
+NOT_IN_REFERENCE = {"cli", "kernels"}
+
+
+def reference():
+    """The script that writes the reference."""
+    spec = importlib.util.spec_from_file_location("reference_page", REFERENCE)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def public():
+    """(face, name, object) of every name of the reference."""
+    if not REFERENCE.exists():
+        return []
+    page = reference()
+    return [
+        (face, name, getattr(importlib.import_module(f"sksurrogate.{face}"), name))
+        for face in page.FACES
+        for name in page.public_names(face)
+    ]
+
+
+PUBLIC = public()
+
+
+@pytest.mark.skipif(not REFERENCE.exists(), reason="the pages are not beside the tests (installed package)")
+def test_every_face_is_in_the_reference():
+    faces = {module.name for module in pkgutil.iter_modules(sksurrogate.__path__) if not module.name.startswith("_")}
+    assert faces - NOT_IN_REFERENCE == set(reference().FACES)
+
+
+@pytest.mark.parametrize("name, value", [pytest.param(n, v, id=f"{f}.{n}") for f, n, v in PUBLIC])
+def test_a_public_name_is_documented(name, value):
+    """An example, every parameter of the signature, and a line for every method and property."""
+    text = inspect.getdoc(value) or ""
+    assert ">>> " in text, f"{name} has no example"
+    if not (inspect.isclass(value) and issubclass(value, Exception)):
+        told = set(re.findall(r"\w+", " ".join(re.findall(r"^([\w*, ]+?)(?: :.*)?$", text, re.M))))
+        lacking = [p for p in inspect.signature(value).parameters if p not in told and not p.startswith("_")]
+        assert not lacking, f"{name} does not say what these are: {lacking}"
+    if inspect.isclass(value):
+        for key, member in vars(value).items():
+            if not key.startswith("_") and (inspect.isfunction(member) or isinstance(member, property)):
+                assert inspect.getdoc(getattr(value, key)) or key.startswith("set_"), f"{name}.{key} has no docstring"

@@ -36,6 +36,12 @@ def public_names(face: str) -> list[str]:
     return [name for name in names if inspect.isclass(getattr(module, name)) or callable(getattr(module, name))]
 
 
+def public_data(face: str) -> list[str]:
+    """Tables that a face exports beside its classes and functions."""
+    module = import_module(f"sksurrogate.{face}")
+    return [name for name in getattr(module, "__all__", []) if name not in public_names(face)]
+
+
 def write_reference(folder: Path) -> None:
     """Write ``reference.rst`` for sphinx's autosummary, unless it is up to date."""
     lines = ["API reference", "=============", ""]
@@ -53,6 +59,8 @@ def write_reference(folder: Path) -> None:
             "",
         ]
         lines += [f"   {name}" for name in names] + [""]
+        for name in public_data(face):
+            lines += [f".. autodata:: {name}", "   :no-value:", ""]
     text = "\n".join(lines)
     folder.mkdir(parents=True, exist_ok=True)
     page = folder / "reference.rst"
