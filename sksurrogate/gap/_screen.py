@@ -256,9 +256,13 @@ def _screen(
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
-        rows, diagonal = D.gram_rows(stack.transpose(1, 0, 2), noise, 1 + len(P))
-        g, h = _eliminate_rows(rows, diagonal, precision, pull)
-        forced, _ = _scores(g, h, linear, one_signed, small)
+        try:
+            rows, diagonal = D.gram_rows(stack.transpose(1, 0, 2), noise, 1 + len(P))
+        except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
+            pass
+        else:
+            g, h = _eliminate_rows(rows, diagonal, precision, pull)
+            forced, _ = _scores(g, h, linear, one_signed, small)
     pairs = _quadratures(taken, values, reduced)
     ordered: list[Start] = []
     for k, effect in enumerate(taken):

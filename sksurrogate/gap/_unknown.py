@@ -13,6 +13,7 @@ from sksurrogate.gap._report import Curve, MissingTerm
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
 from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.record import Record
 
 __all__ = ["LatentForce", "latent_force", "law_of", "missing_term", "places"]
 
@@ -46,24 +47,39 @@ def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) ->
 
     With ``quiet_sensors`` coloured sensor noise may not take what a force can explain.
     """
-    theta = rival.fit.theta
     with np.errstate(all="ignore"):
-        smoothed = problem.smooth(rival.model, theta, rival.fit.x)
-        lin = linearise(rival.model, theta, smoothed.x, problem.units(rival.effects, theta))
-        D = problem.disturbance_along(rival.model, theta, smoothed.x, lin.A, problem.balances)
-        r = problem.record.y - lin.y
-        start = rival.noise or problem.first_noise()
-        held = None
-        if quiet_sensors:
-            m = len(r)
-            start = replace(
-                start, sigma=problem.sd, force=0.1 * problem.force_unit(), coloured=1e-2 * problem.sd, tau_sensor=10.0
-            )
-            held = np.zeros(2 * m + len(problem.balances) + 2, bool)
-            held[m + len(problem.balances) + 1 :] = True
-        noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
-        _, force, _ = D.states(r, noise)
-    return LatentForce(smoothed.x, force, noise, noise.force / problem.force_unit(), lin.A, r)
+        smoothed = problem.smooth(rival.model, rival.fit.theta, rival.fit.x).x
+        for x in (smoothed, rival.fit.x):
+            try:
+                return _force_along(problem, rival, x, quiet_sensors)
+            except np.linalg.LinAlgError:  # no noise can be followed along this path: the free run is smoother
+                continue
+    nothing = np.zeros(len(problem.balances))
+    force = np.zeros((len(nothing), problem.record.n_samples))
+    n = rival.model.n_states
+    A = np.zeros((n, n, problem.record.n_samples))
+    noise = rival.noise or problem.first_noise()
+    return LatentForce(rival.fit.x, force, noise, nothing, A, problem.record.y - rival.fit.y)
+
+
+def _force_along(problem: Problem, rival: Rival, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
+    """The force about one path; LinAlgError where the linearisation cannot be followed."""
+    theta = rival.fit.theta
+    lin = linearise(rival.model, theta, x, problem.units(rival.effects, theta))
+    D = problem.disturbance_along(rival.model, theta, x, lin.A, problem.balances)
+    r = problem.record.y - lin.y
+    start = rival.noise or problem.first_noise()
+    held = None
+    if quiet_sensors:
+        m = len(r)
+        start = replace(
+            start, sigma=problem.sd, force=0.1 * problem.force_unit(), coloured=1e-2 * problem.sd, tau_sensor=10.0
+        )
+        held = np.zeros(2 * m + len(problem.balances) + 2, bool)
+        held[m + len(problem.balances) + 1 :] = True
+    noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
+    _, force, _ = D.states(r, noise)
+    return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r)
 
 
 def features(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -82,12 +98,11 @@ def folds(record, n_folds: int = 3) -> np.ndarray:
     return np.minimum(age * 2 * n_folds // length, 2 * n_folds - 1) % n_folds
 
 
-def memory(problem: Problem, path: np.ndarray) -> np.ndarray:
+def memory(record: Record, path: np.ndarray) -> np.ndarray:
     """Past of a free run and of the inputs as columns: moving averages over 5 and 25 samples, and direction.
 
     Of the free run, not of the smoothed states: these follow the force, and its past would be read off them.
     """
-    record = problem.record
     signals = np.concatenate([path, record.u])
     columns = [np.sign(first_order_scan(0.8, np.diff(signals, axis=1, prepend=signals[:, :1]), record.starts))]
     for tau in (5.0, 25.0):
@@ -103,19 +118,26 @@ def law_of(problem: Problem, latent: LatentForce, random_state: int, path: np.nd
     The larger of two: from the smoothed states as they are, and with the past of the free run ``path`` beside them.
     """
     Z, _ = features(problem, latent.x)
-    now = _repeatable(problem, latent, Z, random_state)
+    return repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
+
+
+def repeatable(
+    record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, path: np.ndarray, random_state: int
+) -> np.ndarray:
+    """R2 on runs left out of a forest from columns Z, with or without the past of ``path``, to every force."""
+    now = _forest(record, force, size, Z, random_state)
     if np.max(now, initial=0.0) > 0.5:
         return now
-    return np.maximum(now, _repeatable(problem, latent, np.hstack([Z, memory(problem, path)]), random_state))
+    return np.maximum(now, _forest(record, force, size, np.hstack([Z, memory(record, path)]), random_state))
 
 
-def _repeatable(problem: Problem, latent: LatentForce, Z: np.ndarray, random_state: int) -> np.ndarray:
+def _forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, random_state: int) -> np.ndarray:
     """R2 on runs left out of a forest from columns Z to every force."""
-    fold = folds(problem.record)
+    fold = folds(record)
     stride = max(1, len(Z) // 4000)
-    out = np.zeros(len(latent.force))
-    for b, w in enumerate(latent.force):
-        if latent.size[b] < 1e-3:
+    out = np.zeros(len(force))
+    for b, w in enumerate(force):
+        if size[b] < 1e-3:
             continue
         error = total = 0.0
         for k in range(int(fold.max()) + 1):
