@@ -16,8 +16,8 @@ from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.output_error import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
-from sksurrogate.physics._calibrate import prepared
 from sksurrogate.physics._free_run import free_run
+from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant, describe
 
 __all__ = ["DynamicsCorrection"]

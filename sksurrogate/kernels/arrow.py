@@ -80,13 +80,23 @@ class Arrow:
         g = self.gt - np.einsum("rij,rjk,rk->i", self.Htx, inverse, self.gx)
         return S, g, inverse
 
-    def step(self, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Damped step: dtheta (n_theta,), dx0 (n_x, n_runs), and the drop of the sum of squares that it predicts."""
+    def step(self, damping: float, held: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, float]:
+        """Damped step: dtheta (n_theta,), dx0 (n_x, n_runs), and the drop of the sum of squares that it predicts.
+
+        ``held`` (n_theta,) says how far single parameters move, nan for those that the step decides.
+        """
         if not (np.all(np.isfinite(self.Htt)) and np.all(np.isfinite(self.gt)) and np.all(np.isfinite(self.Hxx))):
             return np.full(len(self.gt), np.nan), np.full(self.gx.shape[::-1], np.nan), -np.inf
         S, g, inverse = self._eliminated(damping)
         n_theta = len(g)
-        dt = np.linalg.lstsq(S + damping * np.eye(n_theta), g, rcond=1e-12)[0] if n_theta else np.zeros(0)
+        damped = S + damping * np.eye(n_theta)
+        if held is None or np.all(np.isnan(held)):
+            dt = np.linalg.lstsq(damped, g, rcond=1e-12)[0] if n_theta else np.zeros(0)
+        else:
+            free = np.isnan(held)
+            dt = np.where(free, 0.0, held * self.t_scale)
+            if free.any():
+                dt[free] = np.linalg.lstsq(damped[np.ix_(free, free)], (g - S @ dt)[free], rcond=1e-12)[0]
         dx = np.einsum("rij,rj->ri", inverse, self.gx - np.einsum("rij,i->rj", self.Htx, dt))
         quadratic = (
             dt @ self.Htt @ dt

@@ -224,6 +224,7 @@ def output_error(
     best: float = np.inf,
     fit_start: bool = True,
     fallback: np.ndarray | None = None,
+    reach: float = np.inf,
 ) -> Fit | None:
     """Fit parameters and initial states through the free run.
 
@@ -250,6 +251,8 @@ def output_error(
     fallback : ndarray (n_states, n_samples), optional
         A closed trajectory near the start, used where the open steps go astray; by default one is made by a loop over
         time.
+    reach : float
+        A step moves a parameter by at most as many times its size.
 
     Returns
     -------
@@ -257,7 +260,7 @@ def output_error(
         None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
-        return _OutputError(model, sd, unit, bounds, prior, fit_start).run(
+        return _OutputError(model, sd, unit, bounds, prior, fit_start, reach).run(
             theta, x, open_steps, max_steps, best, fallback
         )
 
@@ -266,10 +269,11 @@ class _OutputError:
     """One fit."""
 
     def __init__(
-        self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool
-    ):
+        self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool, reach: float,
+    ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd[:, None], unit
         self.low, self.high = bounds
+        self.reach = reach
         self.fixed = self.low == self.high
         self.precision = np.zeros(model.n_theta) if prior is None else 1.0 / prior**2
         self.free = model.free_states if fit_start else np.zeros(model.n_states, bool)
@@ -286,6 +290,21 @@ class _OutputError:
         return Arrow.build(
             Jt, Jx, (self.record.y - lin.y) / self.sd, self.record.starts, self.precision, -self.precision * theta
         )
+
+    def step(self, arrow: Arrow, theta: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """A step within the bounds: parameters that would leave stay there, and the others make the best of it."""
+        held = np.full(len(theta), np.nan)
+        low, high = self.low, self.high
+        if np.isfinite(self.reach):
+            far = self.reach * np.maximum(np.abs(theta), self.unit)
+            low, high = np.maximum(low, theta - far), np.minimum(high, theta + far)
+        while True:
+            dt, dx, drop = arrow.step(damping, held)
+            new = theta + dt
+            out = np.isnan(held) & ((new < low) | (new > high))
+            if not out.any():
+                return dt, dx, drop
+            held[out] = (np.clip(new, low, high) - theta)[out]
 
     def moved(
         self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray
@@ -326,7 +345,7 @@ class _OutputError:
             lin = linearise(self.model, theta, x, self.unit)
             if not np.all(np.isfinite(lin.x)):
                 break
-            dt, dx, _ = self.arrow(lin, theta).step(1e-6)
+            dt, dx, _ = self.step(self.arrow(lin, theta), theta, 1e-6)
             if not (np.all(np.isfinite(dt)) and np.all(np.isfinite(dx))):
                 break
             theta, x = self.moved(lin, theta, dt, dx)
@@ -359,7 +378,7 @@ class _OutputError:
             arrow = self.arrow(lin, theta)
             accepted = False
             for _ in range(6):
-                dt, dx, drop = arrow.step(damping)
+                dt, dx, drop = self.step(arrow, theta, damping)
                 if drop < 1e-4 * cost + 0.01:
                     done = True
                     break

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.exceptions import ConvergenceWarning, DataConversionWarning
 from sklearn.metrics import r2_score
@@ -16,25 +14,19 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate._columns import by_name
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.kernels.integrate import close
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.smoother import noise_of_differences, smooth
+from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._fit_model import FitModel
-from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._intervals import known
+from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant, describe
 from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["CalibratedSimulator"]
 
-#: A direction of the parameters whose singular value is below this share of the largest is not fixed by the data.
-_WEAK = 1e-6
-#: Substeps are doubled until one sample differs by less than this share of the size of a state.
-_LOCAL_ERROR = 1e-6
-
-
-#: Steps of the smoother: the fit goes on from there anyway.
-_SMOOTHINGS = 4
+#: Squared residuals, in units of the noise, above which single shooting is tried as well.
+_POOR = 25.0
 
 
 class CalibratedSimulator(RegressorMixin, BaseEstimator):
@@ -47,11 +39,11 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
     params : list of str, optional
         Names of the parameters to fit; all by default.
     bounds : dict of (low, high), optional
-        By name; unbounded where a name is missing.
+        By name; unbounded where a name is missing, and on a side that is None.
     fit_x0 : bool, default=True
         Whether the initial state of each run is unknown; else it is ``x0`` of ``fit``, or that of the simulator.
     confidence : float, default=0.9
-        Of ``intervals_``.
+        Of ``intervals_``, between 0 and 1.
     max_iter : int, default=50
         Iterations.
     run : None, column name, int or "index"
@@ -63,7 +55,9 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         With the fitted parameters.
     params_ : dict of float
     intervals_ : dict of (low, high)
-        Linearised; infinite where the data do not fix the parameter.
+        Linearised, within the bounds; wider where what is left has a memory; infinite where the data do not fix the parameter.
+    at_bound_ : dict of bool
+        Whether a parameter ended at a bound; the intervals of the others hold it there.
     identifiable_ : dict of bool
     unidentified_ : list of dict
         Combinations of relative changes (or of changes, for parameters at 0) that leave the outputs as they are.
@@ -180,7 +174,15 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         residual = record.y - fit.y
         self.noise_ = np.sqrt(np.mean(residual**2, axis=1))
         self.n_iter_, self.converged_ = fit.n_iterations, fit.converged
-        self._uncertainty(lin.J_theta, lin.J_x if self.fit_x0 else lin.J_x[:, :0], record, unit, names)
+        at_bound = ((fit.theta <= low) | (fit.theta >= high)) & (low < high)
+        self.at_bound_ = {name: bool(flag) for name, flag in zip(names, at_bound)}
+        J_x = lin.J_x if self.fit_x0 else lin.J_x[:, :0]
+        what = known(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound)
+        self.covariance_ = what.covariance
+        ends = np.clip(fit.theta - what.width, low, high), np.clip(fit.theta + what.width, low, high)
+        self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(names, *ends)}
+        self.identifiable_ = {name: not bool(flag) for name, flag in zip(names, what.loose)}
+        self.unidentified_ = [{n: float(v) for n, v in zip(names, row) if abs(v) > 1e-3} for row in what.null]
         self.simulator_ = clone(self.simulator).set_params(**{f"params__{k}": v for k, v in self.params_.items()})
         self.y_is_1d_ = runs.y_is_1d
         return self
@@ -277,10 +279,18 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         unknown = sorted(set(given) - set(names))
         if unknown:
             raise DataError(f"bounds names {unknown[0]!r}, which is not fitted; params are {names}.")
-        pairs = [given.get(name, (-np.inf, np.inf)) for name in names]
-        wrong = [name for name, (a, b) in zip(names, pairs) if not a < b]
-        if wrong:
-            raise DataError(f"bounds[{wrong[0]!r}]={given[wrong[0]]}: expected (low, high) with low < high.")
+        pairs = []
+        for name in names:
+            try:
+                a, b = given.get(name, (None, None))
+                pair = (-np.inf if a is None else float(a), np.inf if b is None else float(b))
+            except (TypeError, ValueError):
+                pair = (np.nan, np.nan)
+            if not pair[0] < pair[1]:
+                raise DataError(
+                    f"bounds[{name!r}]={given[name]!r}: expected (low, high) with low < high; None leaves a side open."
+                )
+            pairs.append(pair)
         return np.array([a for a, _ in pairs], dtype=float), np.array([b for _, b in pairs], dtype=float)
 
     def _fitted(
@@ -293,97 +303,28 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             "best": np.inf,
             "max_steps": self.max_iter,
             "fit_start": self.fit_x0,
+            "reach": 0.7 if model.stiff else 10.0,  # a parameter that nothing fixes must not carry a stiff plant off
         }
-        fit = output_error(model, theta, x, sd, open_steps=6, **options)
-        if fit is not None and fit.converged:
+        fit = output_error(model, theta, x, sd, open_steps=0 if model.stiff else 6, **options)
+        if fit is not None and fit.converged and fit.cost < _POOR * model.record.y.size:
             return fit, "lifted"
         shot = free_run(model, theta, x[:, model.record.starts])
         other = output_error(model, theta, shot, sd, open_steps=0, **options) if np.all(np.isfinite(shot)) else None
         if other is None or (fit is not None and fit.cost <= other.cost):
-            if fit is not None:
+            if fit is not None and not fit.converged:
                 warnings.warn(
-                    f"the fit stopped after {fit.n_iterations} iterations without converging: raise max_iter.",
+                    f"the fit stopped after {fit.n_iterations} iterations without converging: raise max_iter, or start nearer.",
                     ConvergenceWarning,
                     stacklevel=3,
                 )
             return fit, "lifted"
+        why = "ended in a poor optimum" if fit is not None and fit.converged else "did not converge"
         warnings.warn(
-            "the lifted fit did not converge; parameters are those of single shooting.",
-            ConvergenceWarning,
-            stacklevel=3,
+            f"the lifted fit {why}; parameters are those of single shooting.", ConvergenceWarning, stacklevel=3
         )
         return other, "single shooting"
-
-    def _uncertainty(self, Jt: np.ndarray, Jx: np.ndarray, record: Record, unit: np.ndarray, names: list[str]) -> None:
-        """Intervals and null directions, initial states projected out run by run."""
-        spread = np.maximum(self.noise_, 1e-300)[:, None, None]
-        J = np.concatenate([Jt, Jx], axis=1) / spread
-        blocks, k = [], len(names)
-        edges = np.r_[record.starts, record.n_samples]
-        for a, b in zip(edges[:-1], edges[1:]):
-            rows = J[:, :, a:b].transpose(0, 2, 1).reshape(-1, J.shape[1])
-            shared, own = rows[:, :k] * unit, rows[:, k:]
-            if own.shape[1]:
-                U, s, _ = np.linalg.svd(own, full_matrices=False)
-                U = U[:, s > 1e-10 * max(s[0], 1e-300)]
-                shared = shared - U @ (U.T @ shared)
-            blocks.append(shared)
-        R = np.linalg.qr(np.concatenate(blocks), mode="r") if k else np.zeros((0, 0))
-        _, s, Vt = np.linalg.svd(R) if k else (None, np.zeros(0), np.zeros((0, 0)))
-        s = np.r_[s, np.zeros(k - len(s))]
-        weak = s <= _WEAK * max(s[0] if k else 0.0, 1e-300)
-        null = Vt[weak]
-        loose = np.sqrt(np.sum(null**2, axis=0)) > 1e-3 if len(null) else np.zeros(k, bool)
-        safe = np.where(weak, np.inf, s)
-        covariance = (Vt.T / safe) @ (Vt.T / safe).T * np.outer(unit, unit)
-        width = float(norm.ppf(0.5 + self.confidence / 2)) * np.sqrt(np.diag(covariance))
-        width = np.where(loose, np.inf, width)
-        self.covariance_ = np.full_like(covariance, np.nan) if weak.any() else covariance
-        self.intervals_ = {n: (self.params_[n] - float(w), self.params_[n] + float(w)) for n, w in zip(names, width)}
-        self.identifiable_ = {n: not bool(flag) for n, flag in zip(names, loose)}
-        self.unidentified_ = [{n: float(v) for n, v in zip(names, row) if abs(v) > 1e-3} for row in null]
 
 
 def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:
     """The same estimator with no parameter free: only initial states are fitted."""
     return CalibratedSimulator(simulator, [], fit_x0=True, max_iter=estimator.max_iter, run=estimator.run)
-
-
-def prepared(
-    plant: Plant, record: Record, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool, fit_x0: bool
-) -> tuple[FitModel, np.ndarray]:
-    """The model with substeps that its error asks for, and a trajectory to start from."""
-    inner = PlantModel(plant)
-    inner.probe(record.u[:, 0])
-    n = len(plant.states)
-    places = plant.output_states
-    if places is not None and fit_x0 and not given:
-        starts[:, list(places)] = record.y[:, record.starts].T
-    model = FitModel(inner, names, record, 1, np.ones(n))
-    near = np.repeat(starts.T, record.lengths, axis=1)
-    if places is not None:
-        near[list(places)] = record.y
-        near[:, record.starts] = starts.T
-    # Newton over the time axis is many times faster than a loop over time, and settles for most plants.
-    run, closed, _ = close(model.bind(theta[:, None]), near, record.starts, np.maximum(np.std(near, axis=1), 1.0), 1e-4)
-    if not closed:
-        run = free_run(model, theta, starts.T)
-    guess = np.where(np.isfinite(run), run, np.repeat(starts.T, record.lengths, axis=1))
-    if places is not None:
-        guess[list(places)] = record.y
-    size = np.maximum(np.std(guess, axis=1), 0.02 * np.sqrt(np.mean(guess**2, axis=1)))
-    model = FitModel(inner, names, record, 1, np.where(size > 0, size, 1.0))
-    sd = noise_of_differences(record.y, record.starts)
-    smoothed = smooth(
-        model.bind(theta[:, None]), record.y, record.starts, sd, guess, model.scale, max_iterations=_SMOOTHINGS
-    ).x
-    guess = smoothed if np.all(np.isfinite(smoothed)) else guess
-    if not fit_x0:
-        guess[:, record.starts] = starts.T
-    for _ in range(5):
-        finer = replace(model, n_sub=2 * model.n_sub)
-        error = np.abs(model.bind(theta[:, None])(guess[:, None]) - finer.bind(theta[:, None])(guess[:, None]))[:, 0]
-        if plant.access == "step" or np.nanquantile(np.max(error / model.scale[:, None], axis=0), 0.98) < _LOCAL_ERROR:
-            break
-        model = finer
-    return model, guess

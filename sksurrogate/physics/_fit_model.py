@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.kernels.integrate import rk4
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold
+from sksurrogate.kernels.stiff import rosenbrock
 from sksurrogate.physics._model import PlantModel
 
 __all__ = ["BoundFitModel", "FitModel"]
@@ -26,9 +27,11 @@ class FitModel:
     names : sequence of str
     record : Record
     n_sub : int
-        Substeps a sample.
+        Substeps a sample; of a stiff plant, how finely its graded steps are cut.
     scale : ndarray (n_states,)
         Size of every state.
+    stiff : bool
+        Whether a sample is stepped by the Rosenbrock method in place of Runge-Kutta.
     """
 
     inner: PlantModel
@@ -36,6 +39,7 @@ class FitModel:
     record: Record
     n_sub: int
     scale: np.ndarray
+    stiff: bool = False
 
     @property
     def n_states(self) -> int:
@@ -103,6 +107,9 @@ class BoundFitModel:
                 self._wide[shape] = {k: np.ascontiguousarray(np.broadcast_to(v, shape)) for k, v in self.varied.items()}
             return m.inner.derivative(now, z, u, self._wide[shape])
 
+        if m.stiff:
+            first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
+            return rosenbrock(derivative, t, x, first, last, m.record.dt, m.n_sub)
         return rk4(derivative, t, x, mean, half, m.record.dt / m.n_sub)
 
     def start(self, x0: np.ndarray) -> np.ndarray:

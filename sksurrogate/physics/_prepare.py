@@ -1,0 +1,106 @@
+"""Before a calibration: substeps that the plant asks for, and a trajectory to start from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sksurrogate.kernels.integrate import close
+from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import noise_of_differences, smooth
+from sksurrogate.physics._fit_model import FitModel
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["prepared"]
+
+#: Substeps are doubled until one sample differs by less than this share of the size of a state.
+_LOCAL_ERROR = 1e-6
+#: Runge-Kutta with more substeps than this, and the plant counts as stiff.
+_MOST_SUBSTEPS = 32
+#: Graded steps of a stiff plant are cut into at most as many.
+_MOST_CUTS = 4
+#: Steps of the smoother: the fit goes on from there anyway.
+_SMOOTHINGS = 4
+
+
+def prepared(
+    plant: Plant, record: Record, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool, fit_x0: bool
+) -> tuple[FitModel, np.ndarray]:
+    """The model with substeps that its error asks for, and a trajectory (n_states, n_samples) to start from.
+
+    Parameters
+    ----------
+    plant, record, names, theta
+        What is fitted to what, and from where.
+    starts : ndarray (n_runs, n_states)
+        Initial states; written where measured states are known better.
+    given : bool
+        Whether ``starts`` are the user's.
+    fit_x0 : bool
+    """
+    inner = PlantModel(plant)
+    inner.probe(record.u[:, 0])
+    places = plant.output_states
+    if places is not None and fit_x0 and not given:
+        starts[:, list(places)] = record.y[:, record.starts].T
+    near = np.repeat(starts.T, record.lengths, axis=1)
+    if places is not None:
+        near[list(places)] = record.y
+        near[:, record.starts] = starts.T
+    model, run = _first_run(FitModel(inner, names, record, 1, np.ones(len(plant.states))), theta, near, starts)
+    if model.stiff:  # off its slow manifold a stiff plant leads anywhere: measured values stay out of the trajectory
+        return replace(model, scale=np.maximum(np.max(np.abs(run), axis=1), 1e-12)), run
+    guess = np.where(np.isfinite(run), run, np.repeat(starts.T, record.lengths, axis=1))
+    if places is not None:
+        guess[list(places)] = record.y
+    size = np.maximum(np.std(guess, axis=1), 0.02 * np.sqrt(np.mean(guess**2, axis=1)))
+    model = replace(model, scale=np.where(size > 0, size, 1.0))
+    sd = noise_of_differences(record.y, record.starts)
+    try:
+        stepped = model.bind(theta[:, None])
+        smoothed = smooth(stepped, record.y, record.starts, sd, guess, model.scale, max_iterations=_SMOOTHINGS).x
+        guess = smoothed if np.all(np.isfinite(smoothed)) else guess
+    except FloatingPointError:
+        guess = np.where(np.isfinite(run), run, guess)
+    if not fit_x0:
+        guess[:, record.starts] = starts.T
+    return _refined(model, theta, guess, _MOST_SUBSTEPS), guess
+
+
+def _error(model: FitModel, theta: np.ndarray, x: np.ndarray) -> float:
+    """How far one sample differs from the same in half the substeps, in sizes of a state; all but the worst 2 %."""
+    finer = replace(model, n_sub=2 * model.n_sub)
+    error = np.abs(model.bind(theta[:, None])(x[:, None]) - finer.bind(theta[:, None])(x[:, None]))[:, 0]
+    worst = np.max(error / model.scale[:, None], axis=0)
+    return float(np.quantile(np.where(np.isfinite(worst), worst, np.inf), 0.98))
+
+
+def _refined(model: FitModel, theta: np.ndarray, x: np.ndarray, most: int) -> FitModel:
+    """Substeps doubled until their error is small."""
+    while model.inner.plant.access == "rhs" and model.n_sub < most and not _error(model, theta, x) < _LOCAL_ERROR:
+        model = replace(model, n_sub=2 * model.n_sub)
+    return model
+
+
+def _first_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.ndarray) -> tuple[FitModel, np.ndarray]:
+    """The model, stiff or not, and its free run (not finite where it diverges)."""
+    stiff = False
+    if model.inner.plant.access == "rhs":
+        most = replace(model, n_sub=_MOST_SUBSTEPS)
+        after = most.bind(theta[:, None])(near[:, None])[:, 0]
+        size = np.maximum(
+            np.max(np.abs(near), axis=1), np.nanmax(np.where(np.isfinite(after), np.abs(after), 0.0), axis=1)
+        )
+        stiff = not _error(replace(most, scale=np.maximum(size, 1e-12)), theta, near) < 1e-2
+    if not stiff:
+        # Newton over the time axis is many times faster than a loop over time, and settles for most plants.
+        size = np.maximum(np.std(near, axis=1), 1.0)
+        run, closed, _ = close(model.bind(theta[:, None]), near, model.record.starts, size, 1e-4)
+        return model, run if closed else free_run(model, theta, starts.T)
+    model = replace(model, stiff=True)
+    run = free_run(model, theta, starts.T)
+    size = np.maximum(np.max(np.abs(np.where(np.isfinite(run), run, 0.0)), axis=1), 1e-12)
+    return _refined(replace(model, scale=size), theta, np.where(np.isfinite(run), run, near), _MOST_CUTS), run
