@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.runs import Runs, resolve_runs
 
-__all__ = ["FreeRunMixin", "lengthened"]
+__all__ = ["FreeRunMixin", "lengthened", "steps_ahead"]
 
 #: A free run further than this many spreads from the training mean has diverged.
 FAR = 1e6
@@ -69,10 +70,29 @@ class FreeRunMixin(RegressorMixin):
         weight = None if sample_weight is None else np.asarray(sample_weight)[keep]
         return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
 
+    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
+        """Row t from measured outputs up to t-1: ``predict_ahead`` with ``k=1``; rows without that history are nan.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray, shape of y
+        """
+        return self.predict_ahead(X, y, 1, groups=groups)  # type: ignore[attr-defined]
+
     def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False, min_rows: int = 1) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
         if y is None and reset:
             raise ValueError(f"{type(self).__name__} requires y to be passed, but the target y is None.")
+        if isinstance(X, (list, tuple)) and len(X) and np.ndim(X[0]) == 2:
+            raise DataError(
+                f"X is a list of {len(X)} runs: stack them, X, y, groups = stack_runs(X, y), and hand over groups."
+            )
         if y is None and type(X) is np.ndarray and X.dtype == float and X.shape[1:] == (getattr(self, "_width", 0),):
             pass  # all that scikit-learn would look at; resolve_runs looks at the values
         elif hasattr(X, "columns"):
@@ -96,15 +116,23 @@ class FreeRunMixin(RegressorMixin):
     def _first_rows(self, y0: Any, runs: Runs, name: str = "y0") -> np.ndarray:
         """Outputs at the first rows of every run, (n_runs, n_initial, n_outputs)."""
         n, o = self.n_initial_, len(self.y_mean_)
+        if isinstance(y0, str):
+            raise DataError(f"{name}={y0!r} must hold outputs, ({n}, {o}); a policy is the constructor's: init={y0!r}.")
         given = np.asarray(y0, dtype=float)
-        if given.ndim == 1 and o == 1:
-            given = given[:, None]
+        if o == 1 and given.shape in ((n,), (len(runs), n)):
+            given = given[..., None]
         if given.ndim == 2:
             given = np.repeat(given[None], len(runs), axis=0)
         if given.shape != (len(runs), n, o):
             raise DataError(
                 f"{name} has shape {np.shape(y0)}, expected ({n}, {o}) or ({len(runs)}, {n}, {o}): the outputs at the "
                 f"first {n} rows of each run."
+            )
+        if not np.isfinite(given).all():
+            run, row, column = np.argwhere(~np.isfinite(given))[0]
+            raise DataError(
+                f"{name} is not finite at row {row}, output {column} of run {run}: a free run needs all {n} first rows. "
+                "Interpolate them first (sksurrogate.features.Interpolator), or start the run later."
             )
         return given
 
@@ -119,8 +147,9 @@ class FreeRunMixin(RegressorMixin):
                 bad.append((run, int(rows[0])))
         if bad:
             run, row = bad[0]
+            name = 0 if run.label is None else run.label
             raise SimulationDiverged(
-                f"the free run diverged: run {run.label!r}, step {row}; {len(bad)} of {len(runs)} runs in all. {remedy}",
+                f"the free run diverged: run {name!r}, step {row}; {len(bad)} of {len(runs)} runs in all. {remedy}",
                 run=run.label,
                 row=row,
                 time=float(run.t[row]),
@@ -129,3 +158,10 @@ class FreeRunMixin(RegressorMixin):
     def _shaped(self, runs: Runs, parts: Sequence[np.ndarray]) -> np.ndarray:
         stacked = runs.stack(parts)
         return stacked[:, 0] if self.y_is_1d_ else stacked
+
+
+def steps_ahead(k: Any) -> int:
+    """k of ``predict_ahead``, checked."""
+    if not isinstance(k, Integral) or k < 1:
+        raise ValueError(f"k={k!r} must be an int, at least 1 step ahead.")
+    return int(k)

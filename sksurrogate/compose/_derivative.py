@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from sklearn.base import BaseEstimator, clone
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin, lengthened
+from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
+from sksurrogate.compose._lagged import fitted
 from sksurrogate.compose._network import describe_network
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.exceptions import DataError
@@ -154,7 +155,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
                 raise DataError(
                     "dydt is not finite in some rows: leave these rows out, or leave dydt out for the weak form."
                 )
-            self.estimator_ = clone(self.estimator).fit(points, _narrow(target))
+            self.estimator_ = fitted(self.estimator, points, _narrow(target))
         self._choose_substeps(runs)
         return self
 
@@ -191,21 +192,6 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         self._refuse_far(runs, out, 'Train on more of (y, u), or try method="LSODA" if the model is stiff.')
         return self._shaped(runs, out)
 
-    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
-        """Row t integrated from the measured row t-1; first rows are nan.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-        """
-        return self.predict_ahead(X, y, 1, groups=groups)
-
     def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
         """Row t integrated from the measured row t-k; rows without that history are nan.
 
@@ -222,8 +208,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         ndarray, shape of y
         """
         check_is_fitted(self, "estimator_")
-        if k < 1:
-            raise ValueError(f"k={k!r} must be at least 1 step ahead.")
+        k = steps_ahead(k)
         runs = self._resolve(X, y, groups)
         parts = []
         for run in runs:
@@ -269,7 +254,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             return
         target = weak.targets
         for _ in range(ROUNDS):
-            self.estimator_ = clone(self.estimator).fit(weak.centres, _narrow(target))
+            self.estimator_ = fitted(self.estimator, weak.centres, _narrow(target))
             target = weak.targets + self._f(weak.centres) - weak.mean(self._f(weak.points))
 
     def _f(self, points: np.ndarray) -> np.ndarray:

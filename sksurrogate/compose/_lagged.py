@@ -7,14 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
+from sklearn.multioutput import MultiOutputRegressor
+from sklearn.utils import get_tags
 
 from sksurrogate._dynamic import FAR
 from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.features._lag import lag_list, named_position
 from sksurrogate.runs import Runs
 
-__all__ = ["REPORTED", "barely_fitted", "diverged", "divergence", "name_features", "stacked"]
+__all__ = ["REPORTED", "barely_fitted", "diverged", "divergence", "fitted", "name_features", "stacked"]
 
 
 #: Training rows that are run freely after a fit.
@@ -74,6 +77,16 @@ def stacked(parts: Sequence[np.ndarray]) -> np.ndarray:
         if np.array_equal(places, whole.__array_interface__["data"][0] + parts[0].nbytes * np.arange(len(parts))):
             return whole.reshape(shape)
     return np.stack(parts)
+
+
+def fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:
+    """A fitted clone; a regressor of one output is fitted to each of several."""
+    try:
+        return clone(estimator).fit(Phi, target)
+    except ValueError:
+        if target.ndim == 1 or get_tags(estimator).target_tags.multi_output:
+            raise
+    return MultiOutputRegressor(clone(estimator)).fit(Phi, target)
 
 
 def barely_fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:

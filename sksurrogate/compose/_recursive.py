@@ -12,9 +12,9 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened
+from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.compose._free_fit import shoot
-from sksurrogate.compose._lagged import REPORTED, barely_fitted, diverged, divergence, name_features, stacked
+from sksurrogate.compose._lagged import REPORTED, barely_fitted, diverged, divergence, fitted, name_features, stacked
 from sksurrogate.compose._linear_lags import fit_linear_lags
 from sksurrogate.compose._network import agrees, describe_network, write_network
 from sksurrogate.compose._stability import StabilityReport, growth_along
@@ -213,21 +213,6 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
             raise divergence(runs, bad)
         return self._shaped(runs, out)
 
-    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
-        """Row t from measured outputs up to t-1; rows without that history are nan.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-        """
-        return self.predict_ahead(X, y, 1, groups=groups)
-
     def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
         """Row t from measured outputs up to t-k and inputs up to t; rows without that history are nan.
 
@@ -249,8 +234,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
             As for :meth:`predict`.
         """
         check_is_fitted(self, "estimator_")
-        if k < 1:
-            raise ValueError(f"k={k!r} must be at least 1 step ahead.")
+        k = steps_ahead(k)
         runs = self._resolve(X, y, groups)
         n, parts = self.n_initial_, []
         for r, run in enumerate(runs):
@@ -309,7 +293,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         if self.loss == "shooting":
             self._shoot(runs, Phi, target)
         else:
-            self.estimator_ = clone(self.estimator).fit(Phi, target)
+            self.estimator_ = fitted(self.estimator, Phi, target)
         self.compiled_ = self._compiles(Phi)
         target = target.reshape(len(target), -1)
         blocks = [slice(k, k + BLOCK) for k in range(0, len(Phi), BLOCK)]

@@ -10,10 +10,13 @@ import numpy as np
 
 __all__ = ["StabilityReport", "growth_along"]
 
+#: Half width of differences in spreads of the outputs; the second for models of steps (forests), flat almost everywhere.
+SMALL, WIDE = 1e-5, 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class StabilityReport:
-    """Growth of small disturbances of the past outputs along free runs.
+    """Growth of small disturbances of the past outputs along free runs; of half a spread for models of steps (forests).
 
     Attributes
     ----------
@@ -82,17 +85,19 @@ def growth_along(
     -------
     StabilityReport
     """
-    found = [
-        _of_run(slopes, lags, n_outputs) for slopes in (_slopes(step, phi, len(lags) * n_outputs) for phi in features)
-    ]
+    n_past = len(lags) * n_outputs
+    every = [_slopes(step, phi, n_past, SMALL) for phi in features]
+    if not any(np.any(slopes) for slopes in every):
+        every = [_slopes(step, phi, n_past, WIDE) for phi in features]
+    found = [_of_run(slopes, lags, n_outputs) for slopes in every]
     radius, rate, peak = zip(*found)
     memory = tuple(float(np.log(0.01) / np.log(r)) if 0 < r < 1 else (0.0 if r == 0 else np.inf) for r in rate)
     return StabilityReport(tuple(labels), radius, rate, peak, memory)
 
 
-def _slopes(step: Callable[[np.ndarray], np.ndarray], phi: np.ndarray, n_past: int) -> np.ndarray:
+def _slopes(step: Callable[[np.ndarray], np.ndarray], phi: np.ndarray, n_past: int, share: float) -> np.ndarray:
     """Slopes by the past outputs, by central differences in one call, (n_steps, n_outputs, n_past)."""
-    width = 1e-5 * (phi[:, :n_past].std(axis=0) + 1e-6 * np.abs(phi[:, :n_past]).max(axis=0) + 1e-12)
+    width = share * (phi[:, :n_past].std(axis=0) + 1e-6 * np.abs(phi[:, :n_past]).max(axis=0) + 1e-12)
     rows = np.repeat(phi[None], 2 * n_past, axis=0)
     for k in range(n_past):
         rows[2 * k, :, k] += width[k]

@@ -9,7 +9,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin
+from sksurrogate._dynamic import FreeRunMixin, steps_ahead
 from sksurrogate.compose._state_fit import cut_pieces, first_rows, fit_linear, fit_networks
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.state_model import StateModel
@@ -260,8 +260,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         ndarray, shape of y
         """
         check_is_fitted(self, "theta_")
-        if k < 1:
-            raise ValueError(f"k={k!r} must be at least 1 step ahead.")
+        k = steps_ahead(k)
         runs, n, parts = self._resolve(X, y, groups), self.n_initial_, []
         for run in runs:
             part = np.full(run.y.shape, np.nan)
@@ -273,21 +272,6 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
                 part[n + k - 1 :] = np.stack([window[-1] for window in found])
             parts.append(part)
         return self._shaped(runs, parts)
-
-    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
-        """:meth:`predict_ahead` with ``k=1``.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-        """
-        return self.predict_ahead(X, y, 1, groups=groups)
 
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _scaled_u(self, U: np.ndarray) -> np.ndarray:

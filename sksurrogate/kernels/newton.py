@@ -60,7 +60,7 @@ def newton_runs(
             y[:, n_first:] += step.reshape(rest.shape)
             scale = max(scale, float(np.abs(y).max()), 1e-300)
             # Newton is quadratic: the next correction is about size * (size / before^2) * size
-            growth = size / before**2 if before < np.inf else 1e3 / scale
+            growth = size / max(before, 1e-150) ** 2 if before < np.inf else 1e3 / scale
             if size <= rtol * scale or (growth * size * size <= rtol * scale and size < 1e-3 * scale):
                 return True
             before = size

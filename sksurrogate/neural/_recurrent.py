@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin, lengthened
+from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
 
 __all__ = ["RecurrentRegressor"]
 
@@ -196,8 +196,7 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
         ndarray, shape of y
         """
         check_is_fitted(self, "net_")
-        if k < 1:
-            raise ValueError(f"k={k!r} must be at least 1 step ahead.")
+        k = steps_ahead(k)
         runs, n, parts = self._resolve(X, y, groups), self.n_initial_, []
         slide = np.lib.stride_tricks.sliding_window_view
         for run in runs:
@@ -208,21 +207,6 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
                 part[n + k - 1 :] = np.stack([found[-1] for found in self._run_free(windows, first)])
             parts.append(part)
         return self._shaped(runs, parts)
-
-    def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
-        """:meth:`predict_ahead` with ``k=1``.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-        """
-        return self.predict_ahead(X, y, 1, groups=groups)
 
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _sequences(self, inputs: list[np.ndarray], first: np.ndarray) -> dict[str, np.ndarray]:

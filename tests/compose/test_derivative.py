@@ -151,7 +151,7 @@ def test_a_model_that_runs_away_says_run_and_step():
     X = np.zeros((60, 1))
     y = np.exp(0.5 * np.arange(60.0))
     model = DerivativeRegressor(LinearRegression()).fit(X, y, 0.5 * y)
-    with pytest.raises(SimulationDiverged, match=r"run None, step \d+"):
+    with pytest.raises(SimulationDiverged, match=r"run 0, step \d+"):
         model.predict(X, y0=[[1e30]])
     with pytest.raises(DataError, match="dydt has shape"):
         DerivativeRegressor(LinearRegression()).fit(X, y, y[:10])

@@ -12,6 +12,7 @@ from sklearn.neighbors import KNeighborsRegressor
 from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import MaxAbsScaler, MinMaxScaler, RobustScaler, SplineTransformer, StandardScaler
+from sklearn.svm import SVR
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.compose import RecursivePredictor
@@ -359,3 +360,46 @@ def test_fits_without_the_lag_matrix_equal_fits_with_it(estimator, n_outputs, mo
     assert quick.one_step_rmse_ == pytest.approx(plain.one_step_rmse_)
     assert quick.free_run_rmse_ == pytest.approx(plain.free_run_rmse_)
     np.testing.assert_allclose(quick.predict(X, groups=groups), plain.predict(X, groups=groups), atol=1e-9)
+
+
+@pytest.mark.parametrize("given, words", [([1.0, np.nan], "row 1, output 0 of run 0"), ("steady", "init='steady'")])
+def test_first_rows_that_are_no_numbers_are_refused(given, words):
+    X, y, groups = planted()
+    model = RecursivePredictor(LinearRegression(), 1, 2).fit(X, y, groups=groups)
+    with pytest.raises(DataError, match=words):
+        model.predict(X, y0=given, groups=groups)
+    rows = np.stack([y[:2], y[80:82], y[160:162]])
+    np.testing.assert_array_equal(
+        model.predict(X, y0=rows, groups=groups), model.predict(X, y0=rows[..., None], groups=groups)
+    )
+
+
+def test_a_list_of_runs_says_how_to_stack():
+    X, y, groups = planted()
+    with pytest.raises(DataError, match=r"list of 2 runs: stack them.*stack_runs"):
+        RecursivePredictor(LinearRegression()).fit([X[:80], X[80:]], [y[:80], y[80:]])
+    model = RecursivePredictor(LinearRegression()).fit(X, y, groups=groups)
+    for k in (0, 1.5):
+        with pytest.raises(ValueError, match=f"k={k} must be an int"):
+            model.predict_ahead(X, y, k, groups=groups)
+
+
+def test_regressors_of_one_output_are_fitted_to_each_of_two():
+    X, y, groups = planted()
+    Y = np.c_[y, -2 * y]
+    model = RecursivePredictor(make_pipeline(StandardScaler(), SVR(C=100.0)), 1, 2).fit(X, Y, groups=groups)
+    assert model.predict(X, groups=groups).shape == Y.shape and model.score(X, Y, groups=groups) > 0.5
+
+
+def test_steps_of_a_forest_are_not_taken_for_flat():
+    X, y, groups = planted(n=200)
+    trees = RecursivePredictor(RandomForestRegressor(20, random_state=0), 1, 2).fit(X, y, groups=groups)
+    wanted = np.abs(np.roots([1, -1.2, 0.5])).max()
+    assert 0.5 * wanted < trees.stability_report(X, groups=groups).rate[0] < 1.3 * wanted
+
+
+def test_shooting_on_outputs_that_never_move():
+    X, _, groups = planted()
+    net = MLPRegressor(hidden_layer_sizes=(2,), activation="tanh")
+    model = RecursivePredictor(net, 1, 2, loss="shooting", random_state=0).fit(X, np.ones(len(X)), groups=groups)
+    np.testing.assert_allclose(model.predict(X, groups=groups), 1.0, atol=1e-6)
