@@ -24,7 +24,7 @@ LONGEST_LABEL = 200
 def read_csv(
     path: Any, wanted: Sequence[str], run: str | None = None
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-    """Columns of a CSV by name, as numbers; the run column as text.
+    """Columns of a CSV by name, as numbers; the run column as whole numbers, else as text.
 
     Parameters
     ----------
@@ -106,7 +106,18 @@ def _read(
         raise DataError(f"{name} has a header and no rows.")
     table = np.array(values).reshape(-1, len(places))
     columns = {column: table[:, j] for j, column in enumerate(wanted)}
-    return columns, np.array(labels) if label_at is not None else None
+    return columns, _labels(labels) if label_at is not None else None
+
+
+def _labels(cells: list[str]) -> np.ndarray:
+    """Labels as written, or whole numbers where all are (``0.000e+00`` reads as run 0)."""
+    text = np.array(cells)
+    try:
+        numbers = text.astype(float)
+    except ValueError:
+        return text
+    whole = np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2**53)
+    return numbers.astype(int) if whole.all() and len(set(cells)) == len(np.unique(numbers)) else text
 
 
 def _check_header(header: list[str], name: str, wanted: Sequence[str], run: str | None) -> None:

@@ -167,3 +167,10 @@ def test_the_saved_file_is_the_augmented_simulator_again(folder):
         for model in (plant, better)
     ]
     assert np.std(error[1]) < 0.3 * np.sqrt(np.mean(error[0] ** 2))
+
+
+def test_run_labels_that_are_whole_numbers_read_as_such(tmp_path):
+    (tmp_path / "d.csv").write_text("a,run\n1,0.000e+00\n2,0.000e+00\n3,1.000e+00\n")
+    assert read_csv(tmp_path / "d.csv", ["a"], run="run")[1].tolist() == [0, 0, 1]
+    (tmp_path / "d.csv").write_text("a,run\n1,007\n2,7\n")  # two labels, one number: kept as written
+    assert read_csv(tmp_path / "d.csv", ["a"], run="run")[1].tolist() == ["007", "7"]

@@ -19,7 +19,9 @@ _STYLE = """
 overflow-wrap:anywhere}
 .skgap h1{font-size:1.5em;line-height:1.25;margin:.5em 0}.skgap .lead{font-size:1.1em}
 .skgap h2{font-size:1.2em;margin-top:2em;border-bottom:1px solid #999}.skgap h3{font-size:1em;margin:1.2em 0 .3em}
-.skgap .verdict{border:2px solid #111;padding:0 .5em}.skgap .scroll{overflow-x:auto}
+.skgap .verdict{border:2px solid #111;padding:0 .5em}.skgap .scroll{overflow-x:auto;
+background:linear-gradient(90deg,#fff 2em,#fff0) local,linear-gradient(270deg,#fff 2em,#fff0) right local no-repeat,
+linear-gradient(90deg,#0003,#0000 .7em),linear-gradient(270deg,#0003,#0000 .7em)}
 .skgap table{border-collapse:collapse;font-size:.9em}
 .skgap th,.skgap td{padding:.2em .9em .2em 0;border-bottom:1px solid #ccc;text-align:left;vertical-align:top;
 overflow-wrap:normal;white-space:nowrap}
@@ -34,9 +36,11 @@ overflow-wrap:normal;white-space:nowrap}
 -webkit-print-color-adjust:exact}
 .skgap .effect{border-left:4px solid #111;padding:.1em 0 .1em .8em;margin:.8em 0}
 .skgap .effect p{margin:.2em 0}
-@media(max-width:30rem){.skgap .name{flex-basis:7em;font-size:.85em}.skgap .size{flex-basis:3.6em;font-size:.85em}}
+@media(max-width:30rem){.skgap th,.skgap td{padding-right:.6em;white-space:normal}.skgap td.n{white-space:nowrap}
+.skgap .name{flex-basis:7em;font-size:.85em}.skgap .size{flex-basis:3.6em;font-size:.85em}}
 @media print{.skgap{max-width:none;font-size:12px}.skgap figure,.skgap tr,.skgap .effect,.skgap .bars{break-inside:avoid}
-.skgap h2,.skgap h3{break-after:avoid}.skgap .scroll{overflow:visible}}
+.skgap h2,.skgap h3{break-after:avoid}.skgap .scroll{overflow:visible;background:none}.skgap td{white-space:normal}
+.skgap svg{max-width:25em}}
 """
 
 #: Column -> what the page writes over it.
@@ -177,7 +181,9 @@ def html_fragment(report: GapReport) -> str:
     parts += [_shrink(report), *_traces(report), *_where(report), *_missing(report)]
     if report.next_experiment is not None:
         parts.append(f"<h2>Next experiment</h2><p>{escape(report.next_experiment.sentence)}</p>")
-        parts.append(_table(report.next_experiment.options[:8]))
+        options = report.next_experiment.options[:8]
+        one_pair = len({str(row.get("between")) for row in options}) == 1  # the sentence above names it
+        parts.append(_table(options, leave_out=("between",) if one_pair else ()))
     if len(report.retuned):
         parts.append("<h2>Re-tuned parameters, 90 % intervals</h2>" + _table(report.retuned))
     if len(report.ranking):
@@ -315,18 +321,19 @@ def _percent(value: float) -> str:
     return "< 0.1 %" if 0 < value < 0.001 else f"{100 * value:.1f} %"
 
 
-def _table(table: Table) -> str:
+def _table(table: Table, leave_out: Sequence[str] = ()) -> str:
     """An HTML table; numbers to the right, shares in per cent."""
     if not len(table):
         return ""
+    columns = [name for name in table.columns if name not in leave_out]
     numeric = {
         name: any(isinstance(row[name], (int, float, np.number)) and not isinstance(row[name], bool) for row in table)
-        for name in table.columns
+        for name in columns
     }
     head = "".join(
-        f"<th{' class=n' if numeric[name] else ''}>{escape(_HEADS.get(name, name))}</th>" for name in table.columns
+        f"<th{' class=n' if numeric[name] else ''}>{escape(_HEADS.get(name, name))}</th>" for name in columns
     )
-    body = "".join(_row(row, table.columns) for row in table)
+    body = "".join(_row(row, columns) for row in table)
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
