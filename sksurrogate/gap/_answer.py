@@ -51,7 +51,11 @@ def sentence_of(
     place = f"the balance of {where.location}" if where.kind == "state" else f"the {where.kind} {where.location}"
     text = f"Something that is not in the catalogue is missing, most likely at {place}."
     if effects:
-        text += f" {_list([_described(e) for e in effects]).capitalize()} helps ({closed} of the gap closed on runs left out) but leaves too much."
+        verbs = ("help", "leave") if len(effects) > 1 else ("helps", "leaves")
+        text += (
+            f" {_list([_described(e) for e in effects]).capitalize()} {verbs[0]} ({closed} of the gap closed on runs "
+            f"left out) but {verbs[1]} too much."
+        )
     if term is not None and term.candidates:
         text += f" Closest simple law: {term.candidates[0]}."
     return text + " Look at missing_term, add such a term as an effect of your own, or use a hybrid model."
