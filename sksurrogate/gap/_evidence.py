@@ -13,6 +13,9 @@ from sksurrogate.kernels.output_error import Fit, output_error
 
 __all__ = ["bar", "columns", "estimate_noise", "frozen_fit", "quick_likelihood"]
 
+#: A residual below this many times the sensor noise may be white.
+NEARLY_WHITE = 1.5
+
 
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
     """What 2 (L_rival - L_null) must exceed: ``k ln N + 2 ln M``."""
@@ -90,17 +93,19 @@ def estimate_noise(
 ) -> Rival:
     """Fill in a rival's own noise and its likelihood under it.
 
-    The noise of another rival is a start; white noise of the size of the residual is the other, taken where it is better:
-    a fit that explains what was coloured before must not start from that colour.
+    The noise of another rival is a start. Near the data white noise of the size of the residual is the other, taken where
+    it is better: a fit that explains what was coloured before must not start from that colour.
     """
     r, J, precision, pull = columns(problem, rival)
+    rms = np.sqrt(np.mean(r**2, axis=1))
     white = replace(
         start,
-        sigma=np.maximum(np.sqrt(np.mean(r**2, axis=1)), 1e-3 * start.sigma),
+        sigma=rms,
         force=np.minimum(start.force, 1e-3 * problem.force_unit()),
         coloured=np.minimum(start.coloured, 0.05 * start.sigma),
     )
-    if quick_likelihood(problem, rival, [white]) > quick_likelihood(problem, rival, [start]):
+    near = bool(np.all(rms < NEARLY_WHITE * problem.sd))
+    if near and quick_likelihood(problem, rival, [white]) > quick_likelihood(problem, rival, [start]):
         start, curvature = white, None
     D = problem.disturbance(rival)
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):

@@ -134,6 +134,8 @@ class Search(Expander):
         elif left(null) < FAR:
             return null
         while len(best.effects) < MOST_EFFECTS:
+            if passed and not self.is_far(best):
+                best = self.final = self.enrich(best)
             better = self.one_more(best, passed)
             if better is None:
                 break
@@ -307,6 +309,25 @@ class Search(Expander):
                     if self.as_good(fitted, rival):
                         self.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)
                         return self.simplify(fitted, far)
+        return rival
+
+    def enrich(self, rival: Rival) -> Rival:
+        """The richer form of an effect where it removes more of the gap and no fit has looked at it yet."""
+        for i, effect in enumerate(rival.effects):
+            others = {key for j, key in enumerate(rival.keys) if j != i}
+            richer = [
+                e
+                for e in self.candidates
+                if effect.name in NESTED.get(e.name, ())
+                and e.location == effect.location
+                and effect.variable in (e.variable, None)
+                and frozenset((*others, e.key)) not in self.fitted
+            ]
+            base = self.without(rival, i) if richer else None
+            for other in self.ranked(self.expand(base, 2, 1, richer), base)[:1] if base is not None else ():
+                fitted = self.polish(other)
+                if self.score(fitted) > self.score(rival) + 1.0 and not self.as_good(rival, fitted):
+                    return self.enrich(fitted)
         return rival
 
     def as_good(self, simple: Rival, rich: Rival) -> bool:

@@ -79,8 +79,9 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     size = len(final.effects[i].parameters)
     for value, rival in found:
         same = bool(np.sqrt(np.mean(((rival.fit.y - final.fit.y) / sd) ** 2)) < SAME)
-        # A form with more parameters that predicts the same is the simpler one with a limit never reached.
-        nested = len(rival.effects[-1].parameters) > size and (same or value - level < 2.0)
+        # A form with more parameters that these do not pay for (Akaike) is the simpler one with a limit never reached.
+        extra = len(rival.effects[-1].parameters) - size
+        nested = extra > 0 and (same or value - level < extra)
         if not nested:
             twins.append(rival)
             identical.append(same)

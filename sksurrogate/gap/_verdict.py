@@ -17,9 +17,11 @@ __all__ = ["Facts", "decide", "intervals", "probabilities", "ranking", "retuned_
 
 #: `explained` when the named effects leave less than this share of the gap (amplitude).
 SHARE = 0.20
+#: With a repeatable law in what is left, this share is too much already, and so is an error over this many times the noise.
+SHARE_LAWFUL, LEFT_LAWFUL = 0.05, 1.1
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
-#: A gap closed to this share (amplitude) is explained however precise the sensors are.
+#: A gap closed to this share (amplitude) is explained however precise the sensors are: no real plant's model is exact.
 SMALL_SHARE = 0.12
 #: Share of the latent force that states and inputs explain on runs left out, above which it is a law.
 LAW = 0.10
@@ -78,8 +80,13 @@ def decide(facts: Facts) -> str:
     if facts.accepted or facts.retuned:
         if facts.exhausted and facts.left > FAR and lawful:
             return "unknown"
-        far = (facts.share_left > SHARE and facts.left > 1.05) or (facts.left > FAR and facts.share_left > SMALL_SHARE)
-        return "unknown" if far and lawful else "explained"
+        if facts.left > FAR:
+            too_much = facts.share_left > SMALL_SHARE
+        else:
+            too_much = (facts.share_left > SHARE and facts.left > 1.05) or (
+                facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
+            )
+        return "unknown" if too_much and lawful else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
         return "none"
     return "unknown" if (law and facts.left > 1.15) or facts.left > FAR else "none"
