@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import re
 from array import array
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +23,7 @@ LONGEST_LABEL = 200
 
 
 def read_csv(
-    path: Any, wanted: Sequence[str], run: str | None = None
+    path: Any, wanted: Sequence[str], run: str | None = None, time: str | None = None
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """Columns of a CSV by name, as numbers; the run column as whole numbers, else as text.
 
@@ -34,6 +35,8 @@ def read_csv(
         Numeric columns.
     run : str, optional
         Column of run labels.
+    time : str, optional
+        Column of the time, numeric too.
 
     Returns
     -------
@@ -48,7 +51,7 @@ def read_csv(
     file = _text_file(path)
     with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
         try:
-            columns, labels = _read(stream, file.name, wanted, run)
+            columns, labels = _read(stream, file.name, wanted, run, time)
         except csv.Error as error:
             raise DataError(f"{file.name}: not readable as CSV ({error}): is a quotation mark left open?") from error
     return columns, labels
@@ -74,14 +77,15 @@ def _text_file(path: Any) -> Path:
 
 
 def _read(
-    stream: TextIO, name: str, wanted: Sequence[str], run: str | None
+    stream: TextIO, name: str, wanted: Sequence[str], run: str | None, time: str | None
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """Header, then rows."""
     first = stream.readline(2**16)
     stream.seek(0)
     reader = csv.reader(stream, delimiter=max(",;\t", key=first.count))
     header = [cell.strip() for cell in next(reader, [])]
-    _check_header(header, name, wanted, run)
+    _check_header(header, name, wanted, run, time)
+    wanted = [*wanted, *([time] if time and time not in wanted else [])]
     places = [header.index(column) for column in wanted]
     label_at = header.index(run) if run else None
     values, labels = array("d"), []
@@ -120,25 +124,37 @@ def _labels(cells: list[str]) -> np.ndarray:
     return numbers.astype(int) if whole.all() and len(set(cells)) == len(np.unique(numbers)) else text
 
 
-def _check_header(header: list[str], name: str, wanted: Sequence[str], run: str | None) -> None:
+def _check_header(header: list[str], name: str, wanted: Sequence[str], run: str | None, time: str | None) -> None:
     """Every column is there, once."""
-    if header and all(_is_number(cell) for cell in header):
-        raise DataError(
-            f"{name}: the first line holds numbers, expected a header: add a line with the names {list(wanted)}."
-        )
-    for column in [*wanted, *([run] if run else [])]:
+    options = {column: option for column, option in ((run, "--run"), (time, "--time")) if column}
+    for column in dict.fromkeys([*wanted, *options]):
         if header.count(column) > 1:
             raise DataError(f"{name}: {header.count(column)} columns are called {column!r}: rename all but one.")
         if column not in header:
-            lower = {cell.lower(): cell for cell in header}
-            close = difflib.get_close_matches(column.lower(), list(lower), n=1, cutoff=0.6)
-            hint = f" Did you mean {lower[close[0]]!r}?" if close else ""
-            way = (
-                "Give --run the column of the runs."
-                if column == run
-                else "Rename it there, or the signal in the simulator."
+            if column in options and column not in wanted:
+                way = f"Give {options[column]} one of these."
+            else:
+                way = "Rename it there, or the signal in the simulator."
+            raise DataError(_missing(column, header, name, wanted, way))
+
+
+def _missing(column: str, header: list[str], name: str, wanted: Sequence[str], way: str) -> str:
+    """What to say of a column that is not there: the whole header may be the reason."""
+    if not set(wanted) & set(header):
+        numbers = sum(map(_is_number, header))
+        if header and numbers > len(header) / 2:
+            return f"{name}: the first line holds numbers, expected a header: add a line with the names {list(wanted)}."
+        if len(header) == 1 and len(wanted) > 1 and all(word in header[0] for word in wanted):
+            return (
+                f"{name}: the header is one cell, {_short(header[0])}: cells are parted by commas, semicolons or "
+                "tabulators; save the file with one of these."
             )
-            raise DataError(f"{name} has no column {column!r}; its columns are {header[:50]}.{hint} {way}")
+    lower = {cell.lower(): cell for cell in header}
+    close = difflib.get_close_matches(column.lower(), list(lower), n=1, cutoff=0.6)
+    hint = f" Did you mean {lower[close[0]]!r}?" if close else ""
+    if any("\ufffd" in cell for cell in header):
+        hint += " The file is not UTF-8: save it so."
+    return f"{name} has no column {column!r}; its columns are {header[:50]}.{hint} {way}"
 
 
 def _is_number(text: str) -> bool:
@@ -156,6 +172,10 @@ def _number(text: str, column: str, file: str, line: int) -> float:
     except ValueError:
         if not text.strip():
             problem = "the cell is empty: fill it, or delete the row (and start a new run there)."
+        elif re.search(r"\d[-/:.]\d+[-/:.]\d", text):
+            problem = (
+                f"{_short(text)} is a date or a clock: give the time as a number, for example seconds from the start."
+            )
         elif "," in text:
             problem = f"{_short(text)} is not a number. Decimal commas are not read: write 1.5, not 1,5."
         else:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate import __version__
 from sksurrogate._csv import read_csv
 from sksurrogate.exceptions import DataError, RunError, SimulatorError, SurrogateError
 
@@ -34,6 +35,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sksurrogate", description="Diagnose the gap between a simulator and a real plant."
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
     diagnose = commands.add_parser("diagnose", help="diagnose a simulator against a recording")
     diagnose.add_argument("simulator", help="file.py:name of a simulator object")
@@ -140,23 +142,26 @@ def _diagnose(arguments: argparse.Namespace) -> int:
             raise DataError(f"{option} {target}: there is no folder {str(Path(target).parent)!r}; make it first.")
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
-    times = [arguments.time] if arguments.time else []
-    columns, labels = read_csv(
-        arguments.data, list(dict.fromkeys([*plant.inputs, *plant.outputs, *times])), arguments.run
-    )
+    signals = list(dict.fromkeys([*plant.inputs, *plant.outputs]))
+    columns, labels = read_csv(arguments.data, signals, arguments.run, arguments.time)
     X = (
         np.stack([columns[name] for name in plant.inputs], axis=1)
         if plant.inputs
         else np.zeros((len(columns[plant.outputs[0]]), 0))
     )
     y = np.stack([columns[name] for name in plant.outputs], axis=1)
-    if arguments.time:
-        _check_time(arguments.time, X, y, columns[arguments.time], labels, plant.dt)
     free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
     diagnoser = GapDiagnoser(
         simulator, free_params=free, n_jobs=arguments.jobs, verbose=0 if arguments.quiet else 1, random_state=0
     )
-    diagnoser.fit(X, y, groups=labels)
+    try:
+        if arguments.time:
+            _check_time(arguments.time, X, y, columns[arguments.time], labels, plant.dt)
+        diagnoser.fit(X, y, groups=labels)
+    except DataError as error:
+        if "row" not in str(error):
+            raise
+        raise type(error)(f"{error} Row 0 is the first line below the header of {arguments.data}.") from None
     print(diagnoser.report_)
     if arguments.html:
         diagnoser.report_.to_html(arguments.html)

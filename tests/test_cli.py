@@ -120,7 +120,7 @@ def test_a_large_file_is_refused_unread(tmp_path):
 
 
 OPTIONS = {
-    "run column": (["--run", "nope"], "no column 'nope'.*Give --run the column of the runs"),
+    "run column": (["--run", "nope"], "no column 'nope'.*Give --run one of these"),
     "free parameter": (["--free", "kk"], r"no parameter 'kk'; it has \['k'\]"),
     "folder of the page": (["--html", "nowhere/x.html"], "there is no folder 'nowhere'; make it first"),
     "folder of the file": (["--save", "nowhere/x.json"], "there is no folder 'nowhere'; make it first"),
@@ -174,3 +174,37 @@ def test_run_labels_that_are_whole_numbers_read_as_such(tmp_path):
     assert read_csv(tmp_path / "d.csv", ["a"], run="run")[1].tolist() == [0, 0, 1]
     (tmp_path / "d.csv").write_text("a,run\n1,007\n2,7\n")  # two labels, one number: kept as written
     assert read_csv(tmp_path / "d.csv", ["a"], run="run")[1].tolist() == ["007", "7"]
+
+
+HEAD, ROWS = "time,flow,level,experiment", [f"{0.1 * k:.1f},{k % 3},{k % 5},{k // 6}" for k in range(12)]
+
+
+@pytest.mark.parametrize(
+    "lines, said",
+    [
+        (
+            [line.replace(",", "|") for line in [HEAD, *ROWS]],
+            r"header is one cell, 'time\|flow.*commas, semicolons or tab",
+        ),
+        ([line.replace(",", " ") for line in [HEAD, *ROWS]], "header is one cell, .*commas, semicolons or tabulators"),
+        (
+            [f"2026-01-01 00:00:0{k},1,1,0" if k else HEAD for k in range(9)],
+            "'2026-01-01 00:00:01' is a date or a clock",
+        ),
+        ([HEAD.replace("time", "clock"), *ROWS], "no column 'time'; .*Give --time one of these"),
+        ([HEAD.replace("experiment", "run"), *ROWS], "no column 'experiment'; .*Give --run one of these"),
+        (ROWS, r"first line holds numbers, expected a header: .*\['flow', 'level'\]"),
+        ([HEAD, *ROWS[:6], "0.9,1,1,0", *ROWS[7:]], r"(?s)uneven sampling after row 5.*Row 0 is the first line below"),
+        ([HEAD, *ROWS[:3], *ROWS[6:9], *ROWS[3:6]], "run 0 is in two pieces: rows 0..2 and again from row 6.*Row 0 is"),
+    ],
+)
+def test_mistakes_in_a_recording(lines, said, tmp_path, capsys):
+    (tmp_path / "plant.py").write_text(
+        "from sksurrogate.physics import ODESimulator\n"
+        "plant = ODESimulator(lambda t, x, u, p: [u[0] - x[0]], states=['level'], inputs=['flow'], outputs=['level'],\n"
+        "                     params={'k': 1.0}, dt=0.1)\n"
+    )
+    (tmp_path / "d.csv").write_text("\n".join(lines) + "\n")
+    arguments = [f"{tmp_path / 'plant.py'}:plant", str(tmp_path / "d.csv"), "--run", "experiment", "--time", "time"]
+    assert main(["diagnose", *arguments, "--quiet"]) == 2
+    assert re.search(said, capsys.readouterr().err)
