@@ -10,8 +10,9 @@ from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk
-from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._screen import Start, screen
+from sksurrogate.gap._pairs import best_pairs
+from sksurrogate.gap._problem import Problem, Rival, scanned
+from sksurrogate.gap._screen import Screen, Start, screen
 
 __all__ = ["Expander"]
 
@@ -36,7 +37,7 @@ class Expander:
         Progress.
     fitted : dict
         Every rival fitted so far, by its keys.
-    first_screen : list of Start
+    first_screen : Screen or None
         What the screen expects of single effects.
     """
 
@@ -46,7 +47,7 @@ class Expander:
     n_jobs: int | None = None
     report: Callable[[str], None] = lambda message: None
     fitted: dict = field(default_factory=dict)
-    first_screen: list[Start] = field(default_factory=list)
+    first_screen: Screen | None = None
 
     @property
     def n_values(self) -> int:
@@ -112,7 +113,7 @@ class Expander:
         if len(theta) < 2 or not others:
             return []
         problem = self.searching(base)
-        starts = screen(problem, others, base, self.guess(base), None, tuple(float(v) for v in theta[1:]))
+        starts = screen(problem, others, base, self.guess(base), None, tuple(float(v) for v in theta[1:])).starts
         found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values))
         self.remember(found)
         return found
@@ -122,10 +123,31 @@ class Expander:
     ) -> list[Start]:
         """The screen of a base; that of the null is made once."""
         if base.effects or not whole:
-            return screen(problem, candidates, base, guess, base.noise)
-        if not self.first_screen:
+            return screen(problem, candidates, base, guess, base.noise).starts
+        if self.first_screen is None:
             self.first_screen = screen(problem, candidates, base, guess, base.noise)
-        return self.first_screen
+        return self.first_screen.starts
+
+    def pairs(self, base: Rival, most: int) -> list[Rival]:
+        """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
+        if self.first_screen is None:
+            return []
+        problem = self.searching(base)
+        found = []
+        for first, second in best_pairs(self.first_screen, most):
+            key = frozenset((first.effect.key, second.effect.key))
+            if key in self.fitted:
+                continue
+            theta = np.concatenate([first.theta, second.theta, base.fit.theta])
+            x = np.concatenate([self.x, first.x[len(self.x) :], second.x[len(self.x) :]])
+            try:
+                rival = problem.fit((first.effect, second.effect), theta, x)
+            except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+                continue
+            if rival is not None:
+                found.append(scanned(problem, rival))
+        self.remember(found)
+        return found
 
     def known(self, problem: Problem, starts: list[Start]) -> Rival | None:
         """A single effect that was fitted before with the same numerics."""

@@ -19,7 +19,7 @@ from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import linearise, settle_hidden
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = ["Start", "project_starts", "screen"]
+__all__ = ["Screen", "Start", "project_starts", "screen"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,29 @@ class Start:
     forced: float
     left: float
     x: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Screen:
+    """What one linearisation says about all candidates.
+
+    Attributes
+    ----------
+    starts : list of Start
+        One for each candidate and starting value.
+    raw : list of ndarray
+        Starting values whose columns the Gram holds.
+    gram : ndarray (1 + n_starts, 1 + n_starts)
+        Of the residual and the columns, white weights, initial states and fitted parameters projected out.
+    low, high : ndarray (n_starts,)
+        Range in which the amplitude of a column stands for the effect.
+    """
+
+    starts: list[Start]
+    raw: list[np.ndarray]
+    gram: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
 
 
 def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray) -> Probe:
@@ -165,18 +188,20 @@ def _eliminate_rows(
     return rows[0, k:] - mine @ inverse @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, inverse @ cross)
 
 
-def _scores(
-    g: np.ndarray, h: np.ndarray, linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Drop and amplitude of every column: free where the effect is linear, within 0.5..2 of the start where not.
+def _range(linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitudes that stand for an effect: free where it is linear, within 0.5..2 of the start where not.
 
     The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
     """
+    low = np.where(linear, np.where(one_signed, 0.0, -np.inf), np.where(small, 0.0, 0.5))
+    return low, np.where(linear, np.inf, 2.0)
+
+
+def _scores(g: np.ndarray, h: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop and amplitude of every column alone."""
     h = np.maximum(h, 1e-300)
-    amplitude = g / h
-    clipped = np.where(linear, amplitude, np.clip(amplitude, np.where(small, 0.0, 0.5), 2.0))
-    clipped = np.where(linear & one_signed, np.maximum(clipped, 0.0), clipped)
-    return 2 * clipped * g - clipped**2 * h, clipped
+    amplitude = np.clip(g / h, low, high)
+    return 2 * amplitude * g - amplitude**2 * h, amplitude
 
 
 def screen(
@@ -186,7 +211,7 @@ def screen(
     x: np.ndarray,
     noise: Noise | None,
     shape: tuple[float, ...] = (),
-) -> list[Start]:
+) -> Screen:
     """Score every candidate, added to a base, at all its starting values.
 
     Parameters
@@ -204,8 +229,7 @@ def screen(
 
     Returns
     -------
-    list of Start
-        One for each candidate and starting value.
+    Screen
     """
     with np.errstate(all="ignore"):
         return _screen(problem, candidates, base, x, noise, shape)
@@ -218,7 +242,7 @@ def _screen(
     x: np.ndarray,
     noise: Noise | None,
     shape: tuple[float, ...],
-) -> list[Start]:
+) -> Screen:
     s = _Screener(problem, base, x)
     taken, values, columns, paths = [], [], [], []
     for effect in candidates:
@@ -236,7 +260,7 @@ def _screen(
                 columns.append(out[:, k])
                 paths.append(trajectories[k])
     if not columns:
-        return []
+        return Screen([], [], np.zeros((1, 1)), np.zeros(0), np.zeros(0))
     V = np.stack(columns)
     r = (problem.record.y - s.lin.y)[None]
     P = s.lin.J_theta.transpose(1, 0, 2)
@@ -252,7 +276,8 @@ def _screen(
     white = project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
     flat = white.reshape(len(white), -1)
     reduced = _eliminate(flat @ flat.T, len(P), precision, pull)
-    drop, amplitude = _scores(reduced[0, 1:], np.diag(reduced)[1:], linear, one_signed, small)
+    low, high = _range(linear, one_signed, small)
+    drop, amplitude = _scores(reduced[0, 1:], np.diag(reduced)[1:], low, high)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
@@ -262,7 +287,7 @@ def _screen(
             pass
         else:
             g, h = _eliminate_rows(rows, diagonal, precision, pull)
-            forced, _ = _scores(g, h, linear, one_signed, small)
+            forced, _ = _scores(g, h, low, high)
     pairs = _quadratures(taken, values, reduced)
     ordered: list[Start] = []
     for k, effect in enumerate(taken):
@@ -286,7 +311,7 @@ def _screen(
             if effect.name == "parameter_error":
                 theta[0] = np.clip(theta[0], -0.8, 2.0)
         ordered.append(Start(effect, theta, float(drop[k]), float(forced[k]), float(reduced[0, 0] - drop[k]), paths[k]))
-    return ordered
+    return Screen(ordered, values, reduced, low, high)
 
 
 def _quadratures(

@@ -21,8 +21,12 @@ EXTRA = 10.0
 SMALLEST_SHARE = 1e-3
 #: Free runs that stay within this many times the noise need no further effect where none passed.
 FAR = 5.0
+#: Where a set of effects comes this near (cost over number of values), no other is looked for beside it.
+NEAR = 1.3
 #: Sets of effects that are kept beside the best one, far from the data.
 RUNNERS = 3
+#: Pairs that are fitted because the screen expects most of them.
+MOST_PAIRS = 10
 #: Forms that contain a simpler one; it is named where the richer form removes hardly more of the gap's power.
 NESTED = {
     "stribeck_friction": ("coulomb_friction",),
@@ -147,12 +151,16 @@ class Search(Expander):
 
     def one_more(self, best: Rival, passed: bool) -> Rival | None:
         """The best rival with one effect more, None where it does not pass."""
+        assert self.null is not None
         self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
         trial = self.ranked(self.expand(best, 8, 4, siblings=True), best)
         if trial and not self.passes(trial[0], best, passed):
             if passed and left(best) < 1.5:
                 return None
-        for base in self.beam(best):
+        if len(best.effects) == 1:
+            trial.extend(self.ranked(self.pairs(self.null, MOST_PAIRS), best))
+        near = any(rival.fit.cost < NEAR * self.n_values for rival in trial)
+        for base in () if near else self.beam(best):
             trial.extend(self.ranked(self.expand(base, 6, 3), base))
         if not trial:
             return None

@@ -178,7 +178,7 @@ def ranking(search: Search, final: Rival) -> Table:
     """All rivals of the first round, with what the screen expected, the fit's cost and the evidence over the null."""
     fitted = {rival.keys[0]: rival for rival in search.first_round}
     expected: dict = {}
-    for start in search.first_screen:
+    for start in search.first_screen.starts if search.first_screen is not None else ():
         expected[start.effect.key] = max(expected.get(start.effect.key, -np.inf), start.white)
     rows = []
     for effect in search.candidates:
