@@ -188,12 +188,14 @@ def _eliminate_rows(
     return rows[0, k:] - mine @ inverse @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, inverse @ cross)
 
 
-def _range(linear: np.ndarray, one_signed: np.ndarray, small: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _range(columns: Sequence[_Column]) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes that stand for an effect: free where it is linear, within 0.5..2 of the start where not.
 
     The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
     """
-    low = np.where(linear, np.where(one_signed, 0.0, -np.inf), np.where(small, 0.0, 0.5))
+    linear = np.array([c.effect.linear for c in columns])
+    one_signed = np.array([bool(c.effect.parameters) and c.effect.parameters[0].low >= 0 for c in columns])
+    low = np.where(linear, np.where(one_signed, 0.0, -np.inf), np.where(_smallest(columns), 0.0, 0.5))
     return low, np.where(linear, np.inf, 2.0)
 
 
@@ -244,39 +246,20 @@ def _screen(
     shape: tuple[float, ...],
 ) -> Screen:
     s = _Screener(problem, base, x)
-    taken, values, columns, paths = [], [], [], []
-    for effect in candidates:
-        starts = effect.starts(probe_of(problem, effect, s.smoothed.x, problem.rate))
-        if shape:
-            starts = list(dict.fromkeys((start[0], *shape) for start in starts))
-        if not starts:
-            continue
-        theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
-        out, trajectories = s.columns(effect, theta)
-        for k in range(theta.shape[1]):
-            if np.all(np.isfinite(out[:, k])) and np.any(out[:, k]):
-                taken.append(effect)
-                values.append(theta[:, k])
-                columns.append(out[:, k])
-                paths.append(trajectories[k])
+    columns = _columns(s, candidates, shape)
     if not columns:
         return Screen([], [], np.zeros((1, 1)), np.zeros(0), np.zeros(0))
-    V = np.stack(columns)
     r = (problem.record.y - s.lin.y)[None]
     P = s.lin.J_theta.transpose(1, 0, 2)
-    prior = problem.prior(base.effects, base.fit.theta)
-    precision = 1.0 / prior**2
+    precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
     pull = -precision * base.fit.theta
-    stack = np.concatenate([r, P, V])
-    linear = np.array([e.linear for e in taken])
-    one_signed = np.array([bool(e.parameters) and e.parameters[0].low >= 0 for e in taken])
-    small = np.array([_is_smallest(k, taken, values) for k in range(len(taken))])
-    white = stack / problem.sd[None, :, None]
+    stack = np.concatenate([r, P, np.stack([c.column for c in columns])])
     free = base.model.free_states
+    white = stack / problem.sd[None, :, None]
     white = project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
     flat = white.reshape(len(white), -1)
     reduced = _eliminate(flat @ flat.T, len(P), precision, pull)
-    low, high = _range(linear, one_signed, small)
+    low, high = _range(columns)
     drop, amplitude = _scores(reduced[0, 1:], np.diag(reduced)[1:], low, high)
     forced = np.zeros_like(drop)
     if noise is not None:
@@ -286,32 +269,57 @@ def _screen(
         except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
             pass
         else:
-            g, h = _eliminate_rows(rows, diagonal, precision, pull)
-            forced, _ = _scores(g, h, low, high)
-    pairs = _quadratures(taken, values, reduced)
-    ordered: list[Start] = []
-    for k, effect in enumerate(taken):
-        theta = values[k].copy()
+            forced, _ = _scores(*_eliminate_rows(rows, diagonal, precision, pull), low, high)
+    starts = _starts(columns, reduced, drop, amplitude, forced)
+    return Screen(starts, [c.theta for c in columns], reduced, low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class _Column:
+    """One candidate at one starting value, and the change of the outputs that it causes."""
+
+    effect: BaseEffect
+    theta: np.ndarray
+    column: np.ndarray
+    path: np.ndarray
+
+
+def _columns(s: _Screener, candidates: Sequence[BaseEffect], shape: tuple[float, ...]) -> list[_Column]:
+    """All candidates at all their starting values, or those with one shape."""
+    found = []
+    for effect in candidates:
+        starts = effect.starts(probe_of(s.problem, effect, s.smoothed.x, s.problem.rate))
+        if shape:
+            starts = list(dict.fromkeys((start[0], *shape) for start in starts))
+        if not starts:
+            continue
+        theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
+        out, paths = s.columns(effect, theta)
+        for k in range(theta.shape[1]):
+            if np.all(np.isfinite(out[:, k])) and np.any(out[:, k]):
+                found.append(_Column(effect, theta[:, k], out[:, k], paths[k]))
+    return found
+
+
+def _starts(
+    columns: Sequence[_Column], G: np.ndarray, drop: np.ndarray, amplitude: np.ndarray, forced: np.ndarray
+) -> list[Start]:
+    """Where the fits start: the amplitude of the column where the effect is linear, both quadratures of a sine."""
+    pairs = _quadratures([c.effect for c in columns], [c.theta for c in columns], G)
+    small = _smallest(columns)
+    out = []
+    for k, c in enumerate(columns):
+        theta, gained, pulled = c.theta.copy(), float(drop[k]), float(forced[k])
         if k in pairs:
             theta, gained = pairs[k]
-            ordered.append(
-                Start(
-                    effect,
-                    theta,
-                    gained,
-                    max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0),
-                    float(reduced[0, 0] - gained),
-                    paths[k],
-                )
-            )
-            continue
-        if (effect.linear or small[k]) and len(theta):
+            pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
+        elif (c.effect.linear or small[k]) and len(theta):
             theta[0] *= amplitude[k] if amplitude[k] != 0 else 1e-3
-            theta[0] = np.clip(theta[0], effect.parameters[0].low, effect.parameters[0].high)
-            if effect.name == "parameter_error":
+            theta[0] = np.clip(theta[0], c.effect.parameters[0].low, c.effect.parameters[0].high)
+            if c.effect.name == "parameter_error":
                 theta[0] = np.clip(theta[0], -0.8, 2.0)
-        ordered.append(Start(effect, theta, float(drop[k]), float(forced[k]), float(reduced[0, 0] - drop[k]), paths[k]))
-    return Screen(ordered, values, reduced, low, high)
+        out.append(Start(c.effect, theta, gained, pulled, float(G[0, 0] - gained), c.path))
+    return out
 
 
 def _quadratures(
@@ -337,9 +345,19 @@ def _quadratures(
     return out
 
 
-def _is_smallest(k: int, taken: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
-    """Whether start k is the smallest magnitude of an effect that is absent at 0."""
-    effect = taken[k]
-    if effect.linear or not effect.parameters or effect.parameters[0].null != 0:
-        return False
-    return bool(values[k][0] <= min(v[0] for e, v in zip(taken, values) if e is effect))
+def _smallest(columns: Sequence[_Column]) -> np.ndarray:
+    """Whether a start is the smallest magnitude of an effect that is absent at 0, (n_columns,)."""
+    least: dict[int, float] = {}
+    for c in columns:
+        if len(c.theta):
+            least[id(c.effect)] = min(least.get(id(c.effect), np.inf), float(c.theta[0]))
+    return np.array(
+        [
+            not c.effect.linear
+            and bool(c.effect.parameters)
+            and c.effect.parameters[0].null == 0
+            and float(c.theta[0]) <= least[id(c.effect)]
+            for c in columns
+        ],
+        dtype=bool,
+    )
