@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from sksurrogate.kernels.net import LagNet, Net
 from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run, levenberg_marquardt
 from sksurrogate.runs import Run
 
-__all__ = ["Scaling", "cut_pieces", "shoot"]
+__all__ = ["Scaling", "cut_pieces", "displaced", "shoot"]
 
 
 class Scaling:
@@ -47,7 +48,10 @@ class Scaling:
 
     def of_features(self, model: LagNet) -> tuple[np.ndarray, np.ndarray]:
         """Mean and spread of every feature."""
-        columns, n = [j for j, _ in model.input_terms], len(model.output_lags)
+        return self.of_lags(len(model.output_lags), [j for j, _ in model.input_terms])
+
+    def of_lags(self, n: int, columns: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and spread of n past outputs and of these columns of the inputs."""
         mean = np.concatenate([np.tile(self.y_mean, n), self.u_mean[columns]])
         return mean, np.concatenate([np.tile(self.y_std, n), self.u_std[columns]])
 
@@ -76,7 +80,7 @@ def shoot(
     U, target = cut_pieces(runs, n_first, horizon)
     U, target = (U - scaling.u_mean) / scaling.u_std, (target - scaling.y_mean) / scaling.y_std
     loss = FreeRunLoss(U, target, n_first, alpha)
-    demanding = _displaced(loss, stability) if stability > 0 else None
+    demanding = displaced(loss, stability) if stability > 0 else None
     start = scaling.scaled(model)
     if model.net.activations:
         starts = [start.at(small_weights(start.net, random_state)) for _ in range(n_starts)]
@@ -84,7 +88,7 @@ def shoot(
         for _ in range(30):  # a linear model that diverges is pulled towards rest
             if np.isfinite(loss.value(start, loss.run(start))):
                 break
-            start = start.at(0.8 * start.net.theta)
+            start = start.at(0.8 * start.theta)
         starts = [start]
     with _get_threadpool_controller().limit(
         limits=1, user_api="blas"
@@ -127,7 +131,7 @@ def _fill(U: np.ndarray, target: np.ndarray, run: Run, start: int) -> None:
     U[n:] = run.X[start + n - 1]
 
 
-def _displaced(loss: FreeRunLoss, stability: float) -> FreeRunLoss:
+def displaced(loss: FreeRunLoss, stability: float) -> FreeRunLoss:
     """Every piece twice more, begun one spread above and below; in its second half it must be back on the data."""
     n, half = loss.n_first, loss.n_first + (loss.target.shape[1] - loss.n_first) // 2
     parts = [loss.target]
@@ -137,7 +141,7 @@ def _displaced(loss: FreeRunLoss, stability: float) -> FreeRunLoss:
         other[:, n:half] = np.nan
         parts.append(other)
     weight = np.repeat([1.0, stability, stability], len(loss.U))
-    return FreeRunLoss(np.concatenate([loss.U] * 3), np.concatenate(parts), n, loss.alpha, weight)
+    return replace(loss, U=np.concatenate([loss.U] * 3), target=np.concatenate(parts), weight=weight)
 
 
 def _spread(values: np.ndarray) -> np.ndarray:

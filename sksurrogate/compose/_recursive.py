@@ -13,6 +13,7 @@ from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened, steps_ahead
+from sksurrogate.compose._feature_fit import FeatureModel
 from sksurrogate.compose._free_fit import shoot
 from sksurrogate.compose._lagged import REPORTED, barely_fitted, diverged, divergence, fitted, name_features, stacked
 from sksurrogate.compose._linear_lags import fit_linear_lags
@@ -29,9 +30,6 @@ __all__ = ["RecursivePredictor"]
 #: Rows in a block of one-step predictions.
 BLOCK = 65536
 
-#: Features are held within it, so that squares of a free run that diverges between two checks stay finite.
-_HELD = 1e50
-
 
 class RecursivePredictor(FreeRunMixin, BaseEstimator):
     """``y[t] = f(y[t-1], ..., y[t-ny], u[t], ..., u[t-nu])`` around any regressor f.
@@ -46,15 +44,16 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
     output_lags : int or list of int, default=1
         An int n means 1, ..., n.
     loss : {"one_step", "shooting"}, default="one_step"
-        Prediction error, or the error of the free run (simulation error) by Adam, then Levenberg-Marquardt with exact
-        sensitivities. Shooting needs a network or linear model (see Notes); of a network only shape and seed are used.
+        Prediction error, or the error of the free run (simulation error) by Levenberg-Marquardt with exact sensitivities,
+        for a network after Adam. Shooting needs a network, of which only the shape is used, or a linear model, also behind
+        features in a pipeline (see Notes).
     horizon : int, optional
         Steps of a free run in the shooting loss before it starts again from measured outputs; None: whole runs.
     init : {"mean", "steady"} or array (n_initial, n_outputs), default="mean"
         First rows where ``predict`` gets no ``y0``: mean of the training outputs, or the model's rest at the first input.
     alpha : float, optional
         Penalty of the shooting loss ``sum e^2 + alpha * sum w^2``, with errors, features and so weights in units of the
-        training data's spread; None: 0.1 for networks, 0 for linear models. Choose it by runs left out.
+        training data's spread; None: 0.1 for networks and features, 0 for linear models. Choose it by runs left out.
     stability : float, default=0
         Weight of a second demand of the shooting loss: free runs that begin one spread off must be back on the data in
         the second half of the run (or horizon), so that the model forgets where it began.
@@ -367,10 +366,8 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         self.estimator_ = barely_fitted(clone(self.estimator), Phi, target)
         model = self._lag_net()
         if model is None or not self._compiles(Phi) or not write_network(self.estimator_, model.net):
-            raise DataError(
-                f'loss="shooting" needs slopes of the estimator, and {type(self.estimator_).__name__} gives none: use '
-                'MLPRegressor, FNNRegressor or a linear model (also behind scalers), or loss="one_step".'
-            )
+            self._shoot_features(runs, Phi, target)
+            return
         alpha = self.alpha if self.alpha is not None else (0.1 if model.net.activations else 0.0)
         model, self.shooting_loss_ = shoot(
             model,
@@ -383,6 +380,26 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
             random_state=check_random_state(self.random_state),
         )
         write_network(self.estimator_, model.net)
+
+    def _shoot_features(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
+        """Fit on free runs where features lead into a linear model."""
+        self.estimator_ = fitted(self.estimator, Phi, target)
+        model = FeatureModel(self.estimator_, Phi)
+        if not model.fits:
+            raise DataError(
+                f'loss="shooting" needs slopes of the estimator, and {type(self.estimator_).__name__} gives none: use a '
+                "network of tanh, logistic, relu or identity layers (MLPRegressor, FNNRegressor), a linear model, also "
+                'behind scalers or features in a pipeline, or loss="one_step".'
+            )
+        self.shooting_loss_ = model.shoot(
+            runs,
+            self.output_lags_,
+            self.input_terms_,
+            n_first=self.n_initial_,
+            horizon=self.horizon,
+            alpha=0.1 if self.alpha is None else self.alpha,
+            stability=self.stability,
+        )
 
     def _initial(self, y0: Any, runs: Runs) -> Any:
         """First rows of every run, (n_initial, n_outputs) each."""

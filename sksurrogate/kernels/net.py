@@ -143,6 +143,16 @@ class LagNet:
         """Features that are past outputs."""
         return len(self.output_lags) * self.n_outputs
 
+    @property
+    def theta(self) -> np.ndarray:
+        """All weights, then all biases, flat."""
+        return self.net.theta
+
+    @property
+    def n_weights(self) -> int:
+        """Entries of ``theta`` that are weights."""
+        return self.net.n_weights
+
     def at(self, theta: np.ndarray) -> LagNet:
         """The same model with other weights."""
         return replace(self, net=self.net.at(theta))

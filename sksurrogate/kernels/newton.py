@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from sksurrogate.kernels.net import LagNet
 
-__all__ = ["adjoint_gradient", "newton_runs", "sensitivities"]
+__all__ = ["adjoint_gradient", "fill_band", "newton_runs", "sensitivities", "solve_band"]
 
 #: Newton gives up where a correction is this many times the size of the outputs.
 TOO_FAR = 1e6
@@ -51,9 +53,9 @@ def newton_runs(
             held += sums
             values = net.layers(held)
             for j in range(o):
-                _fill(band, model, W.T @ net.back(values, j)[0], j)
+                fill_band(band, model.output_lags, W.T @ net.back(values, j)[0], j)
             rest = values[-1].reshape(o, n_runs, -1).transpose(1, 2, 0) - y[:, n_first:]
-            step, info = _solve(band, rest.reshape(-1, 1))
+            step, info = solve_band(band, rest.reshape(-1, 1))
             size, scale = float(np.abs(step).max()), float(np.abs(y).max())
             if info or not size <= TOO_FAR * (1.0 + scale):
                 return False
@@ -67,16 +69,16 @@ def newton_runs(
     return False
 
 
-def _fill(band: np.ndarray, model: LagNet, slopes: np.ndarray, j: int) -> None:
+def fill_band(band: np.ndarray, lags: Sequence[int], slopes: np.ndarray, j: int) -> None:
     """Write minus the slopes (n_past, n_runs * n) of output j below the diagonal of the band."""
     n_runs, n, o, _ = band.shape
     slopes = slopes.reshape(-1, n_runs, n)
-    for k, lag in enumerate(model.output_lags):
+    for k, lag in enumerate(lags):
         for i in range(o):
             np.negative(slopes[k * o + i, :, lag:], out=band[:, : max(n - lag, 0), i, lag * o + j - i])
 
 
-def _solve(band: np.ndarray, rest: np.ndarray, transposed: str = "N") -> tuple[np.ndarray, int]:
+def solve_band(band: np.ndarray, rest: np.ndarray, transposed: str = "N") -> tuple[np.ndarray, int]:
     """Solution of the unit lower banded system, (n_rows, n_right)."""
     return dtbtrs(band.reshape(-1, band.shape[-1]).T, rest, uplo="L", diag="U", trans=transposed)
 
@@ -92,7 +94,7 @@ def _band_at(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> tuple
     inward = net.weights[0][: model.n_past] / net.scale[: model.n_past, None]
     backs = [net.back(values, j) for j in range(o)]
     for j in range(o):
-        _fill(band, model, inward @ backs[j][0], j)
+        fill_band(band, model.output_lags, inward @ backs[j][0], j)
     return band, x, values, backs
 
 
@@ -118,7 +120,7 @@ def sensitivities(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> 
     right = np.empty((model.net.theta.size, n_runs * n, o))
     for j in range(o):
         right[:, :, j] = model.net.by_theta(x, values, backs[j])
-    found, _ = _solve(band, right.reshape(len(right), -1).T)
+    found, _ = solve_band(band, right.reshape(len(right), -1).T)
     return found.reshape(n_runs, n, o, -1)
 
 
@@ -136,7 +138,7 @@ def adjoint_gradient(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int, 
     ndarray (n_theta,)
     """
     band, x, values, backs = _band_at(model, U, y, n_first)
-    adjoint = _solve(band, weight.reshape(-1, 1), "T")[0].reshape(-1, model.n_outputs)
+    adjoint = solve_band(band, weight.reshape(-1, 1), "T")[0].reshape(-1, model.n_outputs)
     by_layer = [sum(back * adjoint[:, j] for j, back in enumerate(layer)) for layer in zip(*backs)]
     parts = [(below @ back.T).ravel() for below, back in zip([x, *values[:-1]], by_layer)]
     return np.concatenate([*parts, *(back.sum(axis=1) for back in by_layer)])

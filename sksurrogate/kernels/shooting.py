@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -60,27 +61,31 @@ class FreeRunLoss:
             error = self.root * (y[:, self.n_first :] - self.target[:, self.n_first :])
         return np.where(np.isnan(self.target[:, self.n_first :]), 0.0, error)
 
-    def penalty(self, model: LagNet) -> np.ndarray:
+    def penalty(self, model: Any) -> np.ndarray:
         """Penalty of every entry of theta, (n_theta,)."""
-        return self.alpha * (np.arange(model.net.theta.size) < model.net.n_weights)
+        return self.alpha * (np.arange(model.theta.size) < model.n_weights)
 
-    def value(self, model: LagNet, y: np.ndarray) -> float:
+    def value(self, model: Any, y: np.ndarray) -> float:
         """The loss; inf where a run diverged."""
         with np.errstate(over="ignore", invalid="ignore"):
-            total = float((self.errors(y) ** 2).sum() + self.penalty(model) @ model.net.theta**2)
+            total = float((self.errors(y) ** 2).sum() + self.penalty(model) @ model.theta**2)
         return total if np.isfinite(total) else np.inf
+
+    def slopes(self, model: LagNet, y: np.ndarray) -> np.ndarray:
+        """Slopes of the free runs by the weights, (n_runs, n_steps - n_first, n_outputs, n_theta)."""
+        return sensitivities(model, self.U, y, self.n_first)
 
     def gradient(self, model: LagNet, y: np.ndarray) -> np.ndarray:
         """Half the slope of the loss, (n_theta,)."""
         slope = adjoint_gradient(model, self.U, y, self.n_first, self.root * self.errors(y))
-        return slope + self.penalty(model) * model.net.theta
+        return slope + self.penalty(model) * model.theta
 
 
 def adam(loss: FreeRunLoss, model: LagNet, n_steps: int = 200, rate: float = 0.03) -> LagNet:
     """Adam with a rate that falls to nothing; returns the best weights seen."""
     y = loss.run(model)
     best, best_value = model, loss.value(model, y)
-    first, second = np.zeros(model.net.theta.size), np.zeros(model.net.theta.size)
+    first, second = np.zeros(model.theta.size), np.zeros(model.theta.size)
     for step in range(1, n_steps + 1):
         value = loss.value(model, y)
         if value < best_value:
@@ -97,25 +102,23 @@ def adam(loss: FreeRunLoss, model: LagNet, n_steps: int = 200, rate: float = 0.0
         second = 0.999 * second + 0.001 * gradient**2
         move = first / (1 - 0.9**step) / (np.sqrt(second / (1 - 0.999**step)) + 1e-12)
         fall = 0.5 + 0.5 * np.cos(np.pi * step / (n_steps + 1))
-        model = model.at(model.net.theta - rate * fall * move)
+        model = model.at(model.theta - rate * fall * move)
         y = loss.run(model, y, 1e-7)  # a gradient needs no more digits
     return model if loss.value(model, y) < best_value else best
 
 
-def levenberg_marquardt(
-    loss: FreeRunLoss, model: LagNet, max_iter: int = 100, tol: float = 1e-6
-) -> tuple[LagNet, float]:
+def levenberg_marquardt(loss: FreeRunLoss, model: Any, max_iter: int = 100, tol: float = 1e-6) -> tuple[Any, float]:
     """Levenberg-Marquardt with exact sensitivities; returns weights and loss."""
     y = loss.run(model)
     value = loss.value(model, y)
     damping, penalty, slow = 1e-3, loss.penalty(model), 0
     counts = ~np.isnan(loss.target[:, loss.n_first :])
     for _ in range(max_iter if np.isfinite(value) else 0):
-        J = sensitivities(model, loss.U, y, loss.n_first)
+        J = loss.slopes(model, y)
         if loss.weight is not None:
             J *= np.sqrt(loss.weight)[:, None, None, None]
         J = J.reshape(-1, J.shape[-1]) if counts.all() else J[counts]
-        theta = model.net.theta
+        theta = model.theta
         normal = J.T @ J
         normal[np.diag_indices_from(normal)] += penalty
         gradient = J.T @ loss.errors(y)[counts] + penalty * theta

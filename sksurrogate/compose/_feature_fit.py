@@ -1,0 +1,105 @@
+"""Shooting fit of a linear model behind features: splines, polynomials, steps of a pipeline."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.utils.parallel import _get_threadpool_controller
+
+from sksurrogate.compose._free_fit import Scaling, cut_pieces, displaced
+from sksurrogate.kernels.lag_basis import BasisLoss, LagBasis
+from sksurrogate.kernels.shooting import levenberg_marquardt
+
+__all__ = ["FeatureModel"]
+
+#: Steps of the free runs on the way to whole runs: each is begun where the shorter ones ended.
+HORIZONS = (3, 10, 30)
+
+
+class FeatureModel:
+    """A fitted regressor taken apart: features, then a linear model.
+
+    Parameters
+    ----------
+    estimator : fitted regressor
+    phi : ndarray (n_rows, n_features)
+        Rows that it was fitted to.
+    """
+
+    def __init__(self, estimator: Any, phi: np.ndarray):
+        steps = list(getattr(estimator, "steps", None) or [("model", estimator)])
+        self.model, self.steps = steps[-1][1], [step for _, step in steps[:-1] if step not in (None, "passthrough")]
+        inner = getattr(self.model, "features_", None)
+        if inner is not None:
+            self.steps.append(inner)
+        self.estimator, self.phi = estimator, phi
+        some = phi[:: max(len(phi) // 64, 1)]
+        self.fits = self.steps != [] and hasattr(self.model, "coef_") and hasattr(self.model, "intercept_")
+        if self.fits:
+            coef = np.atleast_2d(np.asarray(self.model.coef_, dtype=float))
+            wanted = np.asarray(estimator.predict(some), dtype=float).reshape(len(some), -1)
+            made = self.features(some)
+            self.fits = coef.shape == (wanted.shape[1], made.shape[1]) and bool(
+                np.allclose(made @ coef.T + self.model.intercept_, wanted, rtol=1e-6, atol=1e-8 * np.ptp(wanted))
+            )
+
+    def features(self, phi: np.ndarray) -> np.ndarray:
+        """What the linear model sees, (n_rows, n_basis)."""
+        for step in self.steps:
+            phi = step.transform(phi)
+        phi = phi.toarray() if hasattr(phi, "toarray") else phi
+        return np.asarray(phi, dtype=float)
+
+    def shoot(
+        self,
+        runs: Any,
+        output_lags: list[int],
+        input_terms: list[tuple[int, int]],
+        *,
+        n_first: int,
+        horizon: int | None,
+        alpha: float,
+        stability: float,
+        max_iter: int = 100,
+    ) -> float:
+        """Fit the linear model on free runs, begun at what it is; the loss, in numbers scaled as for networks."""
+        scaling = Scaling(runs)
+        mean, std = scaling.of_lags(len(output_lags), [j for j, _ in input_terms])
+        made = self.features(self.phi)
+        middle, spread = made.mean(axis=0), made.std(axis=0)
+        spread = np.where(spread > 1e-9 * (1e-300 + np.abs(made).max(axis=0)), spread, 1.0)
+        coef, offset = np.atleast_2d(self.model.coef_).T, np.broadcast_to(self.model.intercept_, len(scaling.y_std))
+        model = LagBasis(
+            lambda z: (self.features(z * std + mean) - middle) / spread,
+            coef * spread[:, None] / scaling.y_std,
+            (offset + middle @ coef - scaling.y_mean) / scaling.y_std,
+            tuple(output_lags),
+            tuple(input_terms),
+        )
+        longest = max(len(run) for run in runs) - n_first
+        end = longest if horizon is None else min(horizon, longest)
+        with _get_threadpool_controller().limit(limits=1, user_api="blas"):
+            for steps in [*(h for h in HORIZONS if 2 * h <= end), end]:
+                U, target = cut_pieces(runs, n_first, steps)
+                U, target = (U - scaling.u_mean) / scaling.u_std, (target - scaling.y_mean) / scaling.y_std
+                loss = BasisLoss(U, target, n_first, alpha)
+                model = _within(loss, model)
+                model, value = levenberg_marquardt(loss, model, max_iter if steps == end else 15)
+            if stability > 0:
+                model, value = levenberg_marquardt(displaced(loss, stability), model, max_iter)
+        coef = model.weights * scaling.y_std / spread[:, None]
+        offset = model.bias * scaling.y_std + scaling.y_mean - middle @ coef
+        flat = np.ndim(self.model.coef_) == 1
+        self.model.coef_ = coef[:, 0].copy() if flat else coef.T.copy()
+        self.model.intercept_ = float(offset[0]) if np.ndim(self.model.intercept_) == 0 else offset
+        return value
+
+
+def _within(loss: BasisLoss, model: LagBasis) -> LagBasis:
+    """A model whose free runs diverge is pulled towards rest until they do not."""
+    for _ in range(30):
+        if np.isfinite(loss.value(model, loss.run(model))):
+            break
+        model = model.at(0.8 * model.theta)
+    return model
