@@ -13,6 +13,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
+from sksurrogate.effects._law import LawEffect
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._store import load_augmented, save_augmented
 
@@ -23,6 +24,7 @@ __all__ = [
     "BaseEffect",
     "HiddenEffect",
     "InputEffect",
+    "LawEffect",
     "LimitEffect",
     "Parameter",
     "ParameterEffect",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["after", "follow", "magnitude", "positive", "sign"]
+__all__ = ["TINY", "after", "follow", "magnitude", "positive", "sign"]
 
 #: Floor under roots and powers, whose slope at 0 is infinite.
 TINY = 1e-12

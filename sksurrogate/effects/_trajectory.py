@@ -14,7 +14,7 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.signals import hold
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["even_times", "plain_runs", "retuned_simulator", "trajectory_runs"]
+__all__ = ["acting_inputs", "even_times", "plain_runs", "readings", "retuned_simulator", "trajectory_runs"]
 
 #: Substeps in which inputs are computed.
 SUBSTEPS = 16
@@ -81,13 +81,13 @@ def trajectory_runs(
             name = str(effect.location)
             changed[name] = float(effect.value(changed.get(name, plant.params[name]), 0.0, list(values), 0.0))
     times, dt = even_times(t, U.shape[1], plant.dt)
-    acting = U if plant.inputs == () else _acting_inputs(plant, effects, parts, U, dt)
+    acting = U if plant.inputs == () else acting_inputs(plant, effects, parts, U, dt)
     Y = plain_runs(retuned_simulator(plant.simulator, changed), acting, X0, t)
     outputs = plant.outputs or tuple(f"y{k}" for k in range(Y.shape[2]))
-    return np.stack([_readings(outputs, effects, parts, y, times, dt) for y in Y])
+    return np.stack([readings(outputs, effects, parts, y, times, dt) for y in Y])
 
 
-def _acting_inputs(
+def acting_inputs(
     plant: Plant, effects: list[BaseEffect], parts: list[np.ndarray], U: np.ndarray, dt: float
 ) -> np.ndarray:
     """Inputs behind the actuators: means over a sample where inputs are held, values at the samples otherwise."""
@@ -110,7 +110,7 @@ def _acting_inputs(
     return out
 
 
-def _readings(
+def readings(
     outputs: Sequence[str], effects: list[BaseEffect], parts: list[np.ndarray], Y: np.ndarray, t: np.ndarray, dt: float
 ) -> np.ndarray:
     """Readings of the sensors (n_samples, n_outputs); between the samples the output runs along cubics."""

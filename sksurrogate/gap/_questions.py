@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._answer import sentence_of
+from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._evidence import estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._problem import Problem, Rival, build_problem
@@ -18,7 +19,7 @@ from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, S
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, generic_correction, held_out, measure, shares
-from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, missing_term, places
+from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
 from sksurrogate.gap._verdict import FAR, _of, decide, facts_of, intervals, probabilities, ranking, retuned_table
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
@@ -89,7 +90,10 @@ class Questions:
         say("what is left")
         found.latent = latent_force(at, final, quiet_sensors=left(final) > FAR)
         found.law = law_of(at, found.latent, self.seed, final.fit.x[: len(problem.plant.states)])
-        found.places = places(problem, null, (10.0,) if final.effects and left(final) < 1.2 else (5.0, 25.0))
+        closed = bool(final.effects) and left(final) < 1.2
+        found.places = places(problem, null, (10.0,) if closed else (5.0, 25.0))
+        if not closed and left(null) > 2.0:
+            found.places = places_by_law(problem, null, found.places)
         say("how far the gap shrinks on runs left out")
         correction = generic_correction(problem.plant.simulator, self.correction, problem.plant.outputs)
         found.held = held_out(problem, final, null, correction)
@@ -242,8 +246,7 @@ class Questions:
             kind,
             _where.by_output(found.shrink),
             _where.by_location(found.places or []),
-            _where.by_region(self.problem, self.null_force()),
-            _where.by_time(self.problem, self.null_force()),
+            *where_and_when(self.problem, self.null_force(), location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
 

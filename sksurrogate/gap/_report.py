@@ -227,13 +227,17 @@ class MissingTerm:
     curves : tuple of Curve
         Best variable first.
     candidates : tuple of str
-        Symbolic candidates, best first.
+        Symbolic candidates, best first: sums of few simple shapes, with the share of the term that each explains on runs
+        left out.
+    effects : tuple of LawEffect
+        The same as effects, ready for ``GapDiagnoser(effects=[...])``; empty where the term sits in an input or sensor.
     """
 
     location: str
     kind: str
     curves: tuple[Curve, ...]
     candidates: tuple[str, ...] = ()
+    effects: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,149 +1,39 @@
 """Simulators that only give trajectories: input, sensor and parameter effects around ``simulate``.
 
-Initial states are the simulator's own. Every rival is fitted by least squares through ``simulate``; its evidence is
-``n_eff ln(cost_null / cost)`` with as many independent values as the correlation of the residual leaves.
+The same questions in the same order as for a simulator with a right-hand side; what lies inside the simulator is seen
+through a linear stand-in, as the input or output at which an equivalent disturbance would enter.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+import warnings
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from sksurrogate.effects._catalogue import CATALOGUE, build_effects
-from sksurrogate.effects._effect import BaseEffect, Probe
+from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._simulator import AugmentedSimulator
-from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap._answer import sentence_of
-from sksurrogate.gap._evidence import bar
-from sksurrogate.gap._report import EffectEstimate, GapReport, Table, Trace, Where
-from sksurrogate.gap._shrink import HeldOut, blocked, measure
-from sksurrogate.gap._where import by_frequency, by_output
-from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.smoother import noise_of_differences
+from sksurrogate.gap._around import Trial
+from sksurrogate.gap._around_next import name_of
+from sksurrogate.gap._around_questions import AroundQuestions
+from sksurrogate.gap._around_where import channel_of, left_of
+from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
+from sksurrogate.gap._shape import shape_of
+from sksurrogate.gap._verdict import Facts, decide
+from sksurrogate.gap._where import by_frequency, by_location, by_output, regions, times
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
 __all__ = ["diagnose_trajectory"]
 
-#: Most effects named at once.
-MOST_EFFECTS = 3
-#: Share of the gap (amplitude) that may be left by an explanation.
-SHARE = 0.20
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Effects with their values, free parameters, and the outputs that they give."""
-
-    effects: tuple[BaseEffect, ...]
-    theta: np.ndarray
-    y: np.ndarray
-    cost: float
-    J: np.ndarray
-
-
-class _Fitter:
-    """Least squares through ``simulate``."""
-
-    def __init__(self, simulator: Any, plant: Plant, record: Record, free: tuple[str, ...]):
-        self.simulator, self.plant, self.record, self.free = simulator, plant, record, free
-        self.sd = noise_of_differences(record.y, record.starts)
-
-    def augmented(self, effects: tuple[BaseEffect, ...], theta: np.ndarray) -> AugmentedSimulator:
-        """The simulator with effects and re-tuned parameters."""
-        values, position = [], 0
-        for effect in effects:
-            values.append({p.name: float(v) for p, v in zip(effect.parameters, theta[position:])})
-            position += len(effect.parameters)
-        tuned = {name: float(v) for name, v in zip(self.free, theta[position:])}
-        return AugmentedSimulator(self.simulator, list(effects), values, tuned or None)
-
-    def outputs(self, effects: tuple[BaseEffect, ...], theta: np.ndarray) -> np.ndarray:
-        """All runs, (n_outputs, n_samples)."""
-        model = self.augmented(effects, theta) if effects or self.free else self.simulator
-        bounds = np.r_[self.record.starts, self.record.n_samples]
-        runs = [
-            np.asarray(model.simulate(self.record.u[:, a:b].T)).reshape(b - a, -1)
-            for a, b in zip(bounds[:-1], bounds[1:])
-        ]
-        return np.concatenate(runs).T
-
-    def residual(self, theta: np.ndarray, effects: tuple[BaseEffect, ...]) -> np.ndarray:
-        r = ((self.record.y - self.outputs(effects, theta)) / self.sd[:, None]).ravel()
-        return np.where(np.isfinite(r), r, 1e6)
-
-    def fit(self, effects: tuple[BaseEffect, ...], start: np.ndarray, evaluations: int = 12) -> _Fit:
-        """From one start."""
-        if not len(start):
-            r = self.residual(start, effects)
-            return _Fit(effects, start, self.outputs(effects, start), float(r @ r), np.zeros((len(r), 0)))
-        low = np.array([p.low for e in effects for p in e.parameters] + [-np.inf] * len(self.free))
-        high = np.array([p.high for e in effects for p in e.parameters] + [np.inf] * len(self.free))
-        start = np.clip(start, np.where(np.isfinite(low), low + 1e-9, low), high)
-        scale = np.where(np.abs(start) > 0, np.abs(start), 1e-3)
-        found = least_squares(
-            self.residual,
-            start,
-            args=(effects,),
-            bounds=(low, high),
-            x_scale=scale,
-            diff_step=1e-4,
-            max_nfev=evaluations,
-        )
-        return _Fit(effects, found.x, self.outputs(effects, found.x), float(2 * found.cost), found.jac)
-
-    def independent(self, r: np.ndarray) -> float:
-        """Independent values in a residual (n_outputs, n_samples): its size over its correlation time."""
-        out = 0.0
-        for row in r:
-            z = row - row.mean()
-            power = float(z @ z) + 1e-300
-            lags = min(60, len(z) // 4)
-            rho = np.array([float(z[k:] @ z[: len(z) - k]) / power for k in range(1, lags)])
-            positive = rho[: int(np.argmax(rho < 0.05))] if (rho < 0.05).any() else rho
-            out += len(z) / (1.0 + 2.0 * positive.sum())
-        return out
-
-
-def _starts(fitter: _Fitter, effect: BaseEffect) -> list[tuple[float, ...]]:
-    """Starting values of an effect."""
-    record, plant = fitter.record, fitter.plant
-    where = np.zeros(record.n_samples)
-    if effect.kind == "input":
-        where = record.u[plant.inputs.index(str(effect.location))]
-    elif effect.kind == "output":
-        where = record.y[plant.outputs.index(str(effect.location))]
-    v = where
-    if effect.variable:
-        v = (
-            record.u[plant.inputs.index(effect.variable)]
-            if effect.variable in plant.inputs
-            else record.y[plant.outputs.index(effect.variable)]
-        )
-    return list(effect.starts(Probe(v, where, 0.0, record.dt, record.dt * int(record.lengths.max()), record.starts)))
-
-
-def _expand(fitter: _Fitter, base: _Fit, candidates: list[BaseEffect]) -> list[_Fit]:
-    """Base with one effect more, best first."""
-    out = []
-    split = sum(len(e.parameters) for e in base.effects)
-    taken = {e.key for e in base.effects}
-    for effect in candidates:
-        if effect.key in taken:
-            continue
-        effects = (*base.effects, effect)
-        tries = []
-        for values in _starts(fitter, effect)[:5]:
-            theta = np.concatenate([base.theta[:split], values, base.theta[split:]])
-            r = fitter.residual(theta, effects)
-            tries.append((float(r @ r), theta))
-        if tries:
-            out.append(fitter.fit(effects, min(tries, key=lambda item: item[0])[1]))
-    return sorted(out, key=lambda fit: fit.cost)
+_NAN = float("nan")
+NOTE = (
+    "The simulator gives trajectories only: effects inside its balances could not be tested; where one is missing shows as "
+    "an equivalent disturbance at an input or output. Give it rhs or step to test the whole catalogue."
+)
 
 
 def diagnose_trajectory(
@@ -156,157 +46,282 @@ def diagnose_trajectory(
     report : GapReport
     augmented : AugmentedSimulator
     """
-    record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
-    fitter = _Fitter(plant.simulator, plant, record, free)
-    y = fitter.outputs((), np.array([plant.params[name] for name in free]))
-    if y.shape != record.y.shape:
-        raise SimulatorError(
-            f"simulate returned {y.shape[0]} outputs, but y has {record.y.shape[0]} columns: one for each output."
+    questions = _Answers(diagnoser, plant, runs, free, seed)
+    try:
+        with np.errstate(all="ignore"):
+            questions.ask()
+    except KeyboardInterrupt:
+        warnings.warn(
+            "interrupted: the report holds what was known by then (report_.complete is False)",
+            UserWarning,
+            stacklevel=3,
         )
-    candidates = [e for e in build_effects(plant, (), diagnoser.effects) if e.access == "trajectory"]
-    untestable = tuple(name for name, kind in CATALOGUE.items() if kind.access != "trajectory")
-    nominal = np.array([plant.params[name] for name in free], dtype=float)
-    null = best = fitter.fit((), nominal)
-    rivals: list[_Fit] = []
-    effective = fitter.independent(record.y - null.y)
-    ties: list[list[_Fit]] = []
-    while len(best.effects) < MOST_EFFECTS:
-        found = _expand(fitter, best, candidates)
-        rivals = rivals or found
-        if not found:
-            break
-        k = len(found[0].theta) - len(best.theta)
-        gain = effective * np.log(best.cost / max(found[0].cost, 1e-300))
-        if gain < bar(k, len(candidates), record.y.size) + (10.0 if best.effects else 0.0):
-            break
-        near = [
-            f
-            for f in found[1:]
-            if effective * np.log(f.cost / found[0].cost) < 6.0 and len(f.theta) <= len(found[0].theta)
-        ]
-        ties.append(near)
-        best = found[0]
-        effective = max(fitter.independent(record.y - best.y), 10.0)
-    return _report(diagnoser, plant, runs, record, fitter, null, best, rivals, ties, untestable, seed, begun)
+        questions.complete = False
+    with np.errstate(all="ignore"):
+        return questions.answer(time.perf_counter() - begun), questions.augmented()
 
 
-def _report(diagnoser, plant, runs, record, fitter, null, best, rivals, ties, untestable, seed, begun):  # type: ignore[no-untyped-def]
-    """Certificate on runs left out, and the report."""
-    cut = blocked(record)
-    plain = np.concatenate([np.asarray(plant.simulator.simulate(run.X)).reshape(len(run), -1) for run in runs]).T
-    after = np.full(record.y.shape, np.nan)
-    n_runs = len(record.starts)
-    for fold in range(min(n_runs, 4)):
-        test = [r for r in range(n_runs) if r % min(n_runs, 4) == fold]
-        train = [r for r in range(n_runs) if r not in test]
-        theta = best.theta
-        if train and len(theta):
-            theta = (
-                _Fitter(fitter.simulator, plant, record.select(train), fitter.free).fit(best.effects, theta, 6).theta
+class _Answers(AroundQuestions):
+    """The report made of the answers."""
+
+    def verdict(self) -> str:
+        final, shrink = self.final, self.shrink
+        if shrink is None:
+            return "explained" if final.effects else "unknown"
+        left = left_of(self.around, final)
+        return decide(
+            Facts(
+                bool(final.effects),
+                float(1.0 - shrink.fraction) if np.isfinite(shrink.fraction) else 0.0,
+                left,
+                float(np.max(self.law, initial=0.0)),
+                self.force,
+                self.moved(),
+                False,
+                float(shrink.before) if np.isfinite(shrink.before) else np.inf,
+                self.around.record.n_samples,
             )
-        rows = np.isin(record.run_of_row, test)
-        after[:, rows] = _Fitter(fitter.simulator, plant, record.select(test), fitter.free).outputs(best.effects, theta)
-    nothing = np.full(record.y.shape, np.nan)
-    held = HeldOut(cut, plain, after, null.y if fitter.free else nothing, nothing)
-    shrink = measure(held, fitter.sd, plant.outputs, seed)
-    left = np.sqrt(np.mean(((record.y - best.y) / fitter.sd[:, None]) ** 2))
-    if not best.effects and not fitter.free:
-        verdict = "unknown" if left > 5.0 else "none"
-    else:
-        verdict = "explained" if shrink.fraction > 1 - SHARE or left < 1.15 else ("unknown" if left > 1.5 else "none")
-    effects = _estimates(best, fitter, shrink.fraction_power, ties) if verdict != "none" else []
-    share = (record.y - null.y) / fitter.sd[:, None]
-    worst = plant.outputs[int(np.argmax(np.mean(share**2, axis=1)))]
-    location, kind = (
-        (effects[0].location, best.effects[0].kind)
-        if effects
-        else ((worst, "output") if verdict == "unknown" else (None, None))
-    )
-    where = Where(location, kind, by_output(shrink), by_frequency=by_frequency(cut, plain, fitter.sd))
-    table = Table(
-        tuple(
-            {
-                "name": f.effects[-1].name,
-                "location": f.effects[-1].location,
-                "variable": f.effects[-1].variable,
-                "evidence": float(fitter.independent(record.y - null.y) * np.log(null.cost / max(f.cost, 1e-300))),
-                "cost": f.cost,
-                "named": f.effects[-1].key in {e.key for e in best.effects},
-            }
-            for f in rivals
         )
-    )
-    note = (
-        "The simulator gives trajectories only: effects inside its balances could not be tested, and initial states are the "
-        "simulator's own. Give it rhs or step to test the whole catalogue."
-    )
-    tuned = best.theta[len(best.theta) - len(fitter.free) :]
-    retuned = Table(
-        tuple(
-            {
-                "parameter": n,
-                "nominal": plant.params[n],
-                "value": float(v),
-                "low": np.nan,
-                "high": np.nan,
-                "moved": bool(v != plant.params[n]),
-            }
-            for n, v in zip(fitter.free, tuned)
+
+    def moved(self) -> bool:
+        """Whether free parameters at other values are worth their number."""
+        null = self.search.null
+        if not self.around.free or null is None or null.noise is None:
+            return False
+        nominal = Trial((), np.zeros(0), self.around.nominal, null.J[:, :0], np.inf)
+        free, self.around.free = self.around.free, ()
+        try:
+            value = self.around.estimate(nominal, null.noise, 8).log_likelihood
+        finally:
+            self.around.free = free
+        return bool(2.0 * (null.log_likelihood - value) > self.search.bar(len(free)))
+
+    def answer(self, seconds: float) -> GapReport:
+        """The report of what is known."""
+        final, around = self.final, self.around
+        verdict = self.verdict()
+        low, high = self.intervals(final)
+        effects = self.estimates(low, high) if verdict != "none" else []
+        retuned = self.retuned_table(low, high)
+        if not effects and verdict == "explained":
+            effects = self.parameter_errors(retuned)
+        where, term = self.where(verdict, effects), None
+        if verdict == "unknown" and self.shrink is not None and where.location is not None:
+            assert self.search.null is not None
+            term = shape_of(channel_of(around, self.search.null, where.location), where.location, str(where.kind))
+        shrink = self.shrink or Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
+        untestable = [name for name, kind in CATALOGUE.items() if kind.access != "trajectory"] + self.blind
+        return GapReport(
+            verdict,
+            sentence_of(verdict, effects, where, shrink, self.experiment, term),
+            effects,
+            self.ranking(),
+            retuned,
+            where,
+            shrink,
+            term,
+            self.experiment,
+            self.complete,
+            tuple(self.notes(verdict)),
+            tuple(untestable),
+            self.plant.outputs,
+            self.plant.states,
+            self.plant.inputs,
+            self.traces(),
+            seconds,
         )
-    )
-    bounds = np.r_[cut.starts, cut.n_samples]
-    traces = tuple(
-        Trace(i, cut.t[a:b], cut.y[:, a:b].T, plain[:, a:b].T, after[:, a:b].T)
-        for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:]))
-        if i < 4
-    )
-    report = GapReport(
-        verdict,
-        sentence_of(verdict, effects, where, shrink, None, None),
-        effects,
-        table,
-        retuned,
-        where,
-        shrink,
-        notes=(note,),
-        untestable=untestable,
-        outputs=plant.outputs,
-        states=plant.states,
-        inputs=plant.inputs,
-        traces=traces,
-        seconds=time.perf_counter() - begun,
-    )
-    return report, fitter.augmented(best.effects, best.theta)
 
+    def intervals(self, final: Trial) -> tuple[np.ndarray, np.ndarray]:
+        """90 %: the sandwich of the white fit under the fit's own noise."""
+        around, k = self.around, len(final.theta)
+        if not k:
+            return np.zeros(0), np.zeros(0)
+        white = 1.0 / around.sd[:, None]
+        J = around.without_starts(final.J.transpose(1, 0, 2))
+        flat = J.reshape(k, -1)
+        H = flat @ flat.T + np.diag(around.precision(final.effects, final.theta))
+        scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+        inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+        noise = final.noise or around.first_noise()
+        pull = around.disturbance().spread((J * white).transpose(1, 0, 2), noise)
+        half = 1.645 * np.sqrt(np.maximum(np.diag(inverse @ pull @ inverse), 0.0)) + 1e-3 * np.abs(final.theta)
+        low, high = around.bounds(final.effects)
+        return np.maximum(final.theta - half, low), np.minimum(final.theta + half, high)
 
-def _estimates(best: _Fit, fitter: _Fitter, total: float, ties: list[list[_Fit]]) -> list[EffectEstimate]:
-    """Effects with intervals from the Jacobian, widened by the correlation of the residual."""
-    r = fitter.record.y - best.y
-    inflate = best.cost / max(fitter.independent(r), 1.0)
-    H = best.J.T @ best.J
-    spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(H)) * inflate, 0.0))
-    out, position = [], 0
-    for i, effect in enumerate(best.effects):
-        names = [p.name for p in effect.parameters]
-        rows = range(position, position + len(names))
-        position += len(names)
-        twins = [f.effects[-1].key for f in (ties[i] if i < len(ties) else [])]
-        out.append(
-            EffectEstimate(
-                effect.name,
-                str(effect.location),
-                effect.variable,
-                float(total) / len(best.effects),
-                {n: float(best.theta[k]) for n, k in zip(names, rows)},
+    def estimates(self, low: np.ndarray, high: np.ndarray) -> list[EffectEstimate]:
+        final, out = self.final, []
+        total = self.shrink.fraction_power if self.shrink is not None else _NAN
+        for i, effect in enumerate(final.effects):
+            rows = range(*final.slice_of(i).indices(len(final.theta)))
+            names = [p.name for p in effect.parameters]
+            slot = self.slots[i] if i < len(self.slots) else []
+            weights = [1.0, *(float(np.exp(min(t.log_likelihood - final.log_likelihood, 0.0))) for t, _ in slot)]
+            out.append(
+                EffectEstimate(
+                    effect.name,
+                    str(effect.location),
+                    effect.variable,
+                    float(self.shares[i]) if self.shares else float(total),
+                    dict(zip(names, (float(v) for v in effect.canonical(tuple(final.theta[list(rows)]))))),
+                    {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
+                    1.0 / sum(weights),
+                    [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys(t.effects[-1].key for t, _ in slot)],
+                    self.why(effect, slot),
+                )
+            )
+        return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
+
+    def why(self, effect: BaseEffect, slot: list[tuple[Trial, bool]]) -> str:
+        """The sentence that says when tied effects part."""
+        if not slot:
+            return "No other effect that can be tested here explains these data as well."
+        others = ", ".join(name_of(t.effects[-1]) for t, _ in slot[:4]) + (" and more" if len(slot) > 4 else "")
+        how = "predict the same" if all(same for _, same in slot) else "explain these data equally well"
+        part = "they part in none of the experiments tried here"
+        if self.experiment is not None and len(self.experiment.options) and self.experiment.options[0]["gain"] >= 3.0:
+            part = f"they part with {self.experiment.options[0]['experiment']}"
+        return f"{name_of(effect)} and {others} {how} on the range that was reached; {part}."
+
+    def retuned_table(self, low: np.ndarray, high: np.ndarray) -> Table:
+        """One row a free parameter."""
+        rows, n = [], self.final.n_parameters
+        for i, name in enumerate(self.around.free):
+            nominal = float(self.plant.params[name])
+
+            def value(phi: float, nominal: float = nominal) -> float:
+                return float(phi if nominal == 0 else nominal * np.exp(phi))
+
+            ends = sorted((value(low[n + i]), value(high[n + i])))
+            rows.append(
                 {
-                    n: (float(best.theta[k] - 1.645 * spread[k]), float(best.theta[k] + 1.645 * spread[k]))
-                    for n, k in zip(names, rows)
-                },
-                1.0 / (1 + len(twins)),
-                [(str(k[0]), str(k[1]), k[2]) for k in twins],
-                "These effects explain the data equally well; vary the amplitude and the speed of the inputs to part them."
-                if twins
-                else "No other effect that can be tested here explains these data as well.",
+                    "parameter": name,
+                    "nominal": nominal,
+                    "value": value(self.final.theta[n + i]),
+                    "low": ends[0],
+                    "high": ends[1],
+                    "moved": not ends[0] <= nominal <= ends[1],
+                }
             )
+        return Table(tuple(rows))
+
+    def parameter_errors(self, retuned: Table) -> list[EffectEstimate]:
+        """Re-tuning alone closes the gap: one parameter_error for each parameter that moved."""
+        rows = [row for row in retuned if row["moved"]]
+        total = self.shrink.fraction_power if self.shrink is not None else _NAN
+        out = []
+        for row in rows:
+            p0 = row["nominal"]
+            change = [(row[k] / p0 - 1.0) if p0 != 0 else row[k] for k in ("value", "low", "high")]
+            out.append(
+                EffectEstimate(
+                    "parameter_error",
+                    row["parameter"],
+                    None,
+                    total / len(rows),
+                    {"relative_error": change[0]},
+                    {"relative_error": (min(change[1:]), max(change[1:]))},
+                    1.0,
+                    [],
+                    "Re-tuning alone closes the gap.",
+                )
+            )
+        return out
+
+    def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
+        location, kind = None, None
+        if verdict == "explained" and effects:
+            kinds = {e.key: e.kind for e in self.final.effects}
+            location = effects[0].location
+            kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
+        elif verdict == "unknown" and self.places:
+            location, kind = self.places[0].location, self.places[0].kind
+        if self.shrink is None or self.held is None or self.search.null is None:
+            return Where(location, kind)
+        null = self.search.null
+        at = location if kind in ("input", "output") else (self.places[0].location if self.places else None)
+        channel = channel_of(self.around, null, at)
+        w, Z, names = channel.force(), channel.Z, channel.names
+        return Where(
+            location,
+            kind,
+            by_output(self.shrink),
+            by_location(self.places),
+            regions(self.around.record, Z, names, w),
+            times(self.around.record, w),
+            by_frequency(self.held.record, self.held.before, self.floor()),
         )
-    return out
+
+    def ranking(self) -> Table:
+        """All rivals with their evidence."""
+        search, final = self.search, self.final
+        null = search.null
+        fitted = {trial.keys[-1]: trial for trial in reversed(search.first_round)}
+        rows = []
+        for effect in search.candidates:
+            trial = fitted.get(effect.key)
+            rows.append(
+                {
+                    "name": effect.name,
+                    "location": effect.location,
+                    "variable": effect.variable,
+                    "evidence": search.gain(trial, null) if trial is not None and null is not None else _NAN,
+                    "bar": search.bar(len(effect.parameters)),
+                    "cost": trial.cost if trial is not None else _NAN,
+                    "screen": search.expected.get(effect.key, 0.0),
+                    "named": effect.key in final.keys,
+                }
+            )
+        rows.sort(key=lambda row: (-np.nan_to_num(row["evidence"], nan=-np.inf), -row["screen"]))
+        return Table(tuple(rows))
+
+    def notes(self, verdict: str) -> list[str]:
+        """What a careful reader should know."""
+        notes = [NOTE]
+        if not self.complete:
+            notes.append("The diagnosis was interrupted: questions after that point are not answered.")
+        if self.uncertified:
+            notes.append(self.uncertified)
+        if self.blind:
+            notes.append(
+                "The simulator does not answer other inputs than those in X: no effect on an input could be tested."
+            )
+        if self.around.free_starts and self.around.x0 is None:
+            notes.append(
+                "The runs start elsewhere than the simulator does: their initial states were fitted as transients of a "
+                "linear model of it. Give the simulator the initial states, or let it take x0, for a sharper answer."
+            )
+        if verdict == "none" and self.shrink is not None and self.shrink.measurable:
+            notes.append(
+                "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
+                "repeat a run with the same inputs to tell a disturbance from an effect."
+            )
+        for i, name in enumerate(self.plant.inputs):
+            if np.ptp(self.around.record.u[i]) == 0:
+                notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
+        return notes
+
+    def traces(self) -> tuple[Trace, ...]:
+        """Runs left out, for the eye."""
+        if self.held is None:
+            return ()
+        record = self.held.record
+        bounds = np.r_[record.starts, record.n_samples]
+        labels = [run.label for run in self.runs] if len(bounds) - 1 == len(self.runs) else list(range(len(bounds) - 1))
+        return tuple(
+            Trace(label, record.t[a:b], record.y[:, a:b].T, self.held.before[:, a:b].T, self.held.after[:, a:b].T)
+            for label, a, b in zip(labels[:4], bounds[:-1], bounds[1:])
+        )
+
+    def augmented(self) -> AugmentedSimulator:
+        """The simulator with what was found."""
+        final, around = self.final, self.around
+        values = [
+            {p.name: float(v) for p, v in zip(effect.parameters, final.theta[final.slice_of(i)])}
+            for i, effect in enumerate(final.effects)
+        ]
+        n = final.n_parameters
+        tuned = {
+            name: float(phi if self.plant.params[name] == 0 else self.plant.params[name] * np.exp(phi))
+            for name, phi in zip(around.free, final.theta[n:])
+        }
+        return AugmentedSimulator(self.plant.simulator, list(final.effects), values, tuned or None)

@@ -1,4 +1,4 @@
-"""What no named effect explains: the latent force that is left, whether it is a law, its place and its shape."""
+"""What no named effect explains: the latent force that is left, whether it is a law, and its place."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import numpy as np
 from sklearn.ensemble import ExtraTreesRegressor
 
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._report import Curve, MissingTerm
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 
-__all__ = ["LatentForce", "latent_force", "law_of", "missing_term", "places"]
+__all__ = ["LatentForce", "input_push", "latent_force", "law_of", "places", "repeatable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +31,8 @@ class LatentForce:
         Standard deviation of each force over the RMS of its dx/dt.
     A, r : ndarray
         Jacobians and residual about the smoothed path.
+    rival : Rival
+        The model.
     """
 
     x: np.ndarray
@@ -40,6 +41,7 @@ class LatentForce:
     size: np.ndarray
     A: np.ndarray
     r: np.ndarray
+    rival: Rival
 
 
 def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) -> LatentForce:
@@ -59,7 +61,7 @@ def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) ->
     n = rival.model.n_states
     A = np.zeros((n, n, problem.record.n_samples))
     noise = rival.noise or problem.first_noise()
-    return LatentForce(rival.fit.x, force, noise, nothing, A, problem.record.y - rival.fit.y)
+    return LatentForce(rival.fit.x, force, noise, nothing, A, problem.record.y - rival.fit.y, rival)
 
 
 def _force_along(problem: Problem, rival: Rival, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
@@ -79,7 +81,7 @@ def _force_along(problem: Problem, rival: Rival, x: np.ndarray, quiet_sensors: b
         held[m + len(problem.balances) + 1 :] = True
     noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
     _, force, _ = D.states(r, noise)
-    return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r)
+    return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r, rival)
 
 
 def features(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -201,7 +203,7 @@ def places(problem: Problem, null: Rival, starts: Sequence[float] = (5.0, 25.0))
                 Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None))
             )
         for i, name in enumerate(problem.plant.inputs):
-            B = _input_push(problem, null, smoothed.x, i)
+            B = input_push(problem, null, smoothed.x, i)
             twin = _same_push(B, whole.B.transpose(1, 2, 0))
             if twin is not None:
                 found.append(Place(name, "input", found[twin].log_likelihood))
@@ -223,7 +225,7 @@ def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
     return None
 
 
-def _input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndarray:
+def input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndarray:
     """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
     record = problem.record
     size = max(float(np.std(record.u[i])), 1e-9)
@@ -232,72 +234,3 @@ def _input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndar
     shifted = replace(problem, record=replace(record, u=u)).augmented(())
     theta = null.fit.theta[:, None]
     return (shifted.bind(theta)(x[:, None]) - null.model.bind(theta)(x[:, None])) / (1e-4 * size)
-
-
-def missing_term(problem: Problem, latent: LatentForce, location: str, kind: str) -> MissingTerm:
-    """The force at a place against each variable, with 90 % bands, and symbolic candidates."""
-    balance = problem.balances.index(location) if location in problem.balances else int(np.argmax(latent.size))
-    w = latent.force[balance]
-    Z, names = features(problem, latent.x)
-    fold = folds(problem.record)
-    effective = max(len(w) / max(2.0 * latent.noise.tau, 1.0), 8.0) / len(w)
-    curves = [_curve(name, z, w, fold, effective) for name, z in zip(names, Z.T) if np.std(z) > 0]
-    curves.sort(key=lambda curve: -curve.explained)
-    return MissingTerm(location, kind, tuple(curves), tuple(_symbolic(Z, names, w, fold)))
-
-
-def _curve(name: str, z: np.ndarray, w: np.ndarray, fold: np.ndarray, effective: float, n_bins: int = 14) -> Curve:
-    """Means in quantile bins of one variable."""
-    edges = np.unique(np.quantile(z, np.linspace(0, 1, n_bins + 1)))
-    place = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, max(len(edges) - 2, 0))
-    n = np.bincount(place, minlength=len(edges) - 1).astype(float)
-    keep = n > 0
-    mean = np.bincount(place, w, len(edges) - 1)[keep] / n[keep]
-    square = np.bincount(place, w**2, len(edges) - 1)[keep] / n[keep]
-    at = np.bincount(place, z, len(edges) - 1)[keep] / n[keep]
-    half = 1.645 * np.sqrt(np.maximum(square - mean**2, 0.0) / np.maximum(n[keep] * effective, 1.0))
-    predicted = np.empty_like(w)
-    for k in np.unique(fold):
-        train = fold != k
-        count = np.bincount(place[train], minlength=len(n))
-        part = np.bincount(place[train], w[train], len(n)) / np.maximum(count, 1)
-        part[count == 0] = w[train].mean() if train.any() else 0.0
-        predicted[fold == k] = part[place[fold == k]]
-    total = float(np.sum((w - w.mean()) ** 2))
-    explained = 1.0 - float(np.sum((w - predicted) ** 2)) / total if total > 0 else 0.0
-    return Curve(name, at, mean, mean - half, mean + half, float(explained))
-
-
-def _symbolic(Z: np.ndarray, names: Sequence[str], w: np.ndarray, fold: np.ndarray, most: int = 4) -> list[str]:
-    """One-term laws c * form, by the share of the force they explain on runs left out."""
-    forms: list[tuple[str, np.ndarray]] = [("1", np.ones(len(w)))]
-    for name, z in zip(names, Z.T):
-        forms += [
-            (name, z),
-            (f"{name}^2", z**2),
-            (f"{name}*abs({name})", z * np.abs(z)),
-            (f"{name}^3", z**3),
-            (f"sign({name})", np.sign(z)),
-            (f"sin({name})", np.sin(z)),
-        ]
-        if z.min() >= 0:
-            forms.append((f"sqrt({name})", np.sqrt(z)))
-    for i in range(len(names)):
-        for j in range(i + 1, len(names)):
-            forms.append((f"{names[i]}*{names[j]}", Z[:, i] * Z[:, j]))
-            forms.append((f"{names[i]}^2*{names[j]}", Z[:, i] ** 2 * Z[:, j]))
-            forms.append((f"{names[i]}*{names[j]}^2", Z[:, i] * Z[:, j] ** 2))
-    total = float(np.sum(w**2))
-    scored = []
-    for text, form in forms:
-        error = 0.0
-        for k in np.unique(fold):
-            train = fold != k
-            size = float(form[train] @ form[train])
-            c = float(form[train] @ w[train]) / size if size > 0 else 0.0
-            error += float(np.sum((w[fold == k] - c * form[fold == k]) ** 2))
-        size = float(form @ form)
-        c = float(form @ w) / size if size > 0 else 0.0
-        scored.append((1.0 - error / total if total > 0 else 0.0, f"{c:+.3g} * {text}" if text != "1" else f"{c:+.3g}"))
-    scored.sort(key=lambda item: -item[0])
-    return [f"{text}  (explains {100 * share:.0f} %)" for share, text in scored[:most] if share > 0.05]

@@ -165,6 +165,18 @@ class Disturbance:
         flat = (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1)
         return flat @ flat.T - half.T @ half, self._log_det(factor, prior, noise)
 
+    def gram_by_run(self, r: np.ndarray, noise: Noise) -> np.ndarray:
+        """The matrix of :meth:`gram` run by run, (n_runs, n_columns, n_columns); they add up to it."""
+        factor, _ = self._factor(noise)
+        half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
+        flat = r / noise.sigma[:, None, None]
+        out = []
+        for a, b in zip(self.starts, self.ends + 1):
+            white = flat[:, :, a:b].transpose(1, 0, 2).reshape(r.shape[1], -1)
+            own = half[a * self.size : b * self.size]
+            out.append(white @ white.T - own.T @ own)
+        return np.stack(out)
+
     def gram_rows(self, r: np.ndarray, noise: Noise, n_rows: int, block: int = 64) -> tuple[np.ndarray, np.ndarray]:
         """First rows (n_rows, n_columns) and the diagonal (n_columns,) of :meth:`gram`, for many columns."""
         factor, _ = self._factor(noise)

@@ -193,8 +193,10 @@ class CallableSimulator(ParametricSimulator):
             start = self.x0 if x0 is None else x0
             offered = {"x0": start, "t": self.dt * np.arange(len(inputs)) if t is None else t}
             offered["p"] = offered["params"] = dict(self.params or {})
-            wanted = inspect.signature(self.function).parameters
-            out = self.function(inputs, **{name: value for name, value in offered.items() if name in list(wanted)[1:]})
+            wanted = dict(list(inspect.signature(self.function).parameters.items())[1:])
+            if start is None and "x0" in wanted and wanted["x0"].default is not inspect.Parameter.empty:
+                del wanted["x0"]  # the function knows its own initial state
+            out = self.function(inputs, **{name: value for name, value in offered.items() if name in wanted})
         else:
             raise SimulatorError(f"function={self.function!r} is neither callable nor an estimator with predict.")
         outputs = np.asarray(out, dtype=float)

@@ -1,0 +1,93 @@
+"""The next experiment around a simulator that only gives trajectories."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.exceptions import SurrogateError
+from sksurrogate.gap._around import Around, Trial
+from sksurrogate.gap._report import NextExperiment, Table
+from sksurrogate.kernels.record import Record
+
+__all__ = ["name_of", "next_experiment"]
+
+
+def name_of(effect: BaseEffect) -> str:
+    """Readable name of an effect."""
+    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "")
+
+
+def next_experiment(around: Around, final: Trial, slots: Sequence[list[tuple[Trial, bool]]]) -> NextExperiment | None:
+    """Inputs that would separate the tied rivals, by the simulator's own answers."""
+    tied = max(slots, key=len, default=[])
+    if not tied:
+        return None
+    i = list(slots).index(tied)
+    names = [name_of(final.effects[i]), *(name_of(t.effects[-1]) for t, _ in tied[:4])]
+    rows = _rows(around, final, [t for t, _ in tied[:4]], names)
+    if not rows or rows[0]["gain"] < 3.0:
+        return NextExperiment(
+            f"No variation of the inputs tried here separates {', '.join(names)}: they predict the same. "
+            "Only another sensor or knowledge of the plant can decide.",
+            Table(tuple(rows)),
+        )
+    best, gain = rows[0], rows[0]["gain"]
+    text = f"{gain:.0f}" if gain < 1000 else "more than 1000"
+    return NextExperiment(
+        f"To tell {best['between']} apart, record {best['experiment']}: expected separation {text} nats (3 are enough).",
+        Table(tuple(rows)),
+    )
+
+
+def _rows(around: Around, final: Trial, tied: Sequence[Trial], names: Sequence[str]) -> list[dict[str, Any]]:
+    """Expected separation of every experiment, best first."""
+    assert final.noise is not None
+    weight = (around.sd / final.noise.sigma)[:, None]
+    rows: list[dict[str, Any]] = []
+    for label, given in _inputs(around.record).items():
+        at = _alone(around, np.ascontiguousarray(given))
+        try:
+            first = at.outputs(final.effects, final.theta)
+            others = [at.outputs(t.effects, t.theta) for t in tied]
+        except SurrogateError:
+            continue
+        gains = [0.5 * float(np.sum(at.without_starts(((first - y) * weight)[None]) ** 2)) for y in others]
+        if np.all(np.isfinite(gains)):
+            k = int(np.argmin(gains))
+            rows.append({"experiment": label, "gain": gains[k], "between": f"{names[0]} and {names[1 + k]}"})
+    return sorted(rows, key=lambda row: -row["gain"])
+
+
+def _inputs(record: Record) -> dict[str, np.ndarray]:
+    """Variations of the first run."""
+    n = int(min(record.lengths[0], 400))
+    u = record.u[:, :n]
+    mean, index = u.mean(axis=1, keepdims=True), np.arange(n)
+    spread = np.max(np.abs(u - mean), axis=1, keepdims=True)
+    return {
+        "the same run again": u,
+        "a run with inputs of twice the amplitude": mean + 2 * (u - mean),
+        "a run with inputs of half the amplitude": mean + 0.5 * (u - mean),
+        "a run with inputs shifted up by their amplitude": u + spread,
+        "a run with inputs twice as fast": u[:, (2 * index) % n],
+        "a run with inputs half as fast": u[:, index // 2],
+        "a run with a step in every input": np.where(index < n // 4, mean - 0.5 * spread, mean + spread),
+    }
+
+
+def _alone(around: Around, u: np.ndarray) -> Around:
+    """The same simulator over one run of other inputs."""
+    n = u.shape[1]
+    at = copy.copy(around)
+    at.record = Record(u, around.record.y[:, :n], around.record.dt * np.arange(n), np.array([0]), around.record.dt)
+    at.kept = {}
+    at.x0 = None if around.x0 is None else around.x0[:1]
+    at.stand_in = replace(around.stand_in, starts=at.record.starts, n_samples=n)
+    at.transients = around.transients[:, :, :n]
+    return at

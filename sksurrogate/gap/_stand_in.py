@@ -1,0 +1,168 @@
+"""A linear stand-in for a simulator that only gives trajectories: how inputs, forces and initial states spread in it.
+
+Learned from the simulator's own outputs. It never decides how well an effect fits (the simulator does), but it orders the
+rivals, carries a coloured disturbance to the outputs, and says where a disturbance would have to enter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+from sksurrogate.kernels.disturbance import Disturbance
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.state_space import subspace
+
+__all__ = ["StandIn", "learn"]
+
+#: Orders that are tried; the smallest whose error is within WORSE of the best is taken.
+ORDERS, WORSE = (1, 2, 3, 4), 1.3
+#: Rows of the past that the projection sees.
+PAST = 12
+#: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
+LARGEST_DISTURBANCE = 0.10
+
+
+@dataclass(frozen=True, eq=False)
+class StandIn:
+    """``x' = A x + B u``, ``y = C x + D u`` about the simulator's own outputs.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+    scale : ndarray (n_states,)
+        Size of the states over the record.
+    starts : ndarray of int (n_runs,)
+    n_samples : int
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    scale: np.ndarray
+    starts: np.ndarray
+    n_samples: int
+
+    @property
+    def band(self) -> np.ndarray:
+        """Band of the recursion over all rows."""
+        return recursion_band(np.repeat(self.A[:, :, None], self.n_samples, axis=2), self.starts)
+
+    def respond(self, du: np.ndarray) -> np.ndarray:
+        """Change of the outputs (n_columns, n_outputs, n_samples) for changes of the inputs (n_columns, n_inputs, n_samples)."""
+        b = np.zeros((len(self.A), len(du), self.n_samples))
+        b[:, :, 1:] = np.einsum("ij,kjt->ikt", self.B, du)[:, :, :-1]
+        b[:, :, self.starts] = 0.0
+        x = solve_recursion(self.band, b)
+        return np.einsum("oi,ikt->kot", self.C, x) + np.einsum("oj,kjt->kot", self.D, du)
+
+    def transients(self) -> np.ndarray:
+        """Outputs after a unit of every initial state (n_outputs, n_states, n_samples)."""
+        n = len(self.A)
+        b = np.zeros((n, n, self.n_samples))
+        for i in range(n):
+            b[i, i, self.starts] = self.scale[i]
+        return np.einsum("oi,ikt->okt", self.C, solve_recursion(self.band, b))
+
+    def disturbance(self, free_starts: bool, push: np.ndarray | None = None) -> Disturbance:
+        """Noise model with a force on every state, or on the columns of ``push`` (n_states, n_forces)."""
+        N = self.n_samples
+        push = np.diag(self.scale) if push is None else push
+        return Disturbance(
+            np.repeat(self.A[:, :, None], N, axis=2),
+            np.repeat(push[:, :, None], N, axis=2),
+            np.repeat(self.C[:, :, None], N, axis=2),
+            self.starts,
+            (3.0 if free_starts else 1e-3) * self.scale,
+            1e-5 * self.scale,
+        )
+
+    def caps(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces on every state and coloured sensor noise that count as a disturbance."""
+        spread = np.maximum(np.std(y, axis=1), 1e-300)
+        rng = np.random.default_rng(0)
+        a = np.exp(-0.1)
+        w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=self.n_samples), self.starts)
+        b = np.zeros((len(self.A), len(self.A), self.n_samples))
+        for i, size in enumerate(self.scale):
+            b[i, i, 1:] = size * w[:-1]
+        b[:, :, self.starts] = 0.0
+        moved = np.einsum("oi,ikt->okt", self.C, solve_recursion(self.band, b))
+        gain = np.max(np.std(moved, axis=2) / spread[:, None], axis=0)
+        return LARGEST_DISTURBANCE / np.maximum(gain, 1e-9), LARGEST_DISTURBANCE * spread
+
+
+def learn(record: Record, y: np.ndarray) -> StandIn:
+    """From the simulator's outputs y (n_outputs, n_samples) under the record's inputs.
+
+    A model of one state that forgets at once stands in where nothing can be learned (inputs that never move).
+    """
+    bounds = np.r_[record.starts, record.n_samples]
+    pieces = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:])]
+    spread = np.maximum(np.std(y, axis=1, keepdims=True), 1e-12)
+    middle = y.mean(axis=1, keepdims=True)
+    level = record.u.mean(axis=1, keepdims=True)
+    size = np.maximum(np.std(record.u, axis=1, keepdims=True), 1e-12)
+    z, u = (y - middle) / spread, (record.u - level) / size
+    trials: list[tuple[float, int, StandIn]] = []
+    past = int(min(PAST, max((record.lengths.max() - 1) // 3, 1)))
+    for n in ORDERS:
+        for through in (False, True):
+            try:
+                found = subspace([u[:, s].T for s in pieces], [z[:, s].T for s in pieces], n, past, through)
+            except np.linalg.LinAlgError:
+                continue
+            if found is None:
+                continue
+            A, B, C, D, b, c = found
+            model = StandIn(A, B, C, D, np.ones(n), record.starts, record.n_samples)
+            error = _free_error(model, u, z, b, c)
+            if np.isfinite(error):
+                trials.append((error, n + through, model))
+    if not trials:
+        m, k = len(y), len(record.u)
+        return StandIn(
+            0.5 * np.eye(m),
+            np.zeros((m, k)),
+            np.eye(m),
+            np.zeros((m, k)),
+            spread[:, 0],
+            record.starts,
+            record.n_samples,
+        )
+    best = min(error for error, _, _ in trials)
+    _, _, model = min((item for item in trials if item[0] <= WORSE * best + 1e-4), key=lambda item: item[1:2])
+    return StandIn(
+        model.A,
+        model.B / size.T,
+        spread * model.C,
+        spread * model.D / size.T,
+        np.ones(len(model.A)),
+        record.starts,
+        record.n_samples,
+    )
+
+
+def _free_error(model: StandIn, u: np.ndarray, z: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
+    """RMS error of the free run, initial states fitted."""
+    n = len(model.A)
+    load = np.zeros((n, 1 + n, model.n_samples))
+    load[:, 0, 1:] = (model.B @ u + b[:, None])[:, :-1]
+    load[:, :, model.starts] = 0.0
+    for i in range(n):
+        load[i, 1 + i, model.starts] = 1.0
+    x = solve_recursion(model.band, load)
+    seen = np.einsum("oi,ikt->kot", model.C, x)
+    r = z - seen[0] - model.D @ u - c[:, None]
+    total = 0.0
+    bounds = np.r_[model.starts, model.n_samples]
+    for a, e in zip(bounds[:-1], bounds[1:]):
+        basis = seen[1:, :, a:e].reshape(n, -1).T
+        part = r[:, a:e].ravel()
+        if not (np.all(np.isfinite(basis)) and np.all(np.isfinite(part))):
+            return np.inf
+        total += float(np.sum((part - basis @ np.linalg.lstsq(basis, part, rcond=1e-8)[0]) ** 2))
+    return float(np.sqrt(total / r.size))
