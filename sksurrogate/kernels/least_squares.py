@@ -328,8 +328,8 @@ class Separable:
             return None
         factors, tau, _, _ = dgeqrf(phi.T)
         upper = factors[:n_basis]
-        size = np.abs(upper.diagonal())
-        if not size.min() * RANK_RATIO > size.max():  # also nan
+        size = np.abs(upper.diagonal()).tolist()  # a list: quicker than an array for few numbers
+        if not (min(size) * RANK_RATIO > max(size) and sum(size) < np.inf):  # also nan
             return None
         q = dorgqr(factors, tau)[0]
         c = self.targets @ q

@@ -10,15 +10,24 @@ from typing import Any
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_context
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.parallel import _get_threadpool_controller
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, validate_data
 
 from sksurrogate.exceptions import DataError
 from sksurrogate.neural._callbacks import CallbackSupportMixin, Tasks, with_callbacks
 from sksurrogate.neural._net_access import NetAccess
 from sksurrogate.neural._network import ACTIVATIONS
 from sksurrogate.neural._problems import Rows
+from sksurrogate.neural._settings import (
+    epochs_of,
+    read_activations,
+    read_device,
+    read_options,
+    read_prior,
+    read_sizes,
+    read_smoothness,
+)
 from sksurrogate.neural._solvers import Plan, Validation
 from sksurrogate.neural._training import (
     FEW_ROWS,
@@ -27,11 +36,8 @@ from sksurrogate.neural._training import (
     Torch,
     Trained,
     choose,
+    memory_of,
     prepare,
-    read_activations,
-    read_sizes,
-    read_smoothness,
-    remember,
     split,
     train,
     train_more,
@@ -40,10 +46,8 @@ from sksurrogate.neural._training import (
 
 __all__ = ["FNNRegressor"]
 
-#: Iterations and starts of every kind of solver where the user does not say.
-ITERATIONS, STARTS = {"lm": 200}, {"lm": 5}
-#: Weights up to which partial_fit remembers the rows before as a square matrix.
-MEMORY = 2_000
+#: Starts of the solvers where the user does not say.
+STARTS = {"lm": 5}
 
 
 class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -68,14 +72,15 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         with line search), "momentum", "nesterov", "adam"; also "adamw", "rmsprop". "auto": "lm" up to 300 weights,
         beyond that "lbfgs" up to 20000 rows, else "adam".
     alpha : float, default=0.0
-        Weight of the sum of squared weights (not of biases) beside the mean squared error, both in standardised units.
+        Weight of the sum of squared weights (not of biases) beside the mean squared error, both in standardised units;
+        with ``theta0`` of the squared distance from it.
     learning_rate : float, default=None
         Of the solvers in torch; None: 0.01 ("adam", "adamw": 0.001; "line_search": 1, its first trial).
     batch_size : int, default=None
-        Rows of a mini-batch of the solvers in torch; None: all.
+        Rows of a mini-batch of the solvers in torch; None: all, or 500 of more than 20000.
     max_epochs : int, default=None
         Iterations; None: 200 for "lm" (from the best start, after at most 60 from each), 1000 for "lbfgs", 1000 epochs
-        in torch.
+        in torch (with mini-batches as many as make 10000 steps, at least 10).
     n_starts : int, default=None
         Random starts, the best of which is kept; None: 5 for "lm", else 1.
     early_stopping : bool, default=False
@@ -86,7 +91,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         Of the solvers in torch, for example "cuda".
     random_state : int, RandomState instance or None, default=None
     net_params : dict, default=None
-        Further parameters of the skorch net, for example ``{"optimizer__betas": (0.99, 0.999)}``.
+        Further parameters of the skorch net, for example ``{"optimizer__weight_decay": 0.01}``.
     loss : {"mse", "rss", "rmse"}, default="mse"
         Paper, section 3.3. All have the same minimiser, also with ``alpha``; ``loss_curve_`` is in this measure.
     tol : float, default=1e-10
@@ -103,6 +108,13 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
     slope, curvature : float, default=0.0
         Weights of the mean squared slopes and curvatures of the prediction at the rows of X, beside the mean squared error,
         in standardised units (paper, section 2.3). Not with "binary_step".
+    momentum : float, default=0.9
+        Of "momentum" and "nesterov" (paper, Table 2: rho).
+    betas : (float, float), default=(0.9, 0.999)
+        Decay rates of the moments of "adam" and "adamw" (paper, Table 2).
+    theta0 : fitted FNNRegressor or (coefs, intercepts), default=None
+        Prior estimate of weights and biases for raw inputs and outputs (paper, section 2.3): ``alpha`` weighs the squared
+        distance from it, in standardised units, and the first start stands there.
 
     Attributes
     ----------
@@ -172,6 +184,9 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         "closeness": [Interval(Real, 0, None, closed="left")],
         "slope": [Interval(Real, 0, None, closed="left")],
         "curvature": [Interval(Real, 0, None, closed="left")],
+        "momentum": [Interval(Real, 0, 1, closed="left")],
+        "betas": ["array-like"],
+        "theta0": [list, tuple, HasMethods("predict"), None],
     }
 
     def __init__(
@@ -198,6 +213,9 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         closeness: float = 0.0,
         slope: float = 0.0,
         curvature: float = 0.0,
+        momentum: float = 0.9,
+        betas: tuple[float, float] = (0.9, 0.999),
+        theta0: Any = None,
     ):
         self.hidden_layer_sizes = hidden_layer_sizes
         self.activation = activation
@@ -220,6 +238,9 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         self.closeness = closeness
         self.slope = slope
         self.curvature = curvature
+        self.momentum = momentum
+        self.betas = betas
+        self.theta0 = theta0
 
     @with_callbacks
     @_fit_context(prefer_skip_nested_validation=True)
@@ -247,7 +268,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
             trained = train(solver, plan, rows, validation, self._torch())
             if len(rows) <= FEW_ROWS and len(trained.outcome.layers.theta) <= SMALL_NET:
                 # beyond, one more pass over the data or a large square matrix costs more than it is worth
-                trained.memory = self._memory(trained, rows, plan)
+                trained.memory = memory_of(self.solver_, trained, rows, plan)
         self._keep(trained, rows, plan)
         if not trained.outcome.settled and solver not in GRADIENT:
             warn_if_falling(trained.outcome.curve, self.max_epochs)
@@ -278,7 +299,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
             if solver in GRADIENT:
                 plan = replace(plan, max_iter=1)
             trained = train(solver, plan, rows, None, self._torch())
-            trained.memory = self._memory(trained, rows, plan)
+            trained.memory = memory_of(self.solver_, trained, rows, plan)
             self._keep(trained, rows, plan)
             return self
         data, target, weights = self._checked(X, y, sample_weight, reset=False)
@@ -288,19 +309,11 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         plan = self._plan(rows, self.solver_)
         if self._trained.memory is None and self.solver_ not in GRADIENT:
             raise DataError(
-                f"partial_fit remembers earlier rows for up to {MEMORY} weights (after fit: {SMALL_NET} weights and {FEW_ROWS} "
+                f"partial_fit remembers earlier rows for up to 2000 weights (after fit: {SMALL_NET} weights and {FEW_ROWS} "
                 'rows); begin with partial_fit, or take solver="adam".'
             )
         self._keep(train_more(self.solver_, plan, rows, self._trained, self._torch()), rows, plan)
         return self
-
-    def _memory(self, trained: Trained, rows: Rows, plan: Plan) -> tuple[np.ndarray, np.ndarray] | None:
-        """What partial_fit needs to know of the rows seen so far."""
-        k, layers = trained.n_fixed, trained.outcome.layers
-        if self.solver_ in GRADIENT or len(layers.theta) > MEMORY:
-            return None
-        rest = replace(plan, sizes=plan.sizes[k:], activations=plan.activations[k:])
-        return remember(rest, rows.through(layers.below(k)) if k else rows, layers.above(k))
 
     def _begin(self, X: Any, y: Any, sample_weight: Any) -> tuple[Rows, Plan, str]:
         """Checked and scaled data, what to train, and with which solver."""
@@ -327,7 +340,12 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         Y = np.asarray(y, dtype=float).reshape(len(X), -1)
         if self.prior is not None and self.closeness:
             # |y - f|^2 + c |y0 - f|^2 = (1 + c) |(y + c y0) / (1 + c) - f|^2 + what does not depend on f
-            Y = (Y + self.closeness * np.reshape(self.prior(X), Y.shape)) / (1.0 + self.closeness)
+            known = np.asarray(self.prior(X), dtype=float)
+            if known.size != Y.size or not np.isfinite(known).all():
+                raise DataError(
+                    f"prior(X) gave an array of shape {known.shape}, expected finite values in the shape {y.shape} of y."
+                )
+            Y = (Y + self.closeness * known.reshape(Y.shape)) / (1.0 + self.closeness)
         return X, Y, weights
 
     def _sizes(self, rows: Rows) -> tuple[int, ...]:
@@ -336,18 +354,22 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
 
     def _plan(self, rows: Rows, solver: str) -> Plan:
         seed = check_random_state(self.random_state).randint(2**31 - 1)
+        sizes = self._sizes(rows)
         return Plan(
-            self._sizes(rows),
+            sizes,
             self.activations_,
             float(self.alpha),
             self.n_starts or STARTS.get(solver, 1),
-            self.max_epochs or ITERATIONS.get(solver, 1000),
+            self.max_epochs or epochs_of(solver, self.batch_size, len(rows)),
             float(self.tol),
             np.random.default_rng(seed),
+            read_prior(self.theta0, sizes, self.activations_, rows),
         )
 
     def _torch(self) -> Torch:
-        return Torch(self.learning_rate, self.batch_size, self.dtype, self.device, self.loss, self.net_params)
+        options = read_options(self.solver_, self.momentum, self.betas, self.net_params)
+        device = read_device(self.device) if self.solver_ in GRADIENT else self.device
+        return Torch(self.learning_rate, self.batch_size, self.dtype, device, self.loss, options)
 
     def _one_thread(self, rows: Rows) -> Any:
         """One BLAS thread for small matrices: a second one only waits, for ages where the machine is shared."""
@@ -370,38 +392,3 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         self.validation_curve_ = list(found.validation)
         self.n_iter_ = found.n_iter
         self.__dict__.pop("_net", None)
-
-    def predict(self, X: Any) -> np.ndarray:
-        """Output of the network.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_features)
-
-        Returns
-        -------
-        ndarray (n_samples,) or (n_samples, n_outputs)
-            In the shape of the y that was fitted, float64.
-        """
-        check_is_fitted(self)
-        out = self._layers(validate_data(self, X, reset=False, dtype=np.float64))
-        return out[:, 0] if self._one_column else out
-
-    def jacobian(self, X: Any) -> np.ndarray:
-        """Exact slopes of the prediction by the inputs.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_features)
-
-        Returns
-        -------
-        ndarray (n_samples, n_features) or (n_samples, n_outputs, n_features)
-            The first for a y of one axis. Zero through a binary step.
-        """
-        check_is_fitted(self)
-        slopes = self._layers.jacobian(validate_data(self, X, reset=False, dtype=np.float64))
-        return slopes[:, 0] if self._one_column else slopes
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "coefs_")

@@ -1,27 +1,64 @@
-"""The fitted network as a skorch net."""
+"""What a fitted network gives: predictions, slopes, a skorch net."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from sklearn.utils.validation import check_is_fitted
+import numpy as np
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from sksurrogate.neural._network import Layers
+from sksurrogate.neural._settings import read_device, read_options
 from sksurrogate.neural._training import GRADIENT
 
 __all__ = ["NetAccess"]
 
 
 class NetAccess:
-    """Gives a network of arrays the attribute ``net_``, made on first access and left out of pickles."""
+    """Predictions and slopes of a network of arrays, and ``net_``, made on first access and left out of pickles."""
 
     _layers: Layers
+    _one_column: bool
     solver_: str
     dtype: str
     device: str
     learning_rate: float | None
     batch_size: int | None
+    momentum: float
+    betas: tuple[float, float]
     net_params: dict[str, Any] | None
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Output of the network.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_features)
+
+        Returns
+        -------
+        ndarray (n_samples,) or (n_samples, n_outputs)
+            In the shape of the y that was fitted, float64.
+        """
+        check_is_fitted(self)
+        out = self._layers(validate_data(self, X, reset=False, dtype=np.float64))
+        return out[:, 0] if self._one_column else out
+
+    def jacobian(self, X: Any) -> np.ndarray:
+        """Exact slopes of the prediction by the inputs.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_features)
+
+        Returns
+        -------
+        ndarray (n_samples, n_features) or (n_samples, n_outputs, n_features)
+            The first for a y of one axis. Zero through a binary step.
+        """
+        check_is_fitted(self)
+        slopes = self._layers.jacobian(validate_data(self, X, reset=False, dtype=np.float64))
+        return slopes[:, 0] if self._one_column else slopes
 
     @property
     def net_(self) -> Any:
@@ -35,10 +72,10 @@ class NetAccess:
                 self._layers,
                 solver=solver,
                 dtype=self.dtype,
-                device=self.device,
+                device=read_device(self.device),
                 learning_rate=self.learning_rate or GRADIENT[solver],
                 batch_size=self.batch_size or -1,
-                options=self.net_params,
+                options=read_options(solver, self.momentum, self.betas, self.net_params),
             )
         return self._net
 
@@ -46,3 +83,6 @@ class NetAccess:
         state: dict[str, Any] = super().__getstate__().copy()  # type: ignore[misc, attr-defined]
         state.pop("_net", None)  # made again on access
         return state
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "coefs_")

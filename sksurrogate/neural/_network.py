@@ -100,7 +100,7 @@ class Layers:
             weights.append(theta[place : place + w.size].reshape(w.shape))
             biases.append(theta[place + w.size : place + w.size + b.size])
             place += w.size + b.size
-        return replace(self, weights=tuple(weights), biases=tuple(biases))
+        return Layers(tuple(weights), tuple(biases), self.activations)
 
     def below(self, n_layers: int) -> Layers:
         """The first layers alone."""
@@ -125,6 +125,16 @@ class Layers:
         if self.activations[-1] == "identity":
             weights[-1] = weights[-1] * gain
             biases[-1] = biases[-1] * gain + shift
+        return replace(self, weights=tuple(weights), biases=tuple(biases))
+
+    def scaled(self, mean: np.ndarray, scale: np.ndarray, shift: np.ndarray, gain: np.ndarray) -> Layers:
+        """The network of ``(x - mean) / scale`` and ``(y - shift) / gain`` from that of raw inputs and outputs."""
+        weights, biases = list(self.weights), list(self.biases)
+        biases[0] = biases[0] + mean @ weights[0]
+        weights[0] = weights[0] * scale[:, None]
+        if self.activations[-1] == "identity":
+            weights[-1] = weights[-1] / gain
+            biases[-1] = (biases[-1] - shift) / gain
         return replace(self, weights=tuple(weights), biases=tuple(biases))
 
     def run(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

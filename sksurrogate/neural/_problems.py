@@ -213,13 +213,19 @@ def normal_equations(layers: Layers, rows: Rows, alpha: float = 0.0) -> Evaluate
     return evaluate
 
 
-def squares(layers: Layers, rows: Rows, alpha: float) -> Callable[[np.ndarray], tuple[float, np.ndarray]]:
-    """``theta -> (r'r, its gradient)`` by back-propagation, added up over blocks of rows."""
-    penalty = alpha * layers.is_weight
+def squares(
+    layers: Layers, rows: Rows, alpha: float, prior: np.ndarray | None = None
+) -> Callable[[np.ndarray], tuple[float, np.ndarray]]:
+    """``theta -> (r'r, its gradient)`` by back-propagation, added up over blocks of rows.
+
+    ``alpha`` weighs the squared weights, or with ``prior`` the squared distance of weights and biases from it.
+    """
+    penalty = alpha * (layers.is_weight if prior is None else np.ones(len(prior)))
 
     def evaluate(theta: np.ndarray) -> tuple[float, np.ndarray]:
         net = layers.at(theta)
-        cost, gradient = float(penalty @ theta**2), 2.0 * penalty * theta
+        away = theta if prior is None else theta - prior
+        cost, gradient = float(penalty @ away**2), 2.0 * penalty * away
         for first in range(0, len(rows), BLOCK):
             x, y, weights = rows.block(first)
             n_block = min(BLOCK, len(rows) - first)

@@ -24,6 +24,7 @@ __all__ = [
     "Validation",
     "draw_steps",
     "misfit",
+    "objective",
     "train_lbfgs",
     "train_least_squares",
     "train_linear",
@@ -52,6 +53,8 @@ class Plan:
     n_starts, max_iter : int
     tol : float
     rng : numpy.random.Generator
+    prior : ndarray (n_theta,) or None
+        Weights and biases from which ``alpha`` counts, and at which the first start stands.
     """
 
     sizes: tuple[int, ...]
@@ -61,10 +64,17 @@ class Plan:
     max_iter: int
     tol: float
     rng: np.random.Generator
+    prior: np.ndarray | None = None
 
     def draw(self) -> Layers:
         """Random layers."""
         return draw_layers(self.sizes, self.activations, self.rng)
+
+    def starts(self) -> Iterator[Layers]:
+        """Layers to begin from: the prior, then random ones."""
+        for k in range(self.n_starts):
+            drawn = self.draw()
+            yield drawn if k or self.prior is None else drawn.at(self.prior)
 
 
 @dataclass(frozen=True)
@@ -134,9 +144,25 @@ class Validation:
         """The same for another start."""
         return Validation(self.rows, self.patience, self.listener)
 
+    def above(self, fixed: Layers) -> Validation:
+        """The same for what stands above layers that are not trained."""
+        listener = self.listener
+        rows = None if self.rows is None else self.rows.through(fixed)
+        return Validation(
+            rows, self.patience, None if listener is None else lambda layers: listener(fixed.joined(layers))
+        )
+
     def watch(self, layers: Callable[[np.ndarray], Layers]) -> Callable[[LeastSquaresFit], bool]:
         """The same as a watch of a least-squares search."""
         return lambda fit: self.stop(layers(fit.theta))
+
+
+def objective(plan: Plan, template: Layers, rows: Rows) -> Evaluate:
+    """Squares over all layers with the ridge, to zero (weights only) or to the prior (weights and biases)."""
+    ridge = plan.alpha * rows.total
+    if plan.prior is None:
+        return normal_equations(template, rows, ridge)
+    return with_memory(normal_equations(template, rows), plan.prior, ridge * np.eye(len(plan.prior)))
 
 
 @dataclass(frozen=True)
@@ -169,15 +195,14 @@ def _projected_search(plan: Plan, rows: Rows) -> _Search:
 def _full_search(plan: Plan, rows: Rows) -> _Search:
     """Over all layers at once."""
     template = plan.draw()
-    evaluate = normal_equations(template, rows, plan.alpha * rows.total)
-    starts = (plan.draw().theta for _ in range(plan.n_starts))
-    return _Search(evaluate, starts, template.at, rows.total, plan.sizes[-1])
+    starts = (start.theta for start in plan.starts())
+    return _Search(objective(plan, template, rows), starts, template.at, rows.total, plan.sizes[-1])
 
 
 def _search(plan: Plan, rows: Rows) -> _Search:
     """Variable projection where the output layer is linear and well determined."""
     linear_on_top = plan.activations[-1] == "identity" and len(plan.sizes) > 2
-    if linear_on_top and len(rows) > plan.sizes[-2] + 1:
+    if linear_on_top and plan.prior is None and len(rows) > plan.sizes[-2] + 1:
         return _projected_search(plan, rows)
     return _full_search(plan, rows)
 
@@ -255,7 +280,7 @@ def train_least_squares(
         first = _outcome(plan, sample, None)
         start, curve = first.layers, first.curve
     template = start
-    evaluate = normal_equations(template, rows, plan.alpha * rows.total)
+    evaluate = objective(plan, template, rows)
     if memory is not None:
         evaluate = with_memory(evaluate, *memory)
     fit = levenberg_marquardt(
@@ -274,7 +299,7 @@ def train_least_squares(
     return Outcome(layers, curve, fit.n_iter, validation.curve if validation else [], fit.done)
 
 
-def train_linear(plan: Plan, rows: Rows) -> Outcome:
+def train_linear(plan: Plan, rows: Rows, validation: Validation | None = None) -> Outcome:
     """The one layer left by plain least squares of minimum norm (with the ridge of ``alpha``)."""
     x, y, weights = rows.part(slice(None))
     root = np.ones((len(x), 1)) if weights is None else np.sqrt(weights)[:, None]
@@ -287,7 +312,9 @@ def train_linear(plan: Plan, rows: Rows) -> Outcome:
     theta = np.linalg.lstsq(matrix, target, rcond=None)[0]
     layers = Layers((theta,), (level - mean @ theta,), ("identity",))
     cost = misfit(layers, rows) + plan.alpha * float(np.sum(theta**2))
-    return Outcome(layers, [cost], 1, [], True)
+    if validation is not None:  # one step: nothing to stop, but something to see
+        validation.stop(layers)
+    return Outcome(layers, [cost], 1, validation.curve if validation else [], True)
 
 
 def _follow(curve: list[float], validation: Validation | None, layers: Layers) -> Callable:
@@ -301,13 +328,12 @@ def _follow(curve: list[float], validation: Validation | None, layers: Layers) -
     return after
 
 
-def train_lbfgs(plan: Plan, rows: Rows, validation: Validation | None, start: Layers | None = None) -> Outcome:
+def train_lbfgs(plan: Plan, rows: Rows, validation: Validation | None) -> Outcome:
     """Quasi-Newton with line search (SciPy's L-BFGS-B) on back-propagated gradients: Bishop's way."""
     best: Outcome | None = None
     score = np.inf
-    for _ in range(1 if start is not None else plan.n_starts):
-        template = start if start is not None else plan.draw()
-        evaluate = squares(template, rows, plan.alpha * rows.total)
+    for template in plan.starts():
+        evaluate = squares(template, rows, plan.alpha * rows.total, plan.prior)
         one = None if validation is None else validation.fresh()
         curve: list[float] = []
 
@@ -358,16 +384,18 @@ def draw_steps(plan: Plan, rows: Rows) -> Layers:
     return Layers(tuple(weights), tuple(biases), plan.activations[:n_fixed])
 
 
-def train_above_steps(plan: Plan, rows: Rows, train: Callable[[Plan, Rows], Outcome]) -> Outcome:
+def train_above_steps(
+    plan: Plan, rows: Rows, validation: Validation | None, train: Callable[[Plan, Rows, Validation | None], Outcome]
+) -> Outcome:
     """Draw the step layers, train what stands above them; the best of several draws."""
     best: Outcome | None = None
     for _ in range(1 if plan.sizes[0] == 1 else plan.n_starts):
         fixed = draw_steps(plan, rows)
         n_fixed = len(fixed.weights)
         rest = replace(plan, sizes=plan.sizes[n_fixed:], activations=plan.activations[n_fixed:], n_starts=1)
-        found = train(rest, rows.through(fixed))
+        found = train(rest, rows.through(fixed), None if validation is None else validation.above(fixed))
         found = replace(found, layers=fixed.joined(found.layers))
-        if best is None or found.curve[-1] < best.curve[-1]:
+        if best is None or min(found.validation or found.curve[-1:]) < min(best.validation or best.curve[-1:]):
             best = found
     assert best is not None
     return best

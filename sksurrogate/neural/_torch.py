@@ -68,6 +68,7 @@ def _nets() -> list[type]:
             self,
             *args: Any,
             alpha: float = 0.0,
+            theta0: np.ndarray | None = None,
             loss: str = "mse",
             slope: float = 0.0,
             curvature: float = 0.0,
@@ -75,6 +76,7 @@ def _nets() -> list[type]:
         ):
             super().__init__(*args, **kwargs)
             self.alpha = alpha
+            self.theta0 = theta0
             self.slope = slope
             self.curvature = curvature
             self.loss = loss
@@ -85,14 +87,25 @@ def _nets() -> list[type]:
             square = ((y_pred - y_true.to(y_pred.device)) ** 2).sum(dim=1)
             value = square.mean() if w is None else (w.to(square.device) * square).mean()
             if training and self.alpha:
-                for name, weight in self.module_.named_parameters():
-                    if name.endswith("weight"):
-                        value = value + self.alpha * (weight**2).sum()
+                value = value + self.alpha * self.size()
             if training and (self.slope or self.curvature):
                 value = value + self.roughness(X["X"], y_pred, w)
             if self.loss == "rmse":
                 return torch.sqrt(value)
             return value * len(square) * self.unit if self.loss == "rss" else value
+
+        def size(self) -> Any:
+            """Sum of squared weights, or the squared distance of weights and biases from ``theta0``."""
+            total, place = 0.0, 0
+            for name, part in self.module_.named_parameters():
+                if self.theta0 is None:
+                    total = total + ((part**2).sum() if name.endswith("weight") else 0.0)
+                    continue
+                piece = torch.as_tensor(self.theta0[place : place + part.numel()]).to(part)
+                # arrays lie inputs first, layers of torch outputs first
+                piece = piece.reshape(part.shape[::-1]).T if part.ndim == 2 else piece
+                total, place = total + ((part - piece) ** 2).sum(), place + part.numel()
+            return total
 
         def roughness(self, x: Any, here: Any, w: Any) -> Any:
             """Weighted mean squared slopes and curvatures, by the same differences as in least squares."""
@@ -162,6 +175,8 @@ def _loops() -> list[type]:
                     group["lr"] = rate
                     return before
                 rate *= 0.5
+                if rate * steepness < 1e-16 * abs(float(before)):  # below rounding: nothing left to gain
+                    break
             with torch.no_grad():
                 for p, start in zip(params, old):
                     p.copy_(start)
@@ -213,6 +228,7 @@ def build_net(
     dtype: str = "float64",
     device: str = "cpu",
     alpha: float = 0.0,
+    theta0: np.ndarray | None = None,
     slope: float = 0.0,
     curvature: float = 0.0,
     loss: str = "mse",
@@ -239,6 +255,7 @@ def build_net(
         "optimizer": kinds["LineSearch"] if name is None else getattr(torch.optim, name),
         **{f"optimizer__{key}": value for key, value in parameters.items()},
         "alpha": alpha,
+        "theta0": theta0,
         "slope": slope,
         "curvature": curvature,
         "loss": loss,

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 
-from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.least_squares import merge_rows, with_memory
-from sksurrogate.neural._network import ACTIVATIONS, Layers
-from sksurrogate.neural._problems import BLOCK, Rows, Smoothness, normal_equations
+from sksurrogate.neural._network import Layers
+from sksurrogate.neural._problems import BLOCK, Rows
+from sksurrogate.neural._settings import read_batch
 from sksurrogate.neural._solvers import (
     Outcome,
     Plan,
     Validation,
+    objective,
     train_above_steps,
     train_lbfgs,
     train_least_squares,
@@ -32,11 +31,8 @@ __all__ = [
     "Torch",
     "Trained",
     "choose",
+    "memory_of",
     "prepare",
-    "read_activations",
-    "read_sizes",
-    "read_smoothness",
-    "remember",
     "split",
     "train",
     "train_more",
@@ -49,6 +45,8 @@ GRADIENT = {
 }  # fmt: skip
 #: Weights up to which ``solver="auto"`` takes Levenberg-Marquardt, and rows up to which it takes L-BFGS beyond.
 SMALL_NET, FEW_ROWS = 300, 20_000
+#: Weights up to which partial_fit remembers the rows before as a square matrix.
+MEMORY = 2_000
 #: Rows up to which rows that repeat are merged, so that weights and repetitions give the same bits.
 MERGE = 5_000
 
@@ -62,7 +60,7 @@ class Torch:
     dtype: str
     device: str
     loss: str
-    options: dict[str, Any] | None
+    options: dict[str, Any]
 
 
 @dataclass
@@ -77,47 +75,6 @@ class Trained:
     n_fixed: int = 0
     memory: tuple[np.ndarray, np.ndarray] | None = None
     net: Any = field(default=None, repr=False)
-
-
-def read_sizes(sizes: Any) -> tuple[int, ...]:
-    """``hidden_layer_sizes`` as a checked tuple."""
-    given = (sizes,) if isinstance(sizes, Integral) else tuple(sizes)
-    if any(not isinstance(size, Integral) or size < 1 for size in given):
-        raise DataError(f"hidden_layer_sizes={sizes!r} must be positive integers, for example (5,) or (20, 10).")
-    return tuple(int(size) for size in given)
-
-
-def read_activations(activation: str | Sequence[str], hidden: tuple[int, ...]) -> tuple[str, ...]:
-    """``activation`` of every layer, the output layer included."""
-    if isinstance(activation, str):
-        return (activation,) * len(hidden) + ("identity",)
-    given = tuple(activation)
-    unknown = [kind for kind in given if kind not in ACTIVATIONS]
-    if unknown:
-        raise DataError(f"activation={given!r}: {unknown[0]!r} is unknown; there are {sorted(ACTIVATIONS)}.")
-    if len(given) not in (len(hidden), len(hidden) + 1):
-        raise DataError(
-            f"activation={given!r} has {len(given)} entries; hidden_layer_sizes={hidden!r} asks for {len(hidden)} "
-            f"(output layer identity) or {len(hidden) + 1} (output layer named too)."
-        )
-    given = given if len(given) > len(hidden) else (*given, "identity")
-    if given[-1] == "binary_step":
-        raise DataError(
-            'activation: an output layer of "binary_step" cannot be trained, its slope is zero everywhere; take '
-            '"logistic" and round, or "identity" above a hidden "binary_step" layer.'
-        )
-    return given
-
-
-def read_smoothness(slope: float, curvature: float, activations: tuple[str, ...]) -> Smoothness | None:
-    """The smoothness asked for."""
-    if not slope and not curvature:
-        return None
-    if "binary_step" in activations:
-        raise DataError(
-            f'slope={slope!r}, curvature={curvature!r}: a network with "binary_step" has neither; take "logistic", or 0.'
-        )
-    return Smoothness(float(slope), float(curvature))
 
 
 def prepare(X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None, linear_output: bool) -> Rows:
@@ -168,32 +125,33 @@ def choose(solver: str, sizes: tuple[int, ...], n_rows: int) -> str:
 def train(solver: str, plan: Plan, rows: Rows, validation: Validation | None, torch: Torch) -> Trained:
     """Train from random starts."""
     if "binary_step" in plan.activations:
-        kept: list[Trained] = []
 
-        def above(rest: Plan, values: Rows) -> Outcome:
-            kept.append(train(solver, rest, values, None, torch))
-            return kept[-1].outcome
+        def above(rest: Plan, values: Rows, watch: Validation | None) -> Outcome:
+            return train(solver, rest, values, watch, torch).outcome
 
-        outcome = train_above_steps(plan, rows, above)
+        outcome = train_above_steps(plan, rows, validation, above)
         n_fixed = max(i for i, kind in enumerate(plan.activations) if kind == "binary_step") + 1
         return Trained(outcome, n_fixed)
-    if len(plan.sizes) == 2 and plan.activations == ("identity",) and solver in ("lm", "lbfgs") and not rows.smooth:
-        return Trained(train_linear(plan, rows))
+    plain = rows.smooth is None and plan.prior is None
+    if len(plan.sizes) == 2 and plan.activations == ("identity",) and solver in ("lm", "lbfgs") and plain:
+        return Trained(train_linear(plan, rows, validation))
     if solver == "lm":
         return Trained(train_least_squares(plan, rows, validation))
     if solver == "lbfgs":
         return Trained(train_lbfgs(plan, rows, validation))
-    runs = [_train_in_torch(solver, plan, rows, validation, torch) for _ in range(plan.n_starts)]
+    runs = [_train_in_torch(solver, plan, start, rows, validation, torch) for start in plan.starts()]
     best = min(runs, key=lambda run: min(run.outcome.validation or run.outcome.curve[-1:]))
     if validation is not None:
         validation.curve = best.outcome.validation
     return best
 
 
-def _train_in_torch(solver: str, plan: Plan, rows: Rows, validation: Validation | None, torch: Torch) -> Trained:
+def _train_in_torch(
+    solver: str, plan: Plan, start: Layers, rows: Rows, validation: Validation | None, torch: Torch
+) -> Trained:
     from sksurrogate.neural._torch import read_layers, train_net, write_layers
 
-    net = _net(solver, plan, plan.draw(), torch, 0, rows.smooth)
+    net = _net(solver, plan, start, torch, 0, rows)
     x, y, weights = rows.part(slice(None))
     one = None if validation is None else validation.fresh()
 
@@ -212,20 +170,22 @@ def _train_in_torch(solver: str, plan: Plan, rows: Rows, validation: Validation 
     return Trained(outcome, net=net)
 
 
-def _net(solver: str, plan: Plan, layers: Layers, torch: Torch, n_fixed: int, smooth: Smoothness | None) -> Any:
+def _net(solver: str, plan: Plan, layers: Layers, torch: Torch, n_fixed: int, rows: Rows) -> Any:
     from sksurrogate.neural._torch import build_net
 
+    smooth = rows.smooth
     return build_net(
         layers,
         solver=solver,
         dtype=torch.dtype,
         device=torch.device,
         alpha=plan.alpha,
+        theta0=plan.prior,
         slope=0.0 if smooth is None else smooth.slope,
         curvature=0.0 if smooth is None else smooth.curvature,
         loss=torch.loss,
         learning_rate=torch.learning_rate or GRADIENT[solver],
-        batch_size=torch.batch_size or -1,
+        batch_size=read_batch(torch.batch_size, len(rows)),
         max_epochs=plan.max_iter,
         fixed=n_fixed,
         seed=int(plan.rng.integers(2**31)),
@@ -243,14 +203,14 @@ def train_more(solver: str, plan: Plan, rows: Rows, so_far: Trained, torch: Torc
     if solver in GRADIENT:
         from sksurrogate.neural._torch import read_layers, train_net
 
-        net = so_far.net if so_far.net is not None else _net(solver, plan, layers, torch, k, rows.smooth)
+        net = so_far.net if so_far.net is not None else _net(solver, plan, layers, torch, k, rows)
         net.set_params(max_epochs=1)
         curve = train_net(net, *rows.part(slice(None)))
         outcome = Outcome(read_layers(net, plan.activations), so_far.outcome.curve + curve, len(curve), [], True)
         return replace(so_far, outcome=outcome, net=net)
     block = rows.through(layers.below(k)) if k else rows
     top = layers.above(k)
-    rest = replace(plan, sizes=plan.sizes[k:], activations=plan.activations[k:], alpha=0.0)
+    rest = replace(plan, sizes=plan.sizes[k:], activations=plan.activations[k:], alpha=0.0, prior=None)
     assert so_far.memory is not None
     found = train_least_squares(rest, block, start=top, memory=so_far.memory)
     curve = so_far.outcome.curve + found.curve
@@ -262,10 +222,19 @@ def remember(
     plan: Plan, rows: Rows, top: Layers, before: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """The weights and the information about them that a block leaves, added to what was known before."""
-    evaluate = normal_equations(top, rows, plan.alpha * rows.total)
+    evaluate = objective(plan, top, rows)
     if before is not None:
         evaluate = with_memory(evaluate, *before)
     return top.theta, evaluate(top.theta)[2]
+
+
+def memory_of(solver: str, trained: Trained, rows: Rows, plan: Plan) -> tuple[np.ndarray, np.ndarray] | None:
+    """What partial_fit needs to know of the rows seen so far."""
+    k, layers = trained.n_fixed, trained.outcome.layers
+    if solver in GRADIENT or len(layers.theta) > MEMORY:
+        return None
+    rest = replace(plan, sizes=plan.sizes[k:], activations=plan.activations[k:])
+    return remember(rest, rows.through(layers.below(k)) if k else rows, layers.above(k))
 
 
 def warn_if_falling(curve: list[float], max_epochs: int | None) -> None:
