@@ -108,7 +108,7 @@ def read_device(device: str) -> str:
 
     try:
         torch.empty(1, device=device).cpu()
-    except (RuntimeError, AssertionError, NotImplementedError) as error:
+    except (RuntimeError, AssertionError) as error:
         kinds = ["cpu", *(kind for kind in ("cuda", "mps", "xpu") if getattr(torch, kind).is_available())]
         raise DataError(f"device={device!r} cannot be used: {error}. There are {kinds} here.") from None
     return device

@@ -55,6 +55,22 @@ def _modules() -> list[type]:
     return [BinaryStep, Chain]
 
 
+def squared_size(module: Any, theta0: np.ndarray | None) -> Any:
+    """Sum of squared weights, or the squared distance of weights and biases from ``theta0``."""
+    import torch
+
+    total, place = 0.0, 0
+    for name, part in module.named_parameters():
+        if theta0 is None:
+            total = total + ((part**2).sum() if name.endswith("weight") else 0.0)
+            continue
+        piece = torch.as_tensor(theta0[place : place + part.numel()]).to(part)
+        # arrays lie inputs first, layers of torch outputs first
+        piece = piece.reshape(part.shape[::-1]).T if part.ndim == 2 else piece
+        total, place = total + ((part - piece) ** 2).sum(), place + part.numel()
+    return total
+
+
 @cache
 def _nets() -> list[type]:
     """The skorch net with our loss."""
@@ -87,25 +103,12 @@ def _nets() -> list[type]:
             square = ((y_pred - y_true.to(y_pred.device)) ** 2).sum(dim=1)
             value = square.mean() if w is None else (w.to(square.device) * square).mean()
             if training and self.alpha:
-                value = value + self.alpha * self.size()
+                value = value + self.alpha * squared_size(self.module_, self.theta0)
             if training and (self.slope or self.curvature):
                 value = value + self.roughness(X["X"], y_pred, w)
             if self.loss == "rmse":
                 return torch.sqrt(value)
             return value * len(square) * self.unit if self.loss == "rss" else value
-
-        def size(self) -> Any:
-            """Sum of squared weights, or the squared distance of weights and biases from ``theta0``."""
-            total, place = 0.0, 0
-            for name, part in self.module_.named_parameters():
-                if self.theta0 is None:
-                    total = total + ((part**2).sum() if name.endswith("weight") else 0.0)
-                    continue
-                piece = torch.as_tensor(self.theta0[place : place + part.numel()]).to(part)
-                # arrays lie inputs first, layers of torch outputs first
-                piece = piece.reshape(part.shape[::-1]).T if part.ndim == 2 else piece
-                total, place = total + ((part - piece) ** 2).sum(), place + part.numel()
-            return total
 
         def roughness(self, x: Any, here: Any, w: Any) -> Any:
             """Weighted mean squared slopes and curvatures, by the same differences as in least squares."""
