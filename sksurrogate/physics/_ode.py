@@ -6,13 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._events import EventMap
 from sksurrogate.physics._free_run import free_run, raise_if_diverged
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._rhs import PointwiseFunction
 from sksurrogate.physics._simulator import BaseSimulator, describe
 
 __all__ = ["ODESimulator"]
+
+
+def _has_events(self: ODESimulator) -> bool:
+    return bool(self.events)
 
 
 class ODESimulator(BaseSimulator):
@@ -38,6 +45,10 @@ class ODESimulator(BaseSimulator):
         Measured outputs where they are not states.
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
+    events : list of (when, then), optional
+        Two functions of ``(t, x, u, p)``: the states become ``then`` at the moment ``when`` falls through zero, for instance
+        ``[(lambda t, x, u, p: x[0], lambda t, x, u, p: (0 * x[0], -p["e"] * x[1]))]`` for a ball that bounces. With them the
+        plant is known by its map from sample to sample (``step``); inputs are held.
 
     Notes
     -----
@@ -75,6 +86,7 @@ class ODESimulator(BaseSimulator):
         method: str = "auto",
         output: Callable[..., Any] | None = None,
         x0: Any = None,
+        events: Sequence[tuple[Callable[..., Any], Callable[..., Any]]] | None = None,
     ):
         self.rhs = rhs
         self.states = states
@@ -86,6 +98,11 @@ class ODESimulator(BaseSimulator):
         self.method = method
         self.output = output
         self.x0 = x0
+        self.events = events
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is looked up again stays behind."""
+        return {key: value for key, value in super().__getstate__().items() if key != "_map"}
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor arguments; with ``deep`` also every parameter as ``params__<name>``."""
@@ -150,7 +167,24 @@ class ODESimulator(BaseSimulator):
         """States and their derivatives of one run, both (n_samples, n_states); the derivative with the input that acts from t_k on."""
         inputs = self._check_inputs(U)
         X, times, model = self._states(inputs[None], self._check_x0(x0)[None], t)
+        if self.events:
+            slope = PointwiseFunction(self.rhs, len(self._names("states")), "rhs", self._names("states"))
+            return X[0], slope(times, X[0].T, inputs.T, dict(self.params or {})).T
         return X[0], model.derivative(times, X[0].T, inputs.T).T
+
+    @available_if(_has_events)
+    def step(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], dt: float) -> np.ndarray:
+        """The states a time ``dt`` later, events within it included (with ``events`` only)."""
+        points, inputs = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+        key = (self.rhs, tuple(map(id, self.events or ())))
+        kept = self.__dict__.get("_map")
+        if kept is None or kept[0] != key:
+            self._map = kept = (key, EventMap(self.rhs, self.events or (), self._names("states")))
+        flat = points.reshape(len(points), -1)
+        times = np.broadcast_to(np.asarray(t, dtype=float), points.shape[1:]).reshape(-1)
+        spread = np.broadcast_to(inputs, (len(inputs), *points.shape[1:])).reshape(len(inputs), -1)
+        with np.errstate(all="ignore"):
+            return kept[1].sample(times, flat, spread, p, dt).reshape(points.shape)
 
     def _names(self, what: str) -> tuple[str, ...]:
         value = getattr(self, what)
@@ -201,10 +235,27 @@ class ODESimulator(BaseSimulator):
         if times.shape != (U.shape[1],):
             raise SimulatorError(f"t has shape {times.shape}, expected ({U.shape[1]},): one time for each row of U.")
         model.probe(U[0, 0])
+        if self.events:
+            X = self._with_events(model, U, X0, times)
+            raise_if_diverged(X, times, self._names("states"))
+            return X, times, model
         order = 0 if self.hold == "zoh" else 1
         X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=self._names("states"))
         raise_if_diverged(X, times, self._names("states"))
         return X, times, model
+
+    def _with_events(self, model: PlantModel, U: np.ndarray, X0: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """States (n_runs, n_samples, n_states), sample by sample, all runs abreast."""
+        if self.hold != "zoh" or self.method not in ("auto", "RK4"):
+            raise SimulatorError(
+                f'events go with hold="zoh" and method="auto", here hold={self.hold!r} and method={self.method!r}.'
+            )
+        X = np.empty((U.shape[1], len(self._names("states")), len(U)))
+        X[0] = X0.T
+        with np.errstate(all="ignore"):
+            for k in range(U.shape[1] - 1):
+                X[k + 1] = model.step(times[k], X[k], U[:, k].T, float(times[k + 1] - times[k]))
+        return X.transpose(2, 0, 1)
 
     def _run(self, U: np.ndarray, X0: np.ndarray, t: Any) -> np.ndarray:
         """Outputs (n_runs, n_samples, n_outputs)."""

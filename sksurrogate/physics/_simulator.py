@@ -116,7 +116,8 @@ def describe(
             "for example in sksurrogate.physics.CallableSimulator or ODESimulator."
         )
     has_states = getattr(simulator, "states", None) is not None
-    if callable(getattr(simulator, "rhs", None)) and has_states:
+    jumps = bool(getattr(simulator, "events", None)) and callable(getattr(simulator, "step", None))
+    if callable(getattr(simulator, "rhs", None)) and has_states and not jumps:
         access = "rhs"
     elif callable(getattr(simulator, "step", None)) and has_states:
         access = "step"

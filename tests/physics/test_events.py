@@ -1,0 +1,77 @@
+"""Events: the ball that bounces, against its closed form."""
+
+import pickle
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics import CalibratedSimulator, ODESimulator
+from sksurrogate.testing import check_simulator
+
+
+def fall(t, x, u, p):
+    return x[1], u[0] - p["g"] + 0 * x[0]
+
+
+def floor(t, x, u, p):
+    return x[0]
+
+
+def bounce(t, x, u, p):
+    return 0 * x[0], -p["e"] * x[1]
+
+
+def ball(g=9.81, e=0.8, **options):
+    return ODESimulator(
+        fall, states=["h", "v"], inputs=["a"], outputs=["h"], params={"g": g, "e": e}, dt=0.02, x0=[1.0, 0.0],
+        **{"events": [(floor, bounce)], **options},
+    )  # fmt: skip
+
+
+def height(t, g=9.81, e=0.8):
+    start, v = np.sqrt(2 / g), np.sqrt(2 * g) * e
+    if t < start:
+        return 1 - g * t**2 / 2
+    while t >= start + 2 * v / g and v > 1e-9:
+        start, v = start + 2 * v / g, v * e
+    return v * (t - start) - g * (t - start) ** 2 / 2 if v > 1e-9 else 0.0
+
+
+def test_a_ball_follows_its_closed_form_until_it_rests():
+    y = ball().simulate(np.zeros((260, 1)))[:, 0]  # it rests from t = 4.06, row 203
+    np.testing.assert_allclose(y[:195], [height(0.02 * k) for k in range(195)], atol=1e-9)
+    assert np.all(np.abs(y[204:]) < 1e-6)
+    assert ball().simulate(np.full((30, 1), 20.0), x0=[0.0, 0.0])[-1, 0] > 1.0  # and rises again
+
+
+def test_it_keeps_the_protocol():
+    plant = ball()
+    check_simulator(plant, np.zeros((60, 1)))
+    U, X0 = np.zeros((2, 60, 1)), [[1.0, 0.0], [0.3, 2.0]]
+    batch = plant.simulate_batch(U, X0)
+    for k in range(2):
+        np.testing.assert_allclose(batch[k], plant.simulate(U[k], x0=X0[k]), atol=1e-9)
+    other = pickle.loads(pickle.dumps(clone(plant)))
+    np.testing.assert_array_equal(other.simulate(U[0]), plant.simulate(U[0]))
+    states, slopes = plant.simulate_states(U[0])
+    assert np.all(slopes[:, 1] == -9.81) and np.array_equal(slopes[:, 0], states[:, 1])
+    assert not hasattr(ball(events=None), "step")
+
+
+def test_calibration_goes_through_a_bounce():
+    rng = np.random.default_rng(0)
+    y = ball().simulate(np.zeros((40, 1)))[:, 0] + 1e-3 * rng.normal(size=40)
+    found = CalibratedSimulator(ball(g=9.6, e=0.75), fit_x0=False).fit(np.zeros((40, 1)), y)
+    assert found.params_["g"] == pytest.approx(9.81, rel=5e-3)
+    assert found.params_["e"] == pytest.approx(0.8, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"hold": "foh"}, "hold"), ({"method": "Radau"}, "method"), ({"events": [floor]}, r"\(when, then\)")],
+)
+def test_mistakes_speak(options, message):
+    with pytest.raises(SimulatorError, match=message):
+        ball(**options).simulate(np.zeros((5, 1)))
