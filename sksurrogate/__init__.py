@@ -37,6 +37,7 @@ _HOME = {
     "PCRRegressor": "linear",
     "PenalizedRegressor": "linear",
     "RecurrentRegressor": "neural",
+    "Remembered": "model_selection",
     "RecursivePredictor": "compose",
     "SplineFeatures": "features",
     "StateSpaceRegressor": "compose",
