@@ -16,7 +16,8 @@ from sklearn.utils import get_tags
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter, validate_data
 
-from sksurrogate.exceptions import DataError
+from sksurrogate.exceptions import DataError, SurrogateError
+from sksurrogate.export._jacobian import chained_slopes
 from sksurrogate.kernels.gram import Moments
 
 __all__ = ["BaseBlockedRegressor", "Blocks", "warn_ill_conditioned"]
@@ -157,8 +158,9 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def jacobian(self, X: Any) -> np.ndarray:
         """Derivative of the prediction by the inputs.
 
-        Without ``features`` these are the coefficients, the same in every row. With them, their ``jacobian`` is asked;
-        transformers that have none are differenced.
+        Without ``features`` these are the coefficients, the same in every row. With them, their slopes are exact where
+        they have a ``jacobian`` or are scalers, PCA or polynomials of scikit-learn, or pipelines of these; other
+        transformers are differenced.
 
         Parameters
         ----------
@@ -275,8 +277,10 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         n, m = X.shape
         if self.features_ is None:
             return np.broadcast_to(np.eye(m), (n, m, m))
-        if hasattr(self.features_, "jacobian"):
-            return np.asarray(self.features_.jacobian(X))
+        try:
+            return chained_slopes(self.features_, X)
+        except (SurrogateError, AttributeError):
+            pass  # a transformer whose slopes are not known: differences
         step = 1e-5 * np.where(self._high > self._low, self._high - self._low, 1.0)
         # inside the range of the data, where no extrapolation rule can interfere
         left = np.clip(X - step, self._low, np.maximum(self._high - 2 * step, self._low))
