@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -157,6 +158,8 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         for name, value in counts.items():
             if not (isinstance(value, (int, np.integer)) and value >= 1):
                 raise ValueError(f"{name}={value!r} must be an int of at least 1.")
+        if not (isinstance(self.alpha, Real) and self.alpha >= 0):
+            raise ValueError(f"alpha={self.alpha!r} must be a number of at least 0.")
         self.n_initial_ = int(self.n_initial or 2 * self.n_states + 2)
         runs = self._resolve(X, y, groups, reset=True, min_rows=2)
         inputs = np.concatenate([run.X for run in runs])

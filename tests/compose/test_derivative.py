@@ -7,6 +7,7 @@ from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, StandardScaler
+from sklearn.tree import DecisionTreeRegressor
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.compose import DerivativeRegressor
@@ -182,3 +183,10 @@ def test_uneven_times_are_integrated(method):
     assert np.nanmax(np.abs(one - y)) < 2e-3
     with pytest.raises(DataError, match="time does not increase"):
         model.predict(X[::-1], y0=[y[-1]])
+
+
+def test_a_model_of_steps_is_not_integrated_ever_finer():
+    X, y, groups = make_reactor_runs(6, 60, y0_range=(3.0, 8.0), random_state=0)
+    trees = DerivativeRegressor(DecisionTreeRegressor(min_samples_leaf=3), dt=0.02).fit(X, y, groups=groups)
+    assert trees.n_sub_ == 1
+    assert trees.score(X, y, groups=groups) > 0.9
