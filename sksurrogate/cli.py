@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -195,7 +196,9 @@ def _demo(arguments: argparse.Namespace) -> int:
 
     for number, story in enumerate((story_actuator_and_sensor, story_linearised), start=1):
         told = story()
-        print(f"{'=' * 80}\nStory {number}: {told.title}\n{'=' * 80}\n{told.report}\n\n{told.ending}\n")
+        print(
+            f"{'=' * 80}\nStory {number}: {told.title}\n{'=' * 80}\n{told.report}\n\n{textwrap.fill(told.ending, 80)}\n"
+        )
         if arguments.html:
             folder = Path(arguments.html)
             folder.mkdir(parents=True, exist_ok=True)

@@ -100,3 +100,20 @@ def test_a_public_name_is_documented(name, value):
         for key, member in vars(value).items():
             if not key.startswith("_") and (inspect.isfunction(member) or isinstance(member, property)):
                 assert inspect.getdoc(getattr(value, key)) or key.startswith("set_"), f"{name}.{key} has no docstring"
+
+
+@pytest.mark.skipif(not PAGES, reason="the pages are not beside the tests (installed package)")
+def test_the_page_of_the_command_line_has_every_option():
+    from sksurrogate.cli import _parser
+
+    text = (DOCS / "command_line.md").read_text(encoding="utf-8")
+    commands = next(action.choices for action in _parser()._actions if isinstance(action.choices, dict))
+    for name, parser in commands.items():
+        section = text.split(f"## `sksurrogate {name}")[1].split("\n## ")[0]
+        lacking = [
+            option
+            for action in parser._actions
+            for option in action.option_strings
+            if option.startswith("--") and option != "--help" and f"`{option}" not in section
+        ]
+        assert not lacking, f"docs/command_line.md does not tell of {lacking} of {name}"
