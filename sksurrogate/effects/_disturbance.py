@@ -69,6 +69,10 @@ class PeriodicDisturbance(BalanceEffect):
         unit = probe.unit(np.ones(1))
         return [(unit, float(w), phase) for w in frequencies(probe.duration, probe.dt) for phase in (0.0, np.pi / 2)]
 
+    def lower_bounds(self, duration: float) -> tuple[float, ...]:
+        """Three quarters of a period: what is slower is an offset and a drift."""
+        return (-np.inf, 1.5 * np.pi / duration if duration > 0 else 0.0, -np.inf)
+
     def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
         """Amplitude >= 0, phase in (-pi, pi]; while it is fitted both are free, or the fit would stick at a border."""
         amplitude, frequency, phase = theta
@@ -91,6 +95,6 @@ class StepDisturbance(BalanceEffect):
         return theta[0] * after(t, theta[1], width) + np.zeros_like(x)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Fifteen times."""
+        """Forty times."""
         unit = probe.unit(np.ones(1))
         return [(unit, share * probe.duration) for share in JUMPS]

@@ -100,6 +100,10 @@ class BaseEffect(BaseEstimator):
         """Values near a fit from which to fit again, for effects whose prediction jumps with them; mostly none."""
         return []
 
+    def lower_bounds(self, duration: float) -> tuple[float, ...]:
+        """Lower bounds in a record whose longest run has this duration: slower things than it shows are left to others."""
+        return tuple(p.low for p in self.parameters)
+
     def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
         """The same effect with its parameters in the ranges in which they are reported (phases, signs)."""
         return tuple(theta)

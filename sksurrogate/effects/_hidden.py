@@ -116,7 +116,6 @@ class HiddenRelaxation(HiddenEffect):
     """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``."""
 
     name = "hidden_relaxation"
-    free_start = True
     parameters = (
         Parameter("coefficient", low=0.0, unit="dx/dt over v"),
         Parameter("time_constant", null=1.0, low=TINY, unit="time"),
@@ -159,7 +158,6 @@ class HiddenMode(HiddenEffect):
 
     name = "hidden_mode"
     n_hidden = 2
-    free_start = True
     parameters = (
         Parameter("gain", low=0.0, unit="dx/dt over v"),
         Parameter("angular_frequency", null=1.0, low=TINY, unit="radian over time"),

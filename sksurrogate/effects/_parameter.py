@@ -14,7 +14,7 @@ from sksurrogate.physics._simulator import Plant
 __all__ = ["ParameterDrift", "ParameterError", "ParameterStep"]
 
 #: Times, as shares of the longest run, at which jumps are tried.
-JUMPS = tuple(float(share) for share in (np.arange(15) + 0.5) / 15)
+JUMPS = tuple(float(share) for share in (np.arange(40) + 0.5) / 40)
 
 
 class ParameterError(ParameterEffect):
@@ -84,5 +84,5 @@ class ParameterStep(ParameterEffect):
         return p * (1 + theta[0] * after(t, theta[1], width))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """A tenth, at fifteen times."""
+        """A tenth, at forty times."""
         return [(0.1, share * probe.duration) for share in JUMPS]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap._screen import Screen, Start
+from sksurrogate.gap._screen import Screen, Start, scaled
 
 __all__ = ["best_pairs"]
 
@@ -74,9 +74,5 @@ def _at(screen: Screen, k: int, amplitude: float) -> Start:
     """The start of one column with the amplitude that it has in the pair."""
     start, theta = screen.starts[k], screen.raw[k].copy()
     if len(theta) and (start.effect.linear or amplitude < 0.5):
-        theta[0] = np.clip(
-            theta[0] * (amplitude or 1e-3), start.effect.parameters[0].low, start.effect.parameters[0].high
-        )
-    if start.effect.name == "parameter_error":
-        theta[0] = np.clip(theta[0], -0.8, 2.0)
+        theta[0] = scaled(start.effect, theta[0], amplitude)
     return replace(start, theta=theta)

@@ -192,7 +192,8 @@ class Problem:
 
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of theta."""
-        low = [p.low for effect in effects for p in effect.parameters]
+        duration = self.record.dt * float(self.record.lengths.max())
+        low = [bound for effect in effects for bound in effect.lower_bounds(duration)]
         high = [p.high for effect in effects for p in effect.parameters]
         for name in self.free:
             nonzero = self.plant.params[name] != 0

@@ -12,7 +12,7 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
-from sksurrogate.gap._evidence import estimate_noise
+from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, Shrink, Table, Trace, Where
@@ -89,7 +89,11 @@ class Questions:
         found.slots = equivalents(search, final)
         say("what is left")
         found.latent = latent_force(at, final, quiet_sensors=left(final) > FAR)
-        found.law = law_of(at, found.latent, self.seed, final.fit.x[: len(problem.plant.states)])
+        path = final.fit.x[: len(problem.plant.states)]
+        found.law = law_of(at, found.latent, self.seed, path)
+        if final.effects and NEARLY_WHITE < left(final) <= FAR:
+            # Coloured sensor noise may have taken what is a law of the states.
+            found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
         closed = bool(final.effects) and left(final) < 1.2
         found.places = places(problem, null, (10.0,) if closed else (5.0, 25.0))
         if not closed and left(null) > 2.0:

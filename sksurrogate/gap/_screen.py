@@ -19,7 +19,7 @@ from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import linearise, settle_hidden
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = ["Screen", "Start", "project_starts", "screen"]
+__all__ = ["Screen", "Start", "project_starts", "scaled", "screen"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,12 +314,19 @@ def _starts(
             theta, gained = pairs[k]
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
         elif (c.effect.linear or small[k]) and len(theta):
-            theta[0] *= amplitude[k] if amplitude[k] != 0 else 1e-3
-            theta[0] = np.clip(theta[0], c.effect.parameters[0].low, c.effect.parameters[0].high)
-            if c.effect.name == "parameter_error":
-                theta[0] = np.clip(theta[0], -0.8, 2.0)
+            theta[0] = scaled(c.effect, theta[0], amplitude[k])
         out.append(Start(c.effect, theta, gained, pulled, float(G[0, 0] - gained), c.path))
     return out
+
+
+def scaled(effect: BaseEffect, magnitude: float, amplitude: float) -> float:
+    """The magnitude of a start times the amplitude of its column, within bounds; a parameter keeps its sign."""
+    value = magnitude * (amplitude or 1e-3)
+    first = effect.parameters[0]
+    low, high = (
+        (max(first.low, -0.8), min(first.high, 2.0)) if first.name == "relative_error" else (first.low, first.high)
+    )
+    return float(np.clip(value, low, high))
 
 
 def _quadratures(

@@ -21,8 +21,8 @@ EXTRA = 10.0
 SMALLEST_SHARE = 1e-3
 #: Free runs that stay within this many times the noise need no further effect where none passed.
 FAR = 5.0
-#: Where a set of effects comes this near (cost over number of values), no other is looked for beside it.
-NEAR = 1.3
+#: Where a set of effects comes this near (free-run error over the noise), no other is looked for beside it.
+NEAR = 1.02
 #: Sets of effects that are kept beside the best one, far from the data.
 RUNNERS = 3
 #: Pairs that are fitted because the screen expects most of them.
@@ -159,7 +159,8 @@ class Search(Expander):
                 return None
         if len(best.effects) == 1:
             trial.extend(self.ranked(self.pairs(self.null, MOST_PAIRS), best))
-        near = any(rival.fit.cost < NEAR * self.n_values for rival in trial)
+        nearest = max(trial, key=self.score, default=None)
+        near = nearest is not None and nearest.noise is not None and left(nearest) < NEAR
         for base in () if near else self.beam(best):
             trial.extend(self.ranked(self.expand(base, 6, 3), base))
         if not trial:
@@ -184,7 +185,7 @@ class Search(Expander):
                 smaller.n_parameters
             )
             if better and not self.passes(rival, smaller, True):
-                return smaller
+                return self.needed(smaller, best)
         return rival
 
     def passes(self, rival: Rival, best: Rival, passed: bool) -> bool:
@@ -222,7 +223,7 @@ class Search(Expander):
                 base = self.without(rival, i)
                 if base is None:
                     continue
-                trial = self.ranked(self.expand(base, 6, 3), base)
+                trial = self.ranked(self.expand(base, *((6, 3) if left(rival) < NEAR else (12, 6))), base)
                 if not trial:
                     continue
                 worth = self.order([trial[0], rival])
