@@ -17,10 +17,9 @@ __all__ = ["Facts", "decide", "intervals", "probabilities", "ranking", "retuned_
 
 #: `explained` when the named effects leave less than this share of the gap (amplitude).
 SHARE = 0.20
-#: With a clear law in what is left, this share is too much already where the error is over this many times the noise.
+#: With a clear law in what is left, or as many names as are looked for (a stack of stand-ins), this share is too much
+#: already where the error is over this many times the noise.
 SHARE_LAWFUL, LEFT_LAWFUL, CLEAR_LAW = 0.05, 1.1, 0.3
-#: As many effects as are looked for must bring the free run this near to the noise, or they are stand-ins.
-EXHAUSTED = 1.15
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
 #: A gap closed to this share (amplitude) is explained however precise the sensors are: no real plant's model is exact.
@@ -80,13 +79,13 @@ def decide(facts: Facts) -> str:
     law = facts.law > max(LAW, FEW / facts.n_samples)
     lawful = law or facts.force > FORCE
     if facts.accepted or facts.retuned:
-        if facts.exhausted and facts.left > EXHAUSTED:
-            return "unknown"
         if facts.left > FAR:
             too_much = facts.share_left > SMALL_SHARE and lawful
         else:
-            clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
-            too_much = clear or (facts.share_left > SHARE and facts.left > 1.05 and lawful)
+            clear = facts.law > CLEAR_LAW or facts.exhausted
+            too_much = (facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL and clear) or (
+                facts.share_left > SHARE and facts.left > 1.05 and lawful
+            )
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
         return "none"
