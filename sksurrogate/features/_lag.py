@@ -24,10 +24,10 @@ __all__ = ["LagEmbedding", "lag_columns", "lag_list", "named_position"]
 def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
     """The lags that an int (``first..lags``) or a list stands for, sorted."""
     given = range(first, int(lags) + 1) if isinstance(lags, (int, np.integer)) else lags
-    out = sorted({int(k) for k in given})
-    if any(k < first for k in out):
+    listed = not isinstance(given, str) and np.iterable(given)
+    if not listed or any(not isinstance(k, (int, np.integer)) or k < first for k in given):
         raise DataError(f"{name}={lags!r}: every lag must be at least {first}; give an int or a list of ints.")
-    return out
+    return sorted({int(k) for k in given})
 
 
 def named_position(key: Any, names: Sequence[str], argument: str) -> int:

@@ -36,6 +36,9 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Where X says which run a row belongs to; ``groups`` wins.
     estimator : PenalizedRegressor or PCRRegressor, optional
         Fitted to the moments; None: :class:`PenalizedRegressor` without penalties, least squares.
+    missing : {"error", "drop"}, default="error"
+        What nan in X or y means: an error, or rows that are left out of the fit, together with as many after them as the
+        longest lag; predictions from such windows are nan.
 
     Attributes
     ----------
@@ -73,10 +76,18 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     __metadata_request__predict = {"groups": True}
     __metadata_request__score = {"groups": True}
 
-    def __init__(self, lags: Any = 1, *, run: Any = None, estimator: BaseBlockedRegressor | None = None):
+    def __init__(
+        self,
+        lags: Any = 1,
+        *,
+        run: Any = None,
+        estimator: BaseBlockedRegressor | None = None,
+        missing: str = "error",
+    ):
         self.lags = lags
         self.run = run
         self.estimator = estimator
+        self.missing = missing
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> LaggedLinearRegressor:
         """Fit to the rows whose whole past was measured.
@@ -125,15 +136,19 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _moments(self, runs: Runs) -> Moments:
         """Mean and scatter of the lagged columns and the outputs."""
-        longest = max(len(run) for run in runs)
-        if longest <= self.max_lag_:
-            raise RunError(
-                f"the longest run has {longest} rows (n_samples={runs.n_samples} in all), but the longest lag "
-                f"{self.max_lag_} needs {self.max_lag_ + 1}: give longer runs or lower lags."
-            )
         used = sorted({j for j, _ in self.columns_})
         columns = used if len(used) < runs[0].X.shape[1] else slice(None)
-        moments = lag_moments([run.X[:, columns] for run in runs], self.max_lag_, [run.y for run in runs])
+        tables, targets = [run.X[:, columns] for run in runs], [run.y for run in runs]
+        if self.missing == "drop":
+            tables, targets = _whole_stretches(tables, targets)
+        longest = max(map(len, tables), default=0)
+        if longest <= self.max_lag_:
+            stretch = "stretch without nan" if self.missing == "drop" else "run"
+            raise RunError(
+                f"the longest {stretch} has {longest} rows (n_samples={runs.n_samples} in all), but the longest lag "
+                f"{self.max_lag_} needs {self.max_lag_ + 1}: give longer runs or lower lags."
+            )
+        moments = lag_moments(tables, self.max_lag_, targets)
         target = (self.max_lag_ + 1) * len(used)
         place = [k * len(used) + used.index(j) for j, k in self.columns_]
         return moments.select([*place, *range(target, len(moments.mean))])
@@ -168,13 +183,32 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         out = runs.stack([self._filtered(run.X, coef) for run in runs])
         return out[:, 0] if self.coef_.ndim == 1 else out
 
+    def jacobian(self, X: Any, groups: Any = None) -> np.ndarray:
+        """Slopes of the prediction by the lagged columns: the coefficients, the same in every row.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_columns)
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray (n_samples, n_features) or (n_samples, n_outputs, n_features)
+            In the order of ``columns_``.
+        """
+        check_is_fitted(self, "coef_")
+        return np.repeat(self.coef_[None], self._resolve(X, None, groups, predicting=True).n_samples, axis=0)
+
     def score(self, X: Any, y: Any, groups: Any = None) -> float:
         """Coefficient of determination of :meth:`predict`."""
         from sklearn.metrics import r2_score
 
         predicted = self.predict(X, groups=groups)
-        known = np.isfinite(predicted.reshape(len(predicted), -1)).all(axis=1)
-        return float(r2_score(np.asarray(y, dtype=float)[known], predicted[known]))
+        measured = np.asarray(y, dtype=float)
+        known = np.isfinite(np.column_stack([predicted, measured] if self.missing == "drop" else [predicted])).all(
+            axis=1
+        )
+        return float(r2_score(measured[known], predicted[known]))
 
     def _filtered(self, values: np.ndarray, coef: np.ndarray) -> np.ndarray:
         """One run through one finite impulse response a column and output."""
@@ -193,16 +227,34 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """Checks that scikit-learn asks for, then runs."""
         if not predicting and y is None:
             raise DataError(f"{type(self).__name__} requires y to be passed, but the target y is None.")
+        if self.missing not in ("error", "drop"):
+            raise DataError(f'missing={self.missing!r} must be "error" or "drop".')
+        drop = self.missing == "drop"
         if hasattr(X, "columns"):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
-            return resolve_runs(X, y, groups=groups, run=self.run)
+            return resolve_runs(X, y, groups=groups, run=self.run, allow_nan=drop)
         checks = {"reset": reset, "ensure_all_finite": groups is None, "dtype": "numeric"}
+        if drop:
+            X = validate_data(self, X, **{**checks, "ensure_all_finite": "allow-nan" if groups is None else False})
+            return resolve_runs(X, y, groups=groups, run=self.run, allow_nan=True)
         if y is None:
             X = validate_data(self, X, **checks)
         else:
             X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, **checks)
         return resolve_runs(X, y, groups=groups, run=self.run)
+
+
+def _whole_stretches(tables: list[np.ndarray], targets: list[np.ndarray]) -> tuple[list, list]:
+    """The pieces of every run without nan."""
+    out: tuple[list, list] = ([], [])
+    for x, y in zip(tables, targets):
+        whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
+        edges = np.flatnonzero(np.diff(np.r_[0, whole.astype(int), 0]))
+        for a, b in edges.reshape(-1, 2):
+            out[0].append(x[a:b])
+            out[1].append(y[a:b])
+    return out
 
 
 def _position(key: Any, names: tuple[str, ...]) -> int:

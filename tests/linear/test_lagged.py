@@ -83,8 +83,45 @@ def test_run_column_and_rows_left_out():
     assert np.isfinite(model.score(table, Y[:, 0]))
 
 
+@pytest.mark.parametrize("frame", [False, True])
+@pytest.mark.parametrize("flat", [False, True])
+def test_windows_with_holes_are_dropped_if_told_so(frame, flat):
+    X, Y, groups = data()
+    X, Y = X.copy(), Y[:, 0].copy() if flat else Y.copy()
+    X[7, 0], X[20:23, 1], Y[40] = np.nan, np.nan, np.nan
+    table = pd.DataFrame(X, columns=[f"u{j}" for j in range(X.shape[1])]) if frame else X
+    with pytest.raises(ValueError, match="NaN"):
+        LaggedLinearRegressor(2).fit(table, Y, groups=groups)
+    model = LaggedLinearRegressor(2, missing="drop").fit(table, Y, groups=groups)
+    whole = np.isfinite(X).all(axis=1) & np.isfinite(Y.reshape(len(Y), -1)).all(axis=1)
+    stretches = np.cumsum(~whole) * 10 + pd.factorize(groups)[0]
+    reference = LaggedLinearRegressor(2).fit(X[whole], Y[whole], groups=stretches[whole])
+    np.testing.assert_allclose(model.coef_, reference.coef_, atol=1e-10)
+    predicted = model.predict(table, groups=groups)
+    assert np.isnan(predicted[[7, 8, 9, 20, 24]]).all() and np.isfinite(predicted[[6, 10, 19, 25, 40]]).all()
+    assert np.isfinite(model.score(table, Y, groups=groups))
+    with pytest.raises(RunError, match="longest stretch without nan has"):
+        LaggedLinearRegressor(300, missing="drop").fit(table, Y, groups=groups)
+
+
+def test_slopes_by_the_lagged_columns_are_the_coefficients():
+    X, Y, groups = data(q=2)
+    model = LaggedLinearRegressor(2).fit(X, Y, groups=groups)
+    rows = LagEmbedding(2).fit_transform(X, groups=groups)
+    order = [model.columns_.index(column) for column in LagEmbedding(2).fit(X, groups=groups).columns_]
+    slopes = model.jacobian(X, groups=groups)[:, :, order]
+    np.testing.assert_allclose(
+        np.einsum("npj,nj->np", slopes, rows) + model.intercept_, model.predict(X, groups=groups)
+    )
+
+
 def test_errors_name_the_way_out():
     X, Y, _ = data()
+    with pytest.raises(DataError, match=r'missing=.*must be "error" or "drop"'):
+        LaggedLinearRegressor(missing="skip").fit(X, Y)
+    for lags in ("x", 1.5, [0.5], [-1]):
+        with pytest.raises(DataError, match="give an int or a list of ints"):
+            LaggedLinearRegressor(lags).fit(X, Y)
     with pytest.raises(RunError, match="longest lag 400 needs 401"):
         LaggedLinearRegressor(400).fit(X, Y)
     with pytest.raises(DataError, match="asks for no column"):
