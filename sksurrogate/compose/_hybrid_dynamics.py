@@ -195,7 +195,7 @@ class DynamicsCorrection:
         """Coefficients of one basis on some of the runs: one step ahead where all states are measured, then shooting."""
         record = model.record.select(runs)
         rows = np.isin(model.record.run_of_row, runs)
-        inner = type(model)(model.inner, [], record, model.n_sub, model.scale)
+        inner = type(model)(model.inner, [], record, model.n_sub, model.scale, model.stiff)
         x = guess[:, rows]
         targets = self._targets(plant, model.inner)
         if self.form == "input":

@@ -13,6 +13,7 @@ from sklearn.base import clone
 from sksurrogate.compose._domain import Domain
 from sksurrogate.kernels.integrate import rk4
 from sksurrogate.kernels.signals import hold
+from sksurrogate.kernels.stiff import rosenbrock
 from sksurrogate.physics._fit_model import FitModel
 
 __all__ = ["Basis", "BoundTermModel", "TermModel"]
@@ -185,6 +186,9 @@ class BoundTermModel:
             t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]
         if self.step:
             return self.rate(t, x, mean[0])
+        if self.m.plant.stiff:
+            first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
+            return rosenbrock(self.rate, t, x, first, last, record.dt, self.m.plant.n_sub)
         return rk4(self.rate, t, x, mean, half, record.dt / self.m.plant.n_sub)
 
     def start(self, x0: np.ndarray) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import SurrogateError
+from sksurrogate.export._dynamic import add_derivative_model, add_filter, add_state_model, runge_kutta
 from sksurrogate.export._features import FEATURE_MAPS, add_features
 from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
@@ -26,7 +28,8 @@ def to_graph(model: Any, n_sub: int = 4) -> Graph:
     model : fitted estimator or simulator
         Linear models, ``MLPRegressor``, ``FNNRegressor``, ``StandardScaler``, ``MinMaxScaler``, ``PolynomialFeatures``,
         the feature maps (splines, steps, waves, bumps) and pipelines of them: input "x", output "y".
-        :class:`RecursivePredictor`, :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
+        :class:`RecursivePredictor`, :class:`StateSpaceRegressor`, :class:`DerivativeRegressor`, :class:`LaggedLinearRegressor`,
+        :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
     n_sub : int, default=4
         Runge-Kutta substeps a sample of a right-hand side.
 
@@ -51,6 +54,14 @@ def to_graph(model: Any, n_sub: int = 4) -> Graph:
     if hasattr(model, "to_graph"):
         return model.to_graph(n_sub=n_sub)
     graph = Graph()
+    kind = type(model).__name__
+    if kind in ("DerivativeRegressor", "StateSpaceRegressor", "LaggedLinearRegressor"):
+        check_is_fitted(model)
+        if kind == "DerivativeRegressor":
+            add_derivative_model(graph, model, add_estimator)
+        else:
+            (add_state_model if kind == "StateSpaceRegressor" else add_filter)(graph, model)
+        return graph
     if hasattr(model, "output_lags") and hasattr(model, "input_lags"):
         return _recursive(graph, model)
     if getattr(model, "states", None) is not None and (hasattr(model, "rhs") or hasattr(model, "step")):
@@ -80,8 +91,16 @@ def add_estimator(graph: Graph, model: Any, x: int) -> int:
         return graph.scaled(x, mean, np.ones(n) if model.scale_ is None else model.scale_)
     if kind == "MinMaxScaler":
         return graph.affine(x, np.diag(model.scale_), model.min_)
-    if kind == "PCA" and not model.whiten:
-        return graph.affine(graph.binary("sub", x, graph.constant(model.mean_)), model.components_.T)
+    if kind in ("RobustScaler", "MaxAbsScaler"):
+        n = graph.nodes[x].size
+        centre, scale = getattr(model, "center_", None), model.scale_
+        return graph.scaled(x, np.zeros(n) if centre is None else centre, np.ones(n) if scale is None else scale)
+    if kind == "PCA":
+        size = np.sqrt(np.maximum(model.explained_variance_, np.finfo(float).tiny)) if model.whiten else 1.0
+        return graph.affine(graph.binary("sub", x, graph.constant(model.mean_)), model.components_.T / size)
+    if kind in ("PLSRegression", "PLSCanonical", "CCA"):
+        centred = graph.binary("sub", x, graph.constant(model._x_mean))
+        return graph.affine(centred, np.asarray(model.coef_, dtype=float).T, np.ravel(model.intercept_))
     if kind == "PolynomialFeatures":
         return _monomials(graph, x, model.powers_)
     if kind in FEATURE_MAPS:
@@ -92,19 +111,38 @@ def add_estimator(graph: Graph, model: Any, x: int) -> int:
         return _network(graph, model, x)
     if hasattr(model, "coef_") and hasattr(model, "intercept_") and hasattr(model, "predict"):
         coef = np.atleast_2d(np.asarray(model.coef_, dtype=float))
-        if coef.shape[1] == graph.nodes[x].size:
+        if coef.shape[1] == graph.nodes[x].size and _is_affine(model, coef):
             return graph.affine(x, coef.T, np.ravel(model.intercept_))
     raise SurrogateError(
-        f"{kind} cannot be exported: linear models, MLPRegressor, FNNRegressor, StandardScaler, MinMaxScaler, PCA, "
-        "PolynomialFeatures, the feature maps of sksurrogate.features and pipelines of them can."
+        f"{kind} cannot be exported: it is none of the models that are written as fixed formulas here. Linear models, PLS, "
+        "MLPRegressor, FNNRegressor, scalers, PCA, PolynomialFeatures, the feature maps of sksurrogate.features and pipelines "
+        "of them can; for CasADi or ONNX of other models see skl2onnx, or fit one of these to its predictions."
     )
+
+
+def _is_affine(model: Any, coef: np.ndarray) -> bool:
+    """Whether a model with coefficients predicts ``x W + b``: those with a link function or a centre of their own do not."""
+    if getattr(model, "features_", None) is not None:
+        return True
+    x = np.random.default_rng(0).normal(size=(5, coef.shape[1]))
+    expected = x @ coef.T + np.ravel(model.intercept_)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = np.asarray(model.predict(x), dtype=float).reshape(expected.shape)
+    except (ValueError, TypeError):
+        return False
+    return bool(np.allclose(found, expected, rtol=1e-6, atol=1e-9 * (1.0 + np.max(np.abs(expected)))))
 
 
 def _back(graph: Graph, transformer: Any, y: int) -> int:
     """Inverse of a scaler of targets."""
-    if type(transformer).__name__ != "StandardScaler":
+    kind = type(transformer).__name__
+    if kind == "MinMaxScaler":
+        return graph.affine(graph.binary("sub", y, graph.constant(transformer.min_)), np.diag(1.0 / transformer.scale_))
+    if kind != "StandardScaler":
         raise SurrogateError(
-            f"a target transformed by {type(transformer).__name__} cannot be exported: use StandardScaler."
+            f"a target transformed by {type(transformer).__name__} cannot be exported: use StandardScaler or MinMaxScaler."
         )
     n = graph.nodes[y].size
     scale = np.ones(n) if transformer.scale_ is None else transformer.scale_
@@ -172,6 +210,19 @@ def shifted(graph: Graph, x: int, u: int, y: int, past: int, inputs: int) -> int
 def add_step(graph: Graph, simulator: Any, x: int, u: int, n_sub: int) -> tuple[int, int]:
     """Next state and output of a simulator with ``rhs`` (held inputs, Runge-Kutta of order 4) or ``step``."""
     params = dict(getattr(simulator, "params", None) or {})
+    if getattr(simulator, "events", None):
+        raise SurrogateError(
+            "a right-hand side with events cannot be exported: finding the moment of an event is no fixed formula."
+        )
+    _refuse_time(simulator, params)
+    try:
+        return _stepped(graph, simulator, params, x, u, n_sub)
+    except TypeError as error:
+        raise SurrogateError(f"{type(simulator).__name__} cannot be exported: {error}") from error
+
+
+def _stepped(graph: Graph, simulator: Any, params: dict[str, Any], x: int, u: int, n_sub: int) -> tuple[int, int]:
+    """:func:`add_step` of functions that take symbols."""
     if getattr(simulator, "hold", "zoh") != "zoh":
         raise SurrogateError('hold="foh" cannot be exported: a step needs the input held, hold="zoh".')
     dt, us = float(getattr(simulator, "dt", None) or 1.0), symbols(graph, u)
@@ -183,19 +234,32 @@ def add_step(graph: Graph, simulator: Any, x: int, u: int, n_sub: int) -> tuple[
         y = graph.take(x, [list(simulator.states).index(name) for name in outputs])
     if not hasattr(simulator, "rhs"):
         return joined(graph, simulator.step(0.0, symbols(graph, x), us, params, dt)), y
-    h = dt / n_sub
 
     def rate(at: int) -> int:
         return joined(graph, simulator.rhs(0.0, symbols(graph, at), us, params))
 
-    def moved(at: int, slope: int, by: float) -> int:
-        return graph.binary("add", at, graph.binary("mul", slope, graph.constant(by)))
+    return runge_kutta(graph, rate, x, dt, n_sub), y
 
-    for _ in range(n_sub):
-        k1 = rate(x)
-        k2 = rate(moved(x, k1, h / 2))
-        k3 = rate(moved(x, k2, h / 2))
-        k4 = rate(moved(x, k3, h))
-        middle = graph.binary("mul", graph.binary("add", k2, k3), graph.constant(2.0))
-        x = moved(x, graph.binary("add", graph.binary("add", k1, k4), middle), h / 6)
-    return x, y
+
+def _refuse_time(simulator: Any, params: dict[str, Any]) -> None:
+    """A graph has no clock: functions that use t must not pass in silence."""
+    rng = np.random.default_rng(0)
+    x, u = (
+        rng.uniform(0.3, 0.9, len(simulator.states)),
+        rng.uniform(0.3, 0.9, len(getattr(simulator, "inputs", ()) or ())),
+    )
+    dt = float(getattr(simulator, "dt", None) or 1.0)
+    for name, extra in (("rhs", ()), ("step", (dt,)), ("output", ())):
+        function = getattr(simulator, name, None)
+        if not callable(function) or (name == "step" and callable(getattr(simulator, "rhs", None))):
+            continue
+        try:
+            with np.errstate(all="ignore"):
+                values = [np.asarray(function(t, x, u, params, *extra), dtype=float) for t in (0.0, 0.7391, 12.9)]
+        except Exception:  # points that the functions do not like prove nothing
+            continue
+        if not all(np.array_equal(values[0], value, equal_nan=True) for value in values[1:]):
+            raise SurrogateError(
+                f"{name} depends on the time t, which x_next, y = f(x, u) does not know: make t a state with dt/dt = 1, or "
+                "what it drives an input."
+            )

@@ -9,7 +9,7 @@ from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import require
 from sksurrogate.physics._ode import ODESimulator
-from sksurrogate.physics._simulator import BaseSimulator
+from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._wrappers import StepSimulator
 
 __all__ = ["ControlSimulator"]
@@ -23,7 +23,7 @@ def _is_discrete(self: ControlSimulator) -> bool:
     return bool(self.system.dt)
 
 
-class ControlSimulator(BaseSimulator):
+class ControlSimulator(ParametricSimulator):
     """A linear or nonlinear input/output system of python-control.
 
     Parameters
@@ -36,6 +36,8 @@ class ControlSimulator(BaseSimulator):
         How inputs act between samples (python-control itself joins them linearly).
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
+    params : dict of float, optional
+        Parameters of a nonlinear system, in place of its own values; they can be calibrated and diagnosed.
 
     Raises
     ------
@@ -51,11 +53,12 @@ class ControlSimulator(BaseSimulator):
     array([0.    , 0.0952, 0.1813])
     """
 
-    def __init__(self, system: Any, *, dt: float | None = None, hold: str = "zoh", x0: Any = None):
+    def __init__(self, system: Any, *, dt: float | None = None, hold: str = "zoh", x0: Any = None, params: Any = None):
         self.system = system
         self.dt = dt
         self.hold = hold
         self.x0 = x0
+        self.params = params
 
     def _realised(self) -> Any:
         """The system with states."""
@@ -80,9 +83,11 @@ class ControlSimulator(BaseSimulator):
         """Names of the outputs."""
         return [str(name) for name in self.system.output_labels]
 
-    def _points(self, what: str, t: Any, x: Any, u: Any) -> np.ndarray:
+    def _points(self, what: str, t: Any, x: Any, u: Any, p: Any) -> np.ndarray:
         """``dynamics`` or ``output`` of the system at points (n, *s)."""
         system = self._realised()
+        if any(hasattr(v, "graph") for v in (*x, *u)):  # symbols of an export
+            return self._written(system, what, x, u)
         xs, us = (
             np.asarray([np.asarray(v, dtype=float) for v in x]),
             np.asarray([np.asarray(v, dtype=float) for v in u]),
@@ -92,29 +97,50 @@ class ControlSimulator(BaseSimulator):
             return np.tensordot(np.asarray(first), xs, 1) + np.tensordot(np.asarray(second), us, 1)
         flat_x, flat_u = xs.reshape(len(xs), -1), us.reshape(len(us), -1)
         times = np.broadcast_to(t, (flat_x.shape[1],)) if np.ndim(t) < 2 else np.ravel(t)
-        columns = [
-            np.atleast_1d(getattr(system, what)(times[k], flat_x[:, k], flat_u[:, k])) for k in range(flat_x.shape[1])
-        ]
+        function, given = getattr(system, what), dict(p or {})
+        columns = []
+        for k in range(flat_x.shape[1]):
+            own = {name: float(np.ravel(v)[k if np.ndim(v) else 0]) for name, v in given.items()} or None
+            columns.append(np.atleast_1d(function(times[k], flat_x[:, k], flat_u[:, k], own)))
         return np.stack(columns, axis=1).reshape(-1, *xs.shape[1:])
+
+    def _written(self, system: Any, what: str, x: Any, u: Any) -> Any:
+        """``dynamics`` or ``output`` at symbols."""
+        if hasattr(system, "A"):
+            pair = (system.A, system.B) if what == "dynamics" else (system.C, system.D)
+            rows = np.hstack([np.asarray(part, dtype=float) for part in pair])
+            return [sum(float(c) * v for c, v in zip(row, [*x, *u])) for row in rows]
+        function = system.updfcn if what == "dynamics" else system.outfcn
+        if function is None:
+            return list(x)
+        return function(
+            0.0, np.array(x, dtype=object), np.array(u, dtype=object), {**system.params, **(self.params or {})}
+        )
 
     @available_if(_is_continuous)
     def rhs(self, t: Any, x: Any, u: Any, p: Any) -> np.ndarray:
         """dx/dt."""
-        return self._points("dynamics", t, x, u)
+        return self._points("dynamics", t, x, u, p)
 
     @available_if(_is_discrete)
     def step(self, t: Any, x: Any, u: Any, p: Any, dt: float) -> np.ndarray:
         """The states one sample later."""
-        return self._points("dynamics", t, x, u)
+        return self._points("dynamics", t, x, u, p)
 
     def output(self, t: Any, x: Any, u: Any, p: Any) -> np.ndarray:
         """Outputs."""
-        return self._points("output", t, x, u)
+        return self._points("output", t, x, u, p)
 
     def _inner(self) -> Any:
         """The same system as one of this package's simulators."""
         own = self.system.dt
-        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "params": {}, "x0": self.x0}
+        names = {
+            "states": self.states,
+            "inputs": self.inputs,
+            "outputs": self.outputs,
+            "params": dict(self.params or {}),
+            "x0": self.x0,
+        }
         if own:
             step = 1.0 if own is True else float(own)
             return StepSimulator(self.step, output=self.output, dt=self.dt if self.dt is not None else step, **names)

@@ -65,6 +65,8 @@ def free_run(
     ndarray (n_runs, n_samples, n_states)
         Not finite from where a run diverges.
     """
+    if X0.shape[1] == 0:
+        return np.zeros((len(U), len(t), 0))
     with np.errstate(all="ignore"):
         if method in ("auto", "RK4"):
             X, n_sub = _explicit(derivative, U, X0, t, order)

@@ -67,7 +67,8 @@ class PointwiseFunction:
         SimulatorError
             It raises, or returns the wrong number of components.
         """
-        if self.vectorised is not None:
+        if self.vectorised is not None or self.size == 0:
+            self.vectorised = True if self.vectorised is None else self.vectorised
             return
         spread = np.array([0.0, 1e-3, -1e-3, 0.5, -0.5])
         xs = x[:, None] + spread * np.maximum(np.abs(x), 0.1)[:, None]

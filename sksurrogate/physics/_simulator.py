@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from sksurrogate.exceptions import SimulatorError
+from sksurrogate.exceptions import SimulatorError, require
 
 __all__ = ["BaseSimulator", "Plant", "describe"]
 
@@ -40,6 +40,36 @@ class BaseSimulator(BaseEstimator):
     @abstractmethod
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: ``U`` (n_samples, n_inputs) -> ``Y`` (n_samples, n_outputs)."""
+
+    def to_control(self) -> Any:
+        """The plant as ``control.NonlinearIOSystem`` (python-control), in continuous time for ``rhs``, else with ``dt``.
+
+        Raises
+        ------
+        SimulatorError
+            The simulator gives trajectories only.
+        """
+        plant = describe(self)
+        if plant.access == "trajectory":
+            raise SimulatorError(
+                f"{type(self).__name__} gives trajectories only: python-control wants a simulator with rhs or step."
+            )
+        places, output = plant.output_states, getattr(self, "output", None)
+
+        def moved(t: Any, x: Any, u: Any, p: Any) -> np.ndarray:
+            if plant.access == "rhs":
+                return np.array([float(np.squeeze(v)) for v in self.rhs(t, x, u, p)])  # type: ignore[attr-defined]
+            return np.array([float(np.squeeze(v)) for v in self.step(t, x, u, p, plant.dt)])  # type: ignore[attr-defined]
+
+        def seen(t: Any, x: Any, u: Any, p: Any) -> np.ndarray:
+            if places is not None:
+                return np.asarray(x)[list(places)]
+            assert callable(output)
+            return np.array([float(np.squeeze(v)) for v in output(t, x, u, p)])
+
+        names = {"states": list(plant.states), "inputs": list(plant.inputs), "outputs": list(plant.outputs)}
+        dt = 0 if plant.access == "rhs" else plant.dt
+        return require("control", "control").nlsys(moved, seen, params=dict(plant.params), dt=dt, **names)
 
 
 @dataclass(frozen=True)

@@ -214,7 +214,7 @@ def test_what_cannot_leave_speaks():
         return [u[0] if x[0] > 0 else -x[0]]
 
     plant = ODESimulator(branching, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
-    with pytest.raises(TypeError, match=r"branch on values.*np\.maximum"):
+    with pytest.raises(SurrogateError, match=r"branch on values.*np\.maximum"):
         to_graph(plant)
     with pytest.raises(SurrogateError, match="is not recursive"):
         state_space(LinearRegression().fit(X3, Y2), [0.0])

@@ -1,0 +1,55 @@
+"""Plants handed to python-control and taken back; parameters of its nonlinear systems; systems without states."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics import CalibratedSimulator, CallableSimulator, ControlSimulator, ODESimulator, StepSimulator
+from sksurrogate.testing import check_simulator
+
+control = pytest.importorskip("control")
+
+
+def pendulum(t, x, u, p):
+    return [x[1], -p["g"] * np.sin(x[0]) - p["c"] * x[1] + u[0]]
+
+
+def _system(c=0.2):
+    return control.nlsys(
+        pendulum, lambda t, x, u, p: [x[0]], states=["th", "w"], inputs=["m"], outputs=["th"], params={"g": 2.0, "c": c}
+    )
+
+
+def test_a_plant_goes_there_and_comes_back():
+    plant = ODESimulator(
+        pendulum, states=["th", "w"], inputs=["m"], outputs=["th"], params={"g": 2.0, "c": 0.2}, dt=0.1, hold="foh"
+    )
+    U = np.sin(0.3 * np.arange(80))[:, None]
+    there = plant.to_control()
+    response = control.input_output_response(
+        there, 0.1 * np.arange(80), U[:, 0], [0.5, 0.0], solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
+    )
+    expected = plant.simulate(U, x0=[0.5, 0.0])
+    np.testing.assert_allclose(response.outputs, expected[:, 0], atol=1e-6)
+    back = ControlSimulator(there, dt=0.1, hold="foh")
+    np.testing.assert_allclose(back.simulate(U, x0=[0.5, 0.0]), expected, atol=1e-9)
+    step = StepSimulator(
+        lambda t, x, u, p, dt: [0.9 * x[0] + u[0]], states=["x"], inputs=["u"], outputs=["x"], dt=0.5
+    ).to_control()
+    assert step.dt == 0.5 and step.dynamics(0.0, [2.0], [1.0]) == pytest.approx([2.8])
+    with pytest.raises(SimulatorError, match="trajectories only"):
+        CallableSimulator(np.sin).to_control()
+
+
+def test_parameters_of_a_nonlinear_system_are_calibrated():
+    U = np.repeat(np.random.default_rng(0).normal(size=6), 10)[:, None]
+    y = ControlSimulator(_system(), dt=0.1).simulate(U, x0=[1.0, 0.0])[:, 0]
+    model = ControlSimulator(_system(), dt=0.1, params={"c": 0.5})
+    check_simulator(model, U)
+    found = CalibratedSimulator(model, ["c"], fit_x0=False).fit(U, y, x0=[1.0, 0.0])
+    assert found.params_["c"] == pytest.approx(0.2, abs=1e-5)
+
+
+def test_a_gain_has_no_states():
+    gain = ControlSimulator(control.ss([], [], [], [[2.0]]), dt=0.1)
+    np.testing.assert_allclose(gain.simulate([[1.0], [3.0]]), [[2.0], [6.0]])
