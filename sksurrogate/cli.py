@@ -195,6 +195,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     from sksurrogate.demo import story_actuator_and_sensor, story_linearised
 
     for number, story in enumerate((story_actuator_and_sensor, story_linearised), start=1):
+        print(f"[demo] story {number} of 2: a diagnosis, less than a minute on a free machine ...", file=sys.stderr)
         told = story()
         print(
             f"{'=' * 80}\nStory {number}: {told.title}\n{'=' * 80}\n{told.report}\n\n{textwrap.fill(told.ending, 80)}\n"

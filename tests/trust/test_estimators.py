@@ -13,8 +13,13 @@ import numpy as np
 import pytest
 from sklearn.base import BaseEstimator, clone
 from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
+from sksurrogate.compose import HybridRegressor
 from sksurrogate.datasets import make_reactor, make_reactor_runs
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.physics import CalibratedSimulator, ODESimulator
 
 FACES = ("features", "linear", "neural", "compose", "physics", "gap")
 X, y, groups = make_reactor_runs(4, 60, y0_range=(4.0, 6.0), u_range=(0.1, 0.16), noise=0.01, random_state=0)
@@ -195,3 +200,71 @@ def test_worker_processes(reference):
         )
     for name, found in zip(names, answers):
         np.testing.assert_allclose(found, reference[name], rtol=1e-7, atol=1e-9, err_msg=name)
+
+
+# ---- those with a simulator
+
+
+def mixer(t, x, u, p):
+    """Inflow of two streams."""
+    return [p["a"] * u[0] + p["b"] * u[1] - p["k"] * x[0]]
+
+
+def around(name, a=1.0, k=0.5):
+    """An estimator around a simulator with two inputs."""
+    simulator = ODESimulator(
+        mixer, states=["level"], inputs=["one", "two"], outputs=["level"], params={"a": a, "b": 1.0, "k": k}, dt=0.1
+    )
+    return {
+        "HybridRegressor": lambda: HybridRegressor(simulator, make_pipeline(StandardScaler(), Ridge(1e-3))),
+        "CalibratedSimulator": lambda: CalibratedSimulator(simulator, params=["a", "k"]),
+        "GapDiagnoser": lambda: GapDiagnoser(simulator, effects=["sensor_bias", "parameter_error"], random_state=0),
+    }[name]()
+
+
+def mixed(unit=1.0):
+    """Four runs of the plant; the second input never moves."""
+    rng = np.random.default_rng(0)
+    U = np.repeat(rng.uniform(0.5, 1.5, (4, 8, 2)), 10, axis=1)
+    U[..., 1] = 1.0
+    plant = around("GapDiagnoser", a=1.2).simulator
+    Y = plant.simulate_batch(U, np.zeros((4, 1)))[..., 0] + 0.005 * rng.normal(size=(4, 80))
+    return U.reshape(-1, 2), unit * Y.ravel(), np.repeat(np.arange(4), 80)
+
+
+AROUND = pytest.mark.parametrize("name", ["HybridRegressor", "CalibratedSimulator", "GapDiagnoser"])
+
+
+@AROUND
+def test_an_input_that_never_moves_is_legal(name):
+    U, level, runs = mixed()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = fit_and_answer(around(name), U, level, runs)
+    assert np.isfinite(found).all()
+
+
+@AROUND
+def test_single_precision_around_a_simulator(name):
+    U, level, runs = mixed()
+    single = fit_and_answer(around(name), U.astype(np.float32), level.astype(np.float32), runs)
+    double = fit_and_answer(
+        around(name), U.astype(np.float32).astype(float), level.astype(np.float32).astype(float), runs
+    )
+    np.testing.assert_allclose(single, double, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+@AROUND
+def test_outputs_in_huge_and_tiny_units_around_a_simulator(name, unit):
+    """Level in another unit: gains and states go with it, answers too."""
+    U, level, runs = mixed()
+    plain, scaled = around(name), around(name)
+    scaled.simulator.params = {**scaled.simulator.params, "a": unit * 1.0, "b": unit * 1.0}
+    one, other = fit_and_answer(plain, U, level, runs), fit_and_answer(scaled, U, unit * level, runs)
+    if name == "GapDiagnoser":
+        assert scaled.report_.verdict == plain.report_.verdict
+        assert [e.name for e in scaled.report_.effects] == [e.name for e in plain.report_.effects]
+        np.testing.assert_allclose(other[:2], one[:2], rtol=0.02)  # errors over standard deviations
+    else:
+        np.testing.assert_allclose(other / unit, one, rtol=1e-3, atol=1e-3)
