@@ -129,14 +129,18 @@ class Search(Expander):
         self.first_round = self.ranked(self.expand(null, 16, 6, siblings=True), null)
         if not self.first_round:
             return null
+        if self.gain(self.first_round[0]) > self.bar(self.first_round[0].n_parameters):
+            self.final = self.first_round[0]  # what an interrupt leaves
         best = self.simplify(self.best_polished(self.first_round))
         if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
             self.estimate_null(best.noise)  # a weak gain must not be what the null's noise fit left on the table
         passed = self.gain(best) > self.bar(best.n_parameters)
         if passed:
             self.final = best
-        elif left(null) < FAR:
-            return null
+        else:
+            self.final = null
+            if left(null) < FAR:
+                return null
         while len(best.effects) < MOST_EFFECTS:
             if passed and not self.is_far(best):
                 best = self.final = self.enrich(best)
