@@ -113,8 +113,10 @@ def build_effects(
         wanted: list[Any] = list(CATALOGUE.values())
     elif isinstance(effects, str | BaseEffect) or inspect.isclass(effects):
         wanted = [effects]
+    elif isinstance(effects, Iterable):
+        wanted = list(effects)
     else:
-        wanted = list(effects)  # type: ignore[arg-type]
+        wanted = [effects]
     found: dict[tuple[Any, ...], BaseEffect] = {}
     for item in wanted:
         for effect in _instances(item, plant, balances):

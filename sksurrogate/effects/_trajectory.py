@@ -14,7 +14,15 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.signals import hold
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["acting_inputs", "even_times", "plain_runs", "readings", "retuned_simulator", "trajectory_runs"]
+__all__ = [
+    "acting_inputs",
+    "acting_rows",
+    "even_times",
+    "plain_runs",
+    "readings",
+    "retuned_simulator",
+    "trajectory_runs",
+]
 
 #: Substeps in which inputs are computed.
 SUBSTEPS = 16
@@ -90,23 +98,32 @@ def trajectory_runs(
 def acting_inputs(
     plant: Plant, effects: list[BaseEffect], parts: list[np.ndarray], U: np.ndarray, dt: float
 ) -> np.ndarray:
-    """Inputs behind the actuators: means over a sample where inputs are held, values at the samples otherwise."""
+    """Inputs behind the actuators, (n_runs, n_samples, n_inputs): means over a sample where inputs are held, values at the
+    samples otherwise."""
+    n_runs, n_samples, n_inputs = U.shape
+    u = U.reshape(n_runs * n_samples, n_inputs).T
+    out = acting_rows(plant, effects, parts, u, dt, n_samples * np.arange(n_runs))
+    return out.T.reshape(U.shape)
+
+
+def acting_rows(
+    plant: Plant, effects: list[BaseEffect], parts: list[np.ndarray], u: np.ndarray, dt: float, starts: np.ndarray
+) -> np.ndarray:
+    """The same of runs one behind the other, (n_inputs, n_samples), that begin at rows ``starts``."""
     acting = sorted(
         ((e, p) for e, p in zip(effects, parts) if isinstance(e, InputEffect)), key=lambda item: item[0].order
     )
     held = plant.hold == "zoh"
-    out = U.copy()
-    one = np.array([0])
-    for r in range(len(U)):
-        given = [hold(column, SUBSTEPS, 0 if held else 1, one) for column in U[r].T]
-        signals = list(given)
-        for effect, values in acting:
-            i = plant.inputs.index(str(effect.location))
-            other = given[plant.inputs.index(effect.variable)] if effect.variable else None
-            columns = [np.array([[value]]) for value in values]
-            signals[i] = effect.transform(signals[i], other, columns, dt / SUBSTEPS, one)
-        for i, signal in enumerate(signals):
-            out[r, :, i] = np.mean(signal.mean, axis=0)[0] if held else signal.start()[0, 0]
+    given = [hold(row, SUBSTEPS, 0 if held else 1, starts) for row in u]
+    signals = list(given)
+    for effect, values in acting:
+        i = plant.inputs.index(str(effect.location))
+        other = given[plant.inputs.index(effect.variable)] if effect.variable else None
+        columns = [np.array([[value]]) for value in values]
+        signals[i] = effect.transform(signals[i], other, columns, dt / SUBSTEPS, starts)
+    out = u.copy()
+    for i, signal in enumerate(signals):
+        out[i] = np.mean(signal.mean, axis=0)[0] if held else signal.start()[0, 0]
     return out
 
 

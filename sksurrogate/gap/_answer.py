@@ -10,6 +10,9 @@ from sksurrogate.gap._report import EffectEstimate, MissingTerm, NextExperiment,
 
 __all__ = ["sentence_of"]
 
+#: A law longer than this (characters) is not read in a sentence.
+LONGEST = 80
+
 
 def _list(names: Sequence[str]) -> str:
     """ "a, b and c"."""
@@ -40,13 +43,20 @@ def sentence_of(
         )
     if verdict == "explained":
         named = _list([_described(e) for e in effects]) if effects else "re-tuned parameters"
-        text = f"The gap is explained by {named}; with it the simulator closes {closed} of the gap on runs left out."
+        text = f"The gap is explained by {named}; with {'them' if len(effects) > 1 else 'it'} the simulator closes {closed} of the gap on runs left out."
+        if not np.isfinite(shrink.fraction):
+            text = f"The gap is explained by {named}; how far it shrinks on runs left out is not known."
         if experiment is not None and any(e.equivalents for e in effects):
             text += f" {experiment.sentence}"
         return text + (
             ""
             if experiment is not None and any(e.equivalents for e in effects)
             else " Use augmented_ as the new simulator."
+        )
+    if where.location is None:
+        return (
+            "The diagnosis stopped before it had an answer: nothing is decided yet. The ranking holds what was compared by "
+            "then; run it again for a verdict, with fewer rivals (effects=[...]) or more workers (n_jobs=2) if it takes too long."
         )
     place = f"the balance of {where.location}" if where.kind == "state" else f"the {where.kind} {where.location}"
     text = f"Something that is not in the catalogue is missing, most likely at {place}."
@@ -56,6 +66,14 @@ def sentence_of(
             f" {_list([_described(e) for e in effects]).capitalize()} {verbs[0]} ({closed} of the gap closed on runs "
             f"left out) but {verbs[1]} too much."
         )
-    if term is not None and term.candidates:
-        text += f" Closest simple law: {term.candidates[0]}."
-    return text + " Look at missing_term, add such a term as an effect of your own, or use a hybrid model."
+    law = next((c for c in term.candidates if len(c) < LONGEST), None) if term is not None else None
+    if law is not None:
+        form, _, share = law.partition("  (explains ")
+        text += f" A simple law comes close: {form} explains {share.rstrip(')')} of what is missing on runs left out."
+    ready = term is not None and term.effects
+    return text + (
+        " Look at missing_term; try its laws (missing_term.effects) or an effect of your own beside the catalogue, or use a "
+        "hybrid model."
+        if ready
+        else " Look at missing_term, try an effect of your own beside the catalogue, or use a hybrid model."
+    )

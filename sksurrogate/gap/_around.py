@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, ParameterEffect
-from sksurrogate.effects._trajectory import acting_inputs, plain_runs, readings, retuned_simulator
+from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap._screen import project_starts
 from sksurrogate.gap._stand_in import StandIn, learn
@@ -201,11 +201,7 @@ class Around:
         if not any(effect.kind == "input" for effect in effects):
             return record.u
         parts = self.parts(effects, theta)
-        out = record.u.copy()
-        bounds = np.r_[record.starts, record.n_samples]
-        for a, b in zip(bounds[:-1], bounds[1:]):
-            out[:, a:b] = acting_inputs(self.plant, list(effects), parts, record.u[:, a:b].T[None], record.dt)[0].T
-        return out
+        return acting_rows(self.plant, list(effects), parts, record.u, record.dt, record.starts)
 
     def parts(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> list[np.ndarray]:
         """Parameters of every effect."""

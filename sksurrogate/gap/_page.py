@@ -97,14 +97,16 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
         lines += ["", f"Where: {report.where.kind} {report.where.location}"]
     for title, table in (
         ("By output", report.where.by_output),
-        ("By region", report.where.by_region[:4]),
+        ("By region", _telling(report.where.by_region)[:4]),
+        ("By time", _telling(report.where.by_time)[:4]),
         ("Re-tuned", report.retuned),
     ):
         if len(table):
             lines += ["", title, *(_cut(f"  {line}", width) for line in str(table).splitlines())]
     if report.missing_term is not None and report.missing_term.candidates:
         lines += ["", f"Missing term at {report.missing_term.location}, closest simple laws"]
-        lines += [_cut(f"  {text}", width) for text in report.missing_term.candidates]
+        for text in report.missing_term.candidates:
+            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")
     if report.next_experiment is not None:
         lines += [
             "",
@@ -114,6 +116,11 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
     for note in report.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}", width)]
     return printable("\n".join(lines))
+
+
+def _telling(table: Table) -> Table:
+    """A table of where or when, nothing where it only says everywhere or always."""
+    return table if len(table) > 1 else Table()
 
 
 def printable(text: str) -> str:

@@ -14,6 +14,7 @@ from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
+from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, Shrink, Table, Trace, Where
 from sksurrogate.gap._select import Search, left
@@ -312,12 +313,9 @@ class Questions:
                 f"The rivals were compared on {self.problem.record.n_samples} of {self.whole.n_samples} samples, in pieces "
                 "spread over the record; what is named was fitted on more of them."
             )
-        loop = closed_loop(self.problem, self.final)
+        loop = closed_loop(self.problem.record, self.final.fit.y, self.problem.plant.inputs)
         if loop is not None:
-            notes.append(
-                f"Input {loop!r} follows past errors of the outputs: the data look closed-loop. Effects that the controller "
-                "hides are underestimated and noise reaches the inputs; add a reference signal or open the loop for a run."
-            )
+            notes.append(LOOP.format(name=loop))
         for i, name in enumerate(self.problem.plant.inputs):
             if np.ptp(self.problem.record.u[i]) == 0:
                 notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
@@ -363,25 +361,3 @@ def accused(found: list[Place]) -> tuple[str, str]:
         if place.kind == "state" and place.log_likelihood > best.log_likelihood - 3.0:
             return place.location, place.kind
     return best.location, best.kind
-
-
-def closed_loop(problem: Problem, rival: Rival) -> str | None:
-    """The input that follows past residuals, if any: cross-correlation at positive lags against its spread."""
-    record = problem.record
-    if rival.noise is None:
-        return None
-    r = (record.y - rival.fit.y) / problem.sd[:, None]
-    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
-    for i, name in enumerate(problem.plant.inputs):
-        du = np.diff(record.u[i], prepend=record.u[i, 0])
-        du[age == 0] = 0.0
-        if np.std(du) == 0:
-            continue
-        for e in r:
-            noise = np.diff(e, prepend=e[0])
-            inside = age > 2
-            rho = np.corrcoef(du[inside], noise[np.flatnonzero(inside) - 1])[0, 1]
-            same = np.corrcoef(du[inside], e[np.flatnonzero(inside) - 1])[0, 1]
-            if max(abs(rho), abs(same)) > 5.0 / np.sqrt(inside.sum()) and abs(rho) > 0.15:
-                return name
-    return None

@@ -20,6 +20,7 @@ from sksurrogate.gap._around import Trial
 from sksurrogate.gap._around_next import name_of
 from sksurrogate.gap._around_questions import AroundQuestions
 from sksurrogate.gap._around_where import channel_of, left_of
+from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
 from sksurrogate.gap._shape import shape_of
 from sksurrogate.gap._verdict import Facts, decide
@@ -295,6 +296,9 @@ class _Answers(AroundQuestions):
                 "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
                 "repeat a run with the same inputs to tell a disturbance from an effect."
             )
+        loop = closed_loop(self.around.record, self.final.y, self.plant.inputs)
+        if loop is not None:
+            notes.append(LOOP.format(name=loop))
         for i, name in enumerate(self.plant.inputs):
             if np.ptp(self.around.record.u[i]) == 0:
                 notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
