@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
 from sklearn.utils._param_validation import StrOptions
-from sklearn.utils.validation import _check_feature_names_in, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
+from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.bases import tensor
 
@@ -77,7 +78,7 @@ class BaseFeatures(TransformerMixin, BaseEstimator, ABC):
         -------
         self
         """
-        X = validate_data(self, X, dtype=np.float64)
+        X = checked(self, X, dtype=np.float64)
         self._learn_all(X)
         if self.n_features_out_ > MOST_COLUMNS:
             raise DataError(
@@ -157,7 +158,7 @@ class BaseFeatures(TransformerMixin, BaseEstimator, ABC):
     def _checked(self, X: Any) -> np.ndarray:
         """X as scikit-learn wants it checked."""
         check_is_fitted(self, "n_features_out_")
-        return validate_data(self, X, reset=False, dtype=np.float64)
+        return checked(self, X, reset=False, dtype=np.float64)
 
     def _blocks(self, X: np.ndarray, orders: Sequence[int]) -> list[np.ndarray]:
         """The basis of each input at the rows of X."""

@@ -14,8 +14,9 @@ from scipy.linalg import LinAlgWarning
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_context, clone
 from sklearn.utils import get_tags
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter
 
+from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.export._jacobian import chained_slopes
 from sksurrogate.kernels.gram import Moments
@@ -150,7 +151,7 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ndarray (n_samples,) or (n_samples, n_outputs)
         """
         check_is_fitted(self, "coef_")
-        X = validate_data(self, X, accept_sparse=self._accepts, dtype=np.float64, reset=False)
+        X = checked(self, X, accept_sparse=self._accepts, dtype=np.float64, reset=False)
         coef = self.coef_.T
         parts = [self._phi(X[rows]) @ coef for rows in self._slices(X.shape[0])]
         return np.concatenate(parts) + self.intercept_
@@ -171,7 +172,7 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ndarray (n_samples, n_inputs) or (n_samples, n_outputs, n_inputs)
         """
         check_is_fitted(self, "coef_")
-        X = validate_data(self, X, accept_sparse=self._accepts, dtype=np.float64, reset=False)
+        X = checked(self, X, accept_sparse=self._accepts, dtype=np.float64, reset=False)
         if self.features_ is None:
             return np.repeat(self.coef_[None], X.shape[0], axis=0)
         coef = np.atleast_2d(self.coef_)
@@ -181,7 +182,7 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _border(self, X: Any, y: Any, sample_weight: Any, reset: bool) -> tuple[Any, np.ndarray, np.ndarray | None]:
         """Checked X, y as a table, weights."""
-        X, y = validate_data(
+        X, y = checked(
             self, X, y, accept_sparse=self._accepts, dtype=np.float64, multi_output=True, y_numeric=True, reset=reset
         )
         self._flat = y.ndim == 1

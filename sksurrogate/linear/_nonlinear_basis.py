@@ -12,8 +12,9 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_c
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.parallel import _get_threadpool_controller
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
+from sksurrogate._checks import checked
 from sksurrogate.kernels.least_squares import Separable, merge_rows, several_starts
 
 __all__ = ["NonlinearBasisRegressor"]
@@ -239,7 +240,7 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         -------
         self
         """
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
+        X, y = checked(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         Y, weights = np.asarray(y, dtype=float).reshape(len(X), -1), None
         if sample_weight is not None:
             weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
@@ -318,7 +319,7 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ndarray (n_samples,) or (n_samples, n_outputs)
         """
         check_is_fitted(self)
-        x = (validate_data(self, X, reset=False, dtype=np.float64) - self._mean) / self._scale
+        x = (checked(self, X, reset=False, dtype=np.float64) - self._mean) / self._scale
         out = self._basis.values(self._omega, x).T @ self._theta
         return out[:, 0] if self._one_column else out
 
@@ -335,7 +336,7 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             The first for a y of one axis.
         """
         check_is_fitted(self)
-        x = (validate_data(self, X, reset=False, dtype=np.float64) - self._mean) / self._scale
+        x = (checked(self, X, reset=False, dtype=np.float64) - self._mean) / self._scale
         slopes = [self._basis.by_input(self._omega, x, column).T / self._scale for column in self._theta.T]
         return slopes[0] if self._one_column else np.stack(slopes, axis=1)
 

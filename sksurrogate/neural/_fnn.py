@@ -12,8 +12,9 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_c
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.parallel import _get_threadpool_controller
-from sklearn.utils.validation import _check_sample_weight, validate_data
+from sklearn.utils.validation import _check_sample_weight
 
+from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError
 from sksurrogate.neural._callbacks import CallbackSupportMixin, Tasks, with_callbacks
 from sksurrogate.neural._net_access import NetAccess
@@ -329,7 +330,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         self, X: Any, y: Any, sample_weight: Any, reset: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """X, y with two axes, and weights or None."""
-        X, y = validate_data(self, X, y, reset=reset, dtype=np.float64, multi_output=True, y_numeric=True)
+        X, y = checked(self, X, y, reset=reset, dtype=np.float64, multi_output=True, y_numeric=True)
         if reset:
             self._one_column = y.ndim == 1
         weights = None

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
+from sksurrogate._checks import checked
 from sksurrogate.neural._network import Layers
 from sksurrogate.neural._settings import read_device, read_options
 from sksurrogate.neural._training import GRADIENT
@@ -41,7 +42,7 @@ class NetAccess:
             In the shape of the y that was fitted, float64.
         """
         check_is_fitted(self)
-        out = self._layers(validate_data(self, X, reset=False, dtype=np.float64))
+        out = self._layers(checked(self, X, reset=False, dtype=np.float64))
         return out[:, 0] if self._one_column else out
 
     def jacobian(self, X: Any) -> np.ndarray:
@@ -57,7 +58,7 @@ class NetAccess:
             The first for a y of one axis. Zero through a binary step.
         """
         check_is_fitted(self)
-        slopes = self._layers.jacobian(validate_data(self, X, reset=False, dtype=np.float64))
+        slopes = self._layers.jacobian(checked(self, X, reset=False, dtype=np.float64))
         return slopes[:, 0] if self._one_column else slopes
 
     @property

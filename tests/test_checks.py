@@ -1,0 +1,42 @@
+"""Values that are missing are named by row and column, whatever the estimator."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sksurrogate.exceptions import DataError
+from sksurrogate.features import FourierFeatures, GaussianFeatures, HeavisideFeatures, SplineFeatures
+from sksurrogate.linear import NonlinearBasisRegressor, PCRRegressor, PenalizedRegressor
+from sksurrogate.neural import FNNRegressor
+
+MODELS = [
+    SplineFeatures(), HeavisideFeatures(), FourierFeatures(), GaussianFeatures(), PenalizedRegressor(), PCRRegressor(),
+    NonlinearBasisRegressor(n_basis=1), FNNRegressor((2,)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("frame", [False, True])
+@pytest.mark.parametrize("value, word", [(np.nan, "NaN"), (np.inf, "infinity")])
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
+def test_the_place_of_a_missing_value_is_named(model, value, word, frame):
+    X, y = np.random.default_rng(0).normal(size=(2, 12, 2))
+    whole, table = X.copy(), X
+    table[5, 1] = value
+    if frame:
+        whole, table = pd.DataFrame(whole, columns=["u", "v"]), pd.DataFrame(table, columns=["u", "v"])
+    message = f"Input X contains {word}: row 5, column {'.v.' if frame else '1'}; 1 values.*Interpolator"
+    with pytest.raises(DataError, match=message):
+        model.fit(table, y)
+    fitted = model.fit(whole, y)
+    with pytest.raises(DataError, match=message):
+        (fitted.predict if hasattr(fitted, "predict") else fitted.transform)(table)
+
+
+@pytest.mark.parametrize("model", MODELS[4:], ids=lambda model: type(model).__name__)
+def test_the_place_of_a_missing_output_is_named(model):
+    X, y = np.random.default_rng(0).normal(size=(2, 12, 2))
+    y[3, 0] = np.nan
+    with pytest.raises(DataError, match="Input y contains NaN: row 3, column 0"):
+        model.fit(X, y)
+    with pytest.raises(DataError, match="Input y contains NaN: row 3; 1 values"):
+        model.fit(X, y[:, 0])
