@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from sksurrogate.gap._report import Curve, EffectEstimate, GapReport, Table, Trace
+from sksurrogate.gap._report import Curve, EffectEstimate, GapReport, Table, Trace, values_of, weight_of
 from sksurrogate.gap._svg import BLACK, GREY, ORANGE, Line, bars, chart, limits
 
 __all__ = ["html_fragment", "html_page", "terminal_page", "waterfall"]
@@ -83,8 +83,10 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
                 subsequent_indent="    ",
             )
             lines += textwrap.wrap(effect.why, width, initial_indent="  ", subsequent_indent="    ")
-    lines += ["", "Free run on runs left out, RMSE over the deviation of each output"]
     rows = waterfall(report)
+    if rows:
+        lines += [""] if report.effects else []
+    lines += ["Free run on runs left out, RMSE over the deviation of each output"]
     longest = max([value for _, value in rows] + [1e-300])
     for label, value in rows:
         lines.append(f"  {label:<24} {value:9.4g}  " + "#" * round(30 * value / longest))
@@ -214,14 +216,10 @@ def html_fragment(report: GapReport) -> str:
 def _effect(effect: EffectEstimate) -> str:
     """One named effect, as lines that fit a phone."""
     place = f" at {effect.location}" + (f", driven by {effect.variable}" if effect.variable else "")
-    params = "; ".join(
-        f"{name} = {value:.4g} [{effect.intervals[name][0]:.4g}, {effect.intervals[name][1]:.4g}]"
-        for name, value in effect.params.items()
-    )
     out = [
         f"<p><strong>{escape(effect.name.replace('_', ' '))}</strong>{escape(place)}</p>",
-        f"<p>{escape(params)} (90 %)</p>",
-        f"<p>{_percent(effect.share)} of the gap, probability {effect.probability:.3f}</p>",
+        f"<p>{escape(values_of(effect))} (intervals: 90 %)</p>",
+        f"<p>{weight_of(effect)}</p>",
     ]
     if effect.equivalents:
         others = "; ".join(_key(key) for key in effect.equivalents)

@@ -21,6 +21,8 @@ __all__ = [
     "Table",
     "Trace",
     "Where",
+    "values_of",
+    "weight_of",
 ]
 
 
@@ -119,11 +121,24 @@ class EffectEstimate:
     why: str = ""
 
     def __str__(self) -> str:
-        values = ", ".join(
-            f"{k} = {v:.4g} [{self.intervals[k][0]:.4g}, {self.intervals[k][1]:.4g}]" for k, v in self.params.items()
-        )
         driver = f" in {self.variable}" if self.variable else ""
-        return f"{self.name} at {self.location}{driver}: {values}; {100 * self.share:.1f} % of the gap, probability {self.probability:.3f}"
+        return f"{self.name} at {self.location}{driver}: {values_of(self)}; {weight_of(self)}"
+
+
+def values_of(effect: EffectEstimate) -> str:
+    """Parameters with their 90 % intervals; after an early interrupt without."""
+    parts = []
+    for name, value in effect.params.items():
+        low, high = effect.intervals[name]
+        parts.append(f"{name} = {value:.4g}" + ("" if np.isnan(low) else f" [{low:.4g}, {high:.4g}]"))
+    return ", ".join(parts)
+
+
+def weight_of(effect: EffectEstimate) -> str:
+    """Share and probability in words."""
+    if np.isnan(effect.share):
+        return "its share of the gap is not known yet"
+    return f"{100 * effect.share:.1f} % of the gap, probability {effect.probability:.3f}"
 
 
 @dataclass(frozen=True)
