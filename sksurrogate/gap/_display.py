@@ -14,7 +14,7 @@ __all__ = ["GapDisplay"]
 
 
 class GapDisplay:
-    """Waterfall, evidence, one run, error by frequency, and the missing term.
+    """Waterfall, evidence, one run, where the gap arises (regions, time, frequency), and the missing term.
 
     Parameters
     ----------
@@ -51,6 +51,8 @@ class GapDisplay:
         panels = [self._waterfall]
         panels += [self._ranking] if len(report.ranking) else []
         panels += [self._trace] if report.traces else []
+        panels += [self._regions] if len(report.where.by_region) > 1 else []
+        panels += [self._time] if len(report.where.by_time) > 1 else []
         panels += [self._frequency] if len(report.where.by_frequency) else []
         panels += [self._missing] if report.missing_term is not None and report.missing_term.curves else []
         self.figure_, axes = plt.subplots(len(panels), 1, figsize=(8, 2.6 * len(panels)), constrained_layout=True)
@@ -94,6 +96,26 @@ class GapDisplay:
         rows = self.report.where.by_output
         shares = [row["share"] for row in rows if row["output"] in self.report.outputs]
         return int(np.argmax(shares)) if len(shares) == len(self.report.outputs) and shares else 0
+
+    def _regions(self, ax: Any) -> None:
+        rows = list(self.report.where.by_region)[:6][::-1]
+        at = np.arange(len(rows))
+        ax.barh(at + 0.2, [100 * r["share"] for r in rows], 0.4, color="#d55e00", label="of the gap")
+        ax.barh(at - 0.2, [100 * r["samples"] for r in rows], 0.4, color="#999999", hatch="//", label="of the samples")
+        ax.set_yticks(at, [r["rule"].replace(" and ", "\nand ") for r in rows])
+        ax.set(xlabel="per cent: where the gap arises")
+        ax.legend(frameon=False)
+
+    def _time(self, ax: Any) -> None:
+        rows = list(self.report.where.by_time)
+        if rows[0].get("kind") == "change between runs":
+            ax.bar([f"runs {r['runs']}" for r in rows], [r["level"] for r in rows], color="#d55e00")
+            ax.set(xlabel="runs", ylabel="size of the gap's source")
+            return
+        edges = [r["start"] for r in rows] + [rows[-1]["stop"]]
+        ax.stairs([r["level"] for r in rows], edges, color="#d55e00", fill=True, alpha=0.4)
+        ax.set(xlabel=f"time since the start of a run ({rows[0]['kind']})", ylabel="size of the gap's source")
+        ax.margins(x=0)
 
     def _frequency(self, ax: Any) -> None:
         rows = self.report.where.by_frequency

@@ -27,6 +27,8 @@ KNOTS, FEWEST = 14, 8
 BAND = 1.645
 #: Laws that are told.
 MOST_LAWS = 4
+#: Share that a further term must explain for a law to be told before a shorter one.
+WORTH = 0.01
 #: Laws that explain less are not worth telling.
 LEAST_EXPLAINED = 0.05
 
@@ -208,14 +210,16 @@ def _told(
     shapes = library(channel.Z[:, order], [channel.names[i] for i in order], channel.record.t, changes)
     J = channel.respond(shapes.values)
     grams = channel.D.gram_by_run(np.concatenate([channel.r[:, None], J], axis=1), channel.noise)
-    found = []
+    found: list[tuple[float, list[int]]] = []
     for law in sparse_laws(grams, fold)[: 2 * MOST_LAWS]:
         chosen = list(law.chosen)
         share = _explained(channel, shapes.values[chosen], J[:, chosen], whole, fold)
         if share > LEAST_EXPLAINED:
-            found.append((share, law.score, chosen))
+            found.append((share, chosen))
+    # A term more must be worth it on runs left out.
+    found.sort(key=lambda item: -(item[0] - WORTH * len(item[1])))
     texts, effects = [], []
-    for share, _, chosen in found[:MOST_LAWS]:
+    for share, chosen in found[:MOST_LAWS]:
         values = _coefficients(channel, J[:, chosen]) / shapes.size[chosen]
         texts.append(f"{_text(shapes, chosen, values)}  (explains {100 * share:.0f} %)")
         if kind == "state":
