@@ -22,6 +22,9 @@ __all__ = ["Fit", "Linearised", "free_run", "linearise", "output_error", "settle
 #: Relative step of the forward differences with respect to parameters.
 THETA_DIFFERENCE = 1e-4
 
+#: Open steps end where parameters and trajectory move by less than this share of their size.
+SETTLED = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
@@ -306,6 +309,12 @@ class _OutputError:
                 return dt, dx, drop
             held[out] = (np.clip(new, low, high) - theta)[out]
 
+    def settled(self, dtheta: np.ndarray, dx: np.ndarray, theta: np.ndarray) -> bool:
+        """Whether an open step moved next to nothing: closed steps do the rest."""
+        size = np.maximum(np.abs(theta), self.unit)
+        still = np.max(np.abs(dtheta) / size, initial=0.0) < SETTLED
+        return bool(still and np.max(np.abs(dx), axis=1) @ (1.0 / self.model.scale) < SETTLED)
+
     def moved(
         self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -348,7 +357,9 @@ class _OutputError:
             dt, dx, _ = self.step(self.arrow(lin, theta), theta, 1e-6)
             if not (np.all(np.isfinite(dt)) and np.all(np.isfinite(dx))):
                 break
-            theta, x = self.moved(lin, theta, dt, dx)
+            before, (theta, x) = (theta, x), self.moved(lin, theta, dt, dx)
+            if self.settled(theta - before[0], x - before[1], theta):
+                break
         x, y, cost = self.closed(theta, x, None)
         if not np.isfinite(cost):
             # The open steps went astray: closed steps from the start.

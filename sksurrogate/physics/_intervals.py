@@ -118,6 +118,8 @@ def _memory(pieces: list[np.ndarray]) -> np.ndarray:
         return np.ones(1)
     r = np.array([sum(float(p[lag:] @ p[: len(p) - lag]) for p in pieces if len(p) > lag) for lag in range(most + 1)])
     r = r / power
+    if np.max(np.abs(r[1:])) < 2.0 / np.sqrt(n):
+        return np.ones(1)
     best, chosen = 0.0, np.zeros(0)
     for order in range(1, most + 1):
         a = solve_toeplitz(r[:order], r[1 : order + 1])
