@@ -14,7 +14,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
-from sksurrogate.gap._screen import project_starts
+from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._stand_in import StandIn, learn
 from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
 from sksurrogate.kernels.record import Record

@@ -123,7 +123,9 @@ class Expander:
     ) -> list[Start]:
         """The screen of a base; that of the null is made once."""
         if base.effects or not whole:
-            return screen(problem, candidates, base, guess, base.noise).starts
+            return screen(
+                problem, candidates, base, guess, base.noise, first=self.first_screen if whole else None
+            ).starts
         if self.first_screen is None:
             self.first_screen = screen(problem, candidates, base, guess, base.noise)
         return self.first_screen.starts

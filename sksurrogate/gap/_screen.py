@@ -14,12 +14,17 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect, InputEffect, ParameterEffect, Probe, SensorEffect
 from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores
+from sksurrogate.gap._shortlist import Shortlist, shortlist
 from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import linearise, settle_hidden
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = ["Screen", "Start", "project_starts", "scaled", "screen"]
+__all__ = ["Screen", "Start", "scaled", "screen"]
+
+#: Numbers of the null's columns that are kept (single precision).
+MOST_KEPT = 60_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,8 @@ class Screen:
         One for each candidate and starting value.
     raw : list of ndarray
         Starting values whose columns the Gram holds.
+    columns : ndarray (n_starts, n_outputs, n_samples), single precision, or None
+        The columns over the noise, where they are not too large to keep.
     gram : ndarray (1 + n_starts, 1 + n_starts)
         Of the residual and the columns, white weights, initial states and fitted parameters projected out.
     low, high : ndarray (n_starts,)
@@ -65,6 +72,7 @@ class Screen:
 
     starts: list[Start]
     raw: list[np.ndarray]
+    columns: np.ndarray | None
     gram: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -143,51 +151,6 @@ class _Screener:
         return out, paths
 
 
-def project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Take the initial states of every run out of columns (n_columns, n_outputs, n_samples)."""
-    out = columns.copy()
-    bounds = np.r_[starts, columns.shape[-1]]
-    for a, b in zip(bounds[:-1], bounds[1:]):
-        basis = J_x[:, :, a:b].transpose(1, 0, 2).reshape(J_x.shape[1], -1)
-        size = np.linalg.norm(basis, axis=1)
-        basis = basis[size > 1e-9 * max(size.max(), 1e-300)]
-        if not len(basis):
-            continue
-        q, r = np.linalg.qr((basis / np.linalg.norm(basis, axis=1)[:, None]).T)
-        q = q[:, np.abs(np.diag(r)) > 1e-8]
-        part = out[:, :, a:b].reshape(len(out), -1)
-        out[:, :, a:b] = (part - (part @ q) @ q.T).reshape(len(out), out.shape[1], b - a)
-    return out
-
-
-def _eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.ndarray) -> np.ndarray:
-    """Gram of [r, nuisance, candidates] -> Gram of [r, candidates] with the nuisance fitted under its prior."""
-    if n_nuisance == 0:
-        return G
-    k = slice(1, 1 + n_nuisance)
-    keep = np.r_[0, np.arange(1 + n_nuisance, len(G))]
-    H = G[k, k] + np.diag(precision)
-    cross = G[k][:, keep].copy()
-    cross[:, 0] += pull
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
-    return G[np.ix_(keep, keep)] - cross.T @ inverse @ cross
-
-
-def _eliminate_rows(
-    rows: np.ndarray, diagonal: np.ndarray, precision: np.ndarray, pull: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Of the Gram of [r, nuisance, candidates], as rows of the first two: r' v and v' v with the nuisance fitted."""
-    k = len(rows)
-    if k == 1:
-        return rows[0, 1:], diagonal[1:]
-    H = rows[1:, 1:k] + np.diag(precision)
-    cross, mine = rows[1:, k:], rows[1:, 0] + pull
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
-    return rows[0, k:] - mine @ inverse @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, inverse @ cross)
-
-
 def _range(columns: Sequence[_Column]) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes that stand for an effect: free where it is linear, within 0.5..2 of the start where not.
 
@@ -199,13 +162,6 @@ def _range(columns: Sequence[_Column]) -> tuple[np.ndarray, np.ndarray]:
     return low, np.where(linear, np.inf, 2.0)
 
 
-def _scores(g: np.ndarray, h: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drop and amplitude of every column alone."""
-    h = np.maximum(h, 1e-300)
-    amplitude = np.clip(g / h, low, high)
-    return 2 * amplitude * g - amplitude**2 * h, amplitude
-
-
 def screen(
     problem: Problem,
     candidates: Sequence[BaseEffect],
@@ -213,6 +169,7 @@ def screen(
     x: np.ndarray,
     noise: Noise | None,
     shape: tuple[float, ...] = (),
+    first: Screen | None = None,
 ) -> Screen:
     """Score every candidate, added to a base, at all its starting values.
 
@@ -228,39 +185,39 @@ def screen(
         Noise with forces for the second score.
     shape : tuple of float, default=()
         Second and further parameters, where they are known, instead of those of the starting values.
+    first : Screen, optional
+        That of the null: with its columns only the candidates are linearised again that may explain what a base leaves.
 
     Returns
     -------
     Screen
     """
     with np.errstate(all="ignore"):
-        return _screen(problem, candidates, base, x, noise, shape)
+        s = _Screener(problem, base, x)
+        chosen = None
+        if first is not None and first.columns is not None:
+            thetas = [start.effect for start in first.starts], first.raw
+            chosen = shortlist(*thetas, first.columns, first.low, first.high, problem, base, s.lin)
+        return _screen(s, _columns(s, candidates, shape, chosen), noise)
 
 
-def _screen(
-    problem: Problem,
-    candidates: Sequence[BaseEffect],
-    base: Rival,
-    x: np.ndarray,
-    noise: Noise | None,
-    shape: tuple[float, ...],
-) -> Screen:
-    s = _Screener(problem, base, x)
-    columns = _columns(s, candidates, shape)
+def _screen(s: _Screener, columns: list[_Column], noise: Noise | None) -> Screen:
+    problem, base = s.problem, s.base
     if not columns:
-        return Screen([], [], np.zeros((1, 1)), np.zeros(0), np.zeros(0))
+        return Screen([], [], None, np.zeros((1, 1)), np.zeros(0), np.zeros(0))
     r = (problem.record.y - s.lin.y)[None]
     P = s.lin.J_theta.transpose(1, 0, 2)
     precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
     pull = -precision * base.fit.theta
-    stack = np.concatenate([r, P, np.stack([c.column for c in columns])])
+    V = np.stack([c.column for c in columns])
+    stack, sd = np.concatenate([r, P, V]), problem.sd[None, :, None]
     free = base.model.free_states
-    white = stack / problem.sd[None, :, None]
+    white = stack / sd
     white = project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
     flat = white.reshape(len(white), -1)
-    reduced = _eliminate(flat @ flat.T, len(P), precision, pull)
+    reduced = eliminate(flat @ flat.T, len(P), precision, pull)
     low, high = _range(columns)
-    drop, amplitude = _scores(reduced[0, 1:], np.diag(reduced)[1:], low, high)
+    drop, amplitude = scores(reduced[0, 1:], np.diag(reduced)[1:], low, high)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
@@ -269,9 +226,10 @@ def _screen(
         except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
             pass
         else:
-            forced, _ = _scores(*_eliminate_rows(rows, diagonal, precision, pull), low, high)
+            forced, _ = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
     starts = _starts(columns, reduced, drop, amplitude, forced)
-    return Screen(starts, [c.theta for c in columns], reduced, low, high)
+    kept = None if base.effects or white[0].size * len(columns) > MOST_KEPT else (V / sd).astype(np.float32)
+    return Screen(starts, [c.theta for c in columns], kept, reduced, low, high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,11 +242,16 @@ class _Column:
     path: np.ndarray
 
 
-def _columns(s: _Screener, candidates: Sequence[BaseEffect], shape: tuple[float, ...]) -> list[_Column]:
-    """All candidates at all their starting values, or those with one shape."""
+def _columns(
+    s: _Screener, candidates: Sequence[BaseEffect], shape: tuple[float, ...], chosen: Shortlist | None
+) -> list[_Column]:
+    """All candidates at all their starting values, those with one shape, or those of a short list."""
     found = []
     for effect in candidates:
-        starts = effect.starts(probe_of(s.problem, effect, s.smoothed.x, s.problem.rate))
+        if chosen is not None:
+            starts = chosen.get(effect.key, [])
+        else:
+            starts = effect.starts(probe_of(s.problem, effect, s.smoothed.x, s.problem.rate))
         if shape:
             starts = list(dict.fromkeys((start[0], *shape) for start in starts))
         if not starts:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
@@ -149,8 +150,8 @@ class Search(Expander):
                 break
             best, passed = better, True
             self.final = best
-        if self.final is not None and self.is_far(self.final):
-            self.final = self.simplify(self.final, far=True)
+        if self.final is not None:
+            self.final = self.simplify(self.final, far=True) if self.is_far(self.final) else self.merge(self.final)
         return self.final or null
 
     def one_more(self, best: Rival, passed: bool) -> Rival | None:
@@ -343,12 +344,35 @@ class Search(Expander):
                     return self.enrich(fitted)
         return rival
 
+    def merge(self, rival: Rival) -> Rival:
+        """One effect fewer where a relative of another takes over its part (friction and an offset are one friction)."""
+        if len(rival.effects) < 3:
+            return rival
+        for j in range(len(rival.effects)):
+            fewer = self.without(rival, j)
+            for i in range(len(rival.effects) - 1 if fewer is not None else 0):
+                assert fewer is not None
+                kin = [e for e in self.candidates if related(e, fewer.effects[i]) and e.key not in rival.keys]
+                base = self.without(fewer, i) if kin else None
+                for other in self.ranked(self.expand(base, 3, 1, kin), base)[:1] if base is not None else ():
+                    fitted = self.polish(other)
+                    if self.score(fitted) > self.score(rival):
+                        return self.merge(fitted)
+        return rival
+
     def as_good(self, simple: Rival, rich: Rival) -> bool:
         """Whether a simpler form does as well: hardly more gap left, or far from the data no evidence by size."""
         assert self.null is not None
         if self.is_far(rich):
             return 2.0 * (self.size_score(rich) - self.size_score(simple)) < EQUAL
         return simple.fit.cost < rich.fit.cost + NESTED_SHARE * (self.null.fit.cost - self.n_values)
+
+
+def related(one: BaseEffect, other: BaseEffect) -> bool:
+    """Whether two effects at one place, in one variable, nest each other or a form in common."""
+    forms = {one.name, *NESTED.get(one.name, ())} & {other.name, *NESTED.get(other.name, ())}
+    same = one.variable == other.variable or None in (one.variable, other.variable)
+    return bool(forms) and one.location == other.location and same and one.name != other.name
 
 
 def left(rival: Rival) -> float:

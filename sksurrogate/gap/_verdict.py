@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.gap._evidence import quick_likelihood
 from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import Shrink, Table
-from sksurrogate.gap._screen import project_starts
 from sksurrogate.gap._select import MOST_EFFECTS, Search, left
 from sksurrogate.gap._unknown import LatentForce
 
@@ -159,20 +158,19 @@ def intervals(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray]:
 
 def probabilities(search: Search, final: Rival, slots: Sequence, unknown: bool) -> list[float]:
     """Probability of each named effect among the rivals of its slot, none and unknown."""
-    assert final.noise is not None
-    at, noise = search.at(final), [final.noise]
-
-    def score(rival: Rival) -> float:
-        """Under one noise for all: differences of numerics and of noise fits must not decide between twins."""
-        return quick_likelihood(at, rival, noise) - 0.5 * rival.n_parameters * np.log(search.n_values)
-
-    own, out = score(final), []
-    none = search.score(search.null) if search.null is not None else -np.inf
+    out = []
     for slot in slots:
-        values = np.array([own, *(score(rival) for rival in slot.twins), none])
-        values = np.where(np.isfinite(values), values, -np.inf)
-        weight = np.exp(np.minimum(values - own, 50.0))
-        out.append(float(1.0 / np.sum(weight)) * (0.5 if unknown else 1.0))
+        own = search.score(final)
+        rivals = [
+            search.score(r)
+            if r.noise is not None
+            else own - 0.5 * (r.n_parameters - final.n_parameters) * np.log(search.n_values)
+            for r in slot.twins
+        ]
+        none = search.score(search.null) if search.null is not None else -np.inf
+        values = np.array([own, *rivals, none - np.log(max(len(search.candidates), 1)) * 0.0])
+        weight = np.exp(values - values.max())
+        out.append(float(weight[0] / weight.sum()) * (0.5 if unknown else 1.0))
     return out
 
 

@@ -1,0 +1,66 @@
+"""Least squares on a Gram: what columns explain once initial states and nuisance parameters are projected out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+__all__ = ["eliminate", "eliminate_rows", "project_starts", "scores", "start_bases"]
+
+
+def start_bases(J_x: np.ndarray, starts: np.ndarray, n_samples: int) -> Iterator[tuple[int, int, np.ndarray]]:
+    """Orthonormal columns that the initial states of each run can move: (first, end, (n_outputs * length, rank))."""
+    bounds = np.r_[starts, n_samples]
+    for a, b in zip(bounds[:-1], bounds[1:]):
+        basis = J_x[:, :, a:b].transpose(1, 0, 2).reshape(J_x.shape[1], -1)
+        size = np.linalg.norm(basis, axis=1)
+        basis = basis[size > 1e-9 * max(size.max(), 1e-300)]
+        if not len(basis):
+            continue
+        q, r = np.linalg.qr((basis / np.linalg.norm(basis, axis=1)[:, None]).T)
+        yield a, b, q[:, np.abs(np.diag(r)) > 1e-8]
+
+
+def project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Take the initial states of every run out of columns (n_columns, n_outputs, n_samples)."""
+    out = columns.copy()
+    for a, b, q in start_bases(J_x, starts, columns.shape[-1]):
+        part = out[:, :, a:b].reshape(len(out), -1)
+        out[:, :, a:b] = (part - (part @ q) @ q.T).reshape(len(out), out.shape[1], b - a)
+    return out
+
+
+def eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """Gram of [r, nuisance, candidates] -> Gram of [r, candidates] with the nuisance fitted under its prior."""
+    if n_nuisance == 0:
+        return G
+    k = slice(1, 1 + n_nuisance)
+    keep = np.r_[0, np.arange(1 + n_nuisance, len(G))]
+    H = G[k, k] + np.diag(precision)
+    cross = G[k][:, keep].copy()
+    cross[:, 0] += pull
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+    return G[np.ix_(keep, keep)] - cross.T @ inverse @ cross
+
+
+def eliminate_rows(
+    rows: np.ndarray, diagonal: np.ndarray, precision: np.ndarray, pull: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the Gram of [r, nuisance, candidates], as rows of the first two: r' v and v' v with the nuisance fitted."""
+    k = len(rows)
+    if k == 1:
+        return rows[0, 1:], diagonal[1:]
+    H = rows[1:, 1:k] + np.diag(precision)
+    cross, mine = rows[1:, k:], rows[1:, 0] + pull
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+    return rows[0, k:] - mine @ inverse @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, inverse @ cross)
+
+
+def scores(g: np.ndarray, h: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop and amplitude of every column alone."""
+    h = np.maximum(h, 1e-300)
+    amplitude = np.clip(g / h, low, high)
+    return 2 * amplitude * g - amplitude**2 * h, amplitude
