@@ -15,12 +15,16 @@ from sklearn.utils.parallel import _get_threadpool_controller
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from sksurrogate._checks import checked
-from sksurrogate.kernels.least_squares import Separable, merge_rows, several_starts
+from sksurrogate.kernels.least_squares import Separable, levenberg_marquardt, merge_rows, several_starts
 
 __all__ = ["NonlinearBasisRegressor"]
 
 #: Rows up to which rows that repeat are merged.
 MERGE = 5_000
+#: Rows beyond which the starts are tried on a subsample, rows of that, and evaluations on all rows then.
+WHOLE, SUBSAMPLE, POLISH = 20_000, 5_000, 15
+#: Shares of the variance at which a start counts as solved, and at which a search ends.
+SOLVED, FLOOR = 1e-14, 1e-22
 #: Largest log of a width, up or down, in standard deviations of the input.
 WIDEST = 9.0
 
@@ -144,7 +148,8 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     r"""Basis functions with free places and widths, :math:`\hat y = \theta\,\Phi(x; \omega)`.
 
     The linear :math:`\theta` is eliminated (variable projection); :math:`\omega` is found by Levenberg-Marquardt from
-    several starts, since there are local minima.
+    several starts, since there are local minima. Of more than 20000 rows the starts see 5000; from the best one all rows
+    are used.
 
     Parameters
     ----------
@@ -272,11 +277,32 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """Find omega; returns theta (n_functions, n_outputs)."""
         basis = self._basis
         rng = np.random.default_rng(check_random_state(self.random_state).randint(2**31 - 1))
-        total = float(len(x)) if weights is None else float(weights.sum())
         starts = [basis.start(x, rng) for _ in range(self.n_starts)]
+        whole = len(x) <= WHOLE
+        rows = slice(None) if whole else np.sort(rng.choice(len(x), SUBSAMPLE, replace=False))
+        problem, total = self._problem(x[rows], y[rows], None if weights is None else weights[rows])
+        unit = total * y.shape[1]
+        fit, costs = several_starts(problem, starts, max_iter=self.max_iter, solved=SOLVED * unit, floor=FLOOR * unit)
+        curve = [cost / total for cost in fit.history]
+        self.start_losses_ = [cost / total for cost in costs]
+        spent = 0
+        if not whole:
+            spent = fit.n_iter
+            problem, total = self._problem(x, y, weights)
+            floor = FLOOR * total * y.shape[1]
+            fit = levenberg_marquardt(problem, fit.theta, max_iter=POLISH, floor=floor, window=4, least_gain=0.01)
+            curve += [cost / total for cost in fit.history]
+        self._omega, self.loss_curve_ = fit.theta, curve
+        self.n_iter_, self.converged_ = fit.n_iter + spent, fit.done
+        return problem.solve(fit.theta)
+
+    def _problem(self, x: np.ndarray, y: np.ndarray, weights: np.ndarray | None) -> tuple[Separable, float]:
+        """Least squares over omega on these rows, and the sum of their weights."""
+        basis = self._basis
+        total = float(len(x)) if weights is None else float(weights.sum())
         ridge = None
         if self.alpha:
-            ridge = np.full(len(basis.values(starts[0], x[:1])), self.alpha * total)
+            ridge = np.full(len(basis.values(basis.start(x, np.random.default_rng(0)), x[:1])), self.alpha * total)
             ridge[-1] = 0.0
         problem = Separable(
             lambda omega: (basis.values(omega, x), omega),
@@ -285,13 +311,7 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             root_weights=None if weights is None else np.sqrt(weights),
             ridge=ridge,
         )
-        unit = total * y.shape[1]
-        fit, costs = several_starts(problem, starts, max_iter=self.max_iter, solved=1e-14 * unit, floor=1e-22 * unit)
-        self._omega = fit.theta
-        self.loss_curve_ = [cost / total for cost in fit.history]
-        self.start_losses_ = [cost / total for cost in costs]
-        self.n_iter_, self.converged_ = fit.n_iter, fit.done
-        return problem.solve(fit.theta)
+        return problem, total
 
     def _name_parts(self) -> None:
         """The parts of the model in units of X and y."""

@@ -115,3 +115,12 @@ def test_fewer_rows_than_functions_still_give_a_fit():
     model = NonlinearBasisRegressor(n_basis=10, random_state=0).fit(X, [1.0, 2.0, 0.0])
     np.testing.assert_allclose(model.predict(X), [1, 2, 0], atol=1e-6)
     assert np.isfinite(NonlinearBasisRegressor("knots", 10).fit(X, [1.0, 2.0, 0.0]).predict(X)).all()
+
+
+def test_many_rows_begin_on_a_subsample_and_end_on_all():
+    rng = np.random.default_rng(0)
+    X = rng.uniform(-3, 3, (25_000, 1))
+    y = np.exp(-0.5 * ((X[:, 0] - 1.0) / 0.5) ** 2) + 0.1 * rng.normal(size=len(X))
+    model = NonlinearBasisRegressor(n_basis=1, n_starts=3, random_state=0).fit(X, y)
+    assert model.centers_[0, 0] == pytest.approx(1.0, abs=0.01) and model.widths_[0, 0] == pytest.approx(0.5, abs=0.01)
+    assert model.loss_curve_[-1] * np.var(y) == pytest.approx(0.01, rel=0.05) and len(model.start_losses_) >= 1
