@@ -16,12 +16,12 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from sksurrogate.compose import HybridRegressor
+from sksurrogate.compose import HybridRegressor, RecursivePredictor
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import CalibratedSimulator, ODESimulator
 
-FACES = ("features", "linear", "neural", "compose", "physics", "gap")
+FACES = ("features", "linear", "neural", "compose", "physics", "model_selection", "gap")
 X, y, groups = make_reactor_runs(4, 60, y0_range=(4.0, 6.0), u_range=(0.1, 0.16), noise=0.01, random_state=0)
 
 BUILD = {
@@ -31,6 +31,8 @@ BUILD = {
     "CalibratedSimulator": lambda c: c(make_reactor(), params=["feed"]),
     "GapDiagnoser": lambda c: c(make_reactor(feed=4.4), effects=["sensor_bias", "parameter_error"], random_state=0),
     "FNNRegressor": lambda c: c((3,), random_state=0, max_epochs=20),
+    "Remembered": lambda c: c(RecursivePredictor(Ridge(1e-3), 2, 2)),
+    "ConformalFreeRun": lambda c: c(RecursivePredictor(Ridge(1e-3), 2, 2), coverage=0.5),
     "NonlinearBasisRegressor": lambda c: c(n_basis=3, random_state=0),
 }
 

@@ -66,7 +66,13 @@ def test_top_level_names(name):
     assert getattr(sksurrogate, name) is not None
 
 
-@pytest.mark.parametrize("face", ["features", "linear", "neural", "compose", "physics", "effects", "gap", "datasets"])
+@pytest.mark.parametrize(
+    "face",
+    [
+        "blind", "compose", "datasets", "displays", "effects", "exceptions", "export", "features", "gap", "linear",
+        "metrics", "model_selection", "neural", "physics", "runs", "testing",
+    ],
+)  # fmt: skip
 def test_faces_say_what_they_have(face):
     module = import_module(f"sksurrogate.{face}")
     assert len(set(module.__all__)) == len(module.__all__)
