@@ -108,7 +108,7 @@ class FreeRunMixin(RegressorMixin):
         )  # fmt: skip
         if reset:
             self._width = 0 if hasattr(self, "feature_names_in_") else self.n_features_in_
-            outputs = np.concatenate([run.y for run in runs])
+            outputs = runs[0].y if len(runs) == 1 else np.concatenate([run.y for run in runs])
             self.y_is_1d_ = runs.y_is_1d
             self.y_mean_, self.y_spread_ = outputs.mean(axis=0), outputs.std(axis=0) + 1e-12
         return runs

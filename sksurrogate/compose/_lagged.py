@@ -21,7 +21,7 @@ __all__ = ["REPORTED", "barely_fitted", "diverged", "divergence", "fitted", "nam
 
 
 #: Training rows that are run freely after a fit.
-REPORTED = 200_000
+REPORTED = 65_536
 
 
 def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tuple[list[tuple[int, int]], list[str]]:

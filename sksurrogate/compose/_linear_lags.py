@@ -19,6 +19,19 @@ __all__ = ["fit_linear_lags"]
 FEW_NUMBERS = 2_000_000
 
 
+class _Joined:
+    """Outputs and inputs side by side, only where they are looked at."""
+
+    def __init__(self, y: np.ndarray, X: np.ndarray):
+        self.parts, self.shape = (y, X), (len(y), y.shape[1] + X.shape[1])
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        return np.concatenate([part[rows] for part in self.parts], axis=1)
+
+
 def fit_linear_lags(
     estimator: Any, runs: Any, output_lags: Sequence[int], input_terms: Sequence[tuple[int, int]], n_first: int
 ) -> tuple[Any, float] | None:
@@ -36,7 +49,7 @@ def fit_linear_lags(
     terms = [(i, k) for k in output_lags for i in range(o)] + [(o + j, k) for j, k in input_terms]
     if sum(map(len, runs)) * len(terms) < FEW_NUMBERS:
         return None
-    moments = lag_moments([np.concatenate([run.y, run.X], axis=1) for run in runs], n_first)
+    moments = lag_moments([_Joined(run.y, run.X) for run in runs], n_first)  # type: ignore[misc]
     width = o + runs[0].X.shape[1]
     columns = [k * width + c for c, k in terms] + list(range(o))  # lag 0 of the outputs are the targets
     mean, gram = moments.mean[columns], moments.scatter[np.ix_(columns, columns)]

@@ -70,7 +70,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
     n_initial_ : int
         Rows of ``y0``: the longest lag.
     one_step_rmse_, free_run_rmse_ : float
-        On the training runs; the second, on at most 200 000 rows of them, is inf where a run diverges.
+        On the training runs; the second, on at most 65 536 rows of them, is inf where a run diverges.
     shooting_loss_ : float
         With ``loss="shooting"``.
     compiled_ : bool

@@ -107,6 +107,8 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     1.0
     """
 
+    u_mean_: np.ndarray
+    u_spread_: np.ndarray
     __metadata_request__fit = {"groups": True}
     __metadata_request__predict = {"groups": True, "y0": True}
     __metadata_request__score = {"groups": True}
