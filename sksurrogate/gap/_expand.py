@@ -18,6 +18,8 @@ __all__ = ["Expander"]
 
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
+#: Bases further than this (cost over number of values) are screened with all starting values.
+SHORTLIST = 100.0
 #: Other places and variables of the nearest effect that are fitted from its shape.
 MOST_SIBLINGS = 8
 
@@ -123,9 +125,9 @@ class Expander:
     ) -> list[Start]:
         """The screen of a base; that of the null is made once."""
         if base.effects or not whole:
-            return screen(
-                problem, candidates, base, guess, base.noise, first=self.first_screen if whole else None
-            ).starts
+            near = whole and base.fit.cost < SHORTLIST * self.n_values
+            first = self.first_screen if near else None
+            return screen(problem, candidates, base, guess, base.noise, first=first).starts
         if self.first_screen is None:
             self.first_screen = screen(problem, candidates, base, guess, base.noise)
         return self.first_screen.starts

@@ -167,7 +167,7 @@ class Questions:
     def verdict(self) -> str:
         found, final, null = self.found, self.final, self.search.null
         if found.shrink is None or found.latent is None or found.law is None or null is None:
-            return "explained" if final.effects else "unknown"
+            return "unknown"  # interrupted: nothing is certified yet
         return decide(facts_of(final, null, found.shrink, found.latent, found.law, found.retuned))
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
