@@ -27,6 +27,7 @@ __all__ = ["Around", "Trial"]
 PRIOR = 0.10
 #: Relative step of the differences: acting inputs may jump, so it is not tiny.
 STEP = 1e-3
+EMPTY = np.zeros(0)
 #: Simulations that are kept.
 KEPT = 256
 
@@ -116,26 +117,28 @@ class Around:
             self.free_starts = True
         self.refresh()
 
-    def refresh(self) -> None:
-        """Transients of the initial states, at the present ones."""
+    def refresh(self, effects: Sequence[BaseEffect] = (), theta: np.ndarray = EMPTY) -> None:
+        """Transients of the initial states, at the present ones and with effects."""
         if self.x0 is None:
             self.transients = self.stand_in.transients()
             return
-        base = self.simulated(self.record.u, {})
+        base, given = self.outputs(effects, theta), self.x0
         columns = []
-        for i in range(self.x0.shape[1]):
-            size = max(float(np.max(np.abs(self.x0[:, i]))), 1.0)
-            moved = self.x0.copy()
-            moved[:, i] += STEP * size
-            columns.append((self.simulated(self.record.u, {}, moved) - base) / STEP)
+        for i in range(given.shape[1]):
+            moved = given.copy()
+            moved[:, i] += STEP * max(float(np.max(np.abs(given[:, i]))), 1.0)
+            self.x0 = moved
+            columns.append((self.outputs(effects, theta) - base) / STEP)
+        self.x0 = given
         seen = [c for c in columns if np.all(np.isfinite(c)) and np.any(c)]
         self.transients = np.stack(seen, axis=1) if seen else np.zeros((len(base), 0, base.shape[1]))
-        self.nominal = base
+        self.nominal = self.simulated(self.record.u, {})
 
-    def start_again(self, y: np.ndarray) -> None:
-        """Move the simulator's initial states to where they explain what outputs ``y`` leave (one Gauss-Newton step)."""
+    def start_again(self, effects: Sequence[BaseEffect] = (), theta: np.ndarray = EMPTY) -> None:
+        """Move the simulator's initial states to where they explain what is left (one Gauss-Newton step)."""
         if self.x0 is None or self.transients.shape[1] != self.x0.shape[1]:
             return
+        y = self.outputs(effects, theta)
         r = (self.record.y - y) / self.sd[:, None]
         J = self.transients / self.sd[:, None, None]
         bounds = np.r_[self.record.starts, self.record.n_samples]
@@ -145,11 +148,11 @@ class Around:
             basis = J[:, :, a:b].transpose(0, 2, 1).reshape(-1, J.shape[1])
             ridge = 1e-6 * np.eye(J.shape[1]) * max(float(np.sum(basis**2)), 1e-300)
             moved[run] += size * np.linalg.solve(basis.T @ basis + ridge, basis.T @ r[:, a:b].reshape(-1))
-        before, old = self.cost_of(self.nominal, projected=False), self.x0
+        before, old = self.cost_of(y, projected=False), self.x0
         self.x0 = moved
-        y_new = self.simulated(self.record.u, {})
+        y_new = self.outputs(effects, theta)
         if np.all(np.isfinite(y_new)) and self.cost_of(y_new, projected=False) < before:
-            self.refresh()
+            self.refresh(effects, theta)
         else:
             self.x0 = old
 

@@ -73,9 +73,10 @@ class AroundQuestions:
         self.say("how far the simulator is from the data: the null is fitted")
         search.run()
         self.starts_again()
-        final = self.final
         self.say("what these data cannot tell apart")
-        self.slots = [search.twins(i) for i in range(len(final.effects))]
+        self.slots = [search.twins(i) for i in range(len(self.final.effects))]
+        search.polish()
+        final = self.final
         self.say("what is left")
         self.look_at_what_is_left()
         self.places = equivalent_places(around, search.null or final)

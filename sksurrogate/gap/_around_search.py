@@ -66,7 +66,7 @@ class AroundSearch:
         """The simulator with initial states and free parameters only."""
         around = self.around
         for _ in range(2 if around.x0 is not None else 0):
-            around.start_again(around.nominal)
+            around.start_again()
         null = around.fit((), np.zeros(len(around.free)))
         if null is None:
             null = Trial(
@@ -94,6 +94,23 @@ class AroundSearch:
                 new = self.swapped(new)
             best = self.final = new
             self.say(f"{', '.join(e.name for e in best.effects)}: evidence {self.gain(best, self.null):.0f}")
+
+    def polish(self) -> None:
+        """What stands again, with the transients of the initial states at its own values."""
+        around, final = self.around, self.final
+        if final is None or around.x0 is None or not len(final.theta):
+            return
+        before, transients = around.x0, around.transients
+        for _ in range(2):
+            around.refresh(final.effects, final.theta)
+            around.start_again(final.effects, final.theta)
+            again = around.fit(final.effects, final.theta)
+            if again is None or again.cost > 1.01 * final.cost:
+                around.x0, around.transients = before, transients
+                return
+            final = again
+        # The others are compared from the same initial states.
+        self.final = around.estimate(final, (self.final or final).noise, 8)
 
     def score(self, trial: Trial) -> float:
         """Log likelihood with the price of parameters."""

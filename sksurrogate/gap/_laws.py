@@ -82,9 +82,11 @@ def library(Z: np.ndarray, names: Sequence[str], t: np.ndarray, changes: Sequenc
         if not (np.isfinite(size) and size > 1e-12):
             continue
         unit = value / size
-        if seen and np.max(np.abs(np.stack(seen) @ unit[::7])) > (1.0 - 1e-7) * len(unit[::7]):
+        sample = unit[:: max(len(unit) // 500, 1)]
+        sample = sample / max(float(np.linalg.norm(sample)), 1e-300)
+        if seen and np.max(np.abs(np.stack(seen) @ sample)) > 1.0 - 1e-8:
             continue  # the same on these data as a simpler one
-        seen.append(unit[::7])
+        seen.append(sample)
         kept.append(term)
         values.append(unit)
         sizes.append(size)
@@ -128,7 +130,7 @@ def _pairs(a: str, za: np.ndarray, b: str, zb: np.ndarray, first: bool) -> list[
     if np.std(za) == 0 or np.std(zb) == 0:
         return []
     linear = ("v", b, 0.0, 0.0)
-    out = [Term((("v", a, 0.0, 0.0), linear))] if first else []
+    out = [Term(tuple(("v", name, 0.0, 0.0) for name in sorted((a, b))))] if first else []
     out.append(Term((("square", a, 0.0, 0.0), linear)))
     if za.min() < 0 < za.max():
         out.append(Term((("sign", a, 0.0, 0.02 * float(np.std(za))), linear)))

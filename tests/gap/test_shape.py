@@ -1,0 +1,165 @@
+"""The shape of a missing term through known dynamics, laws of several terms, rules of regions and moments, closed loops."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import LawEffect
+from sksurrogate.effects._law import SHAPES, Term
+from sksurrogate.gap._laws import library, sparse_laws
+from sksurrogate.gap._loop import closed_loop
+from sksurrogate.gap._shape import Channel, shape_of
+from sksurrogate.gap._stand_in import learn
+from sksurrogate.gap._where import regions, times
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.record import Record
+
+N_RUNS, N = 4, 250
+POLE, SIGMA = 0.95, 0.02
+
+
+@pytest.fixture
+def record():
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.uniform(-1, 1, (1, N_RUNS * N // 10)), 10, axis=1)
+    return Record(u, np.zeros((1, N_RUNS * N)), np.tile(0.1 * np.arange(N), N_RUNS), N * np.arange(N_RUNS), 0.1)
+
+
+def channel(record, term, seed=1):
+    """A first-order lag into whose balance a known signal enters; its variables are two signals that are known too."""
+    rng = np.random.default_rng(seed)
+    z = np.stack([np.convolve(rng.normal(size=record.n_samples), np.ones(12) / 3, "same") for _ in range(2)])
+    w, x = term(z), np.zeros(record.n_samples)
+    for k in range(1, record.n_samples):
+        x[k] = 0.3 if k in record.starts else POLE * x[k - 1] + 0.1 * w[k - 1]
+    r = (x + SIGMA * rng.normal(size=x.shape))[None]
+    ones = np.ones((1, 1, record.n_samples))
+    D = Disturbance(POLE * ones, 0.1 * ones, ones, record.starts, np.array([3.0]), np.array([1e-5]))
+    noise = Noise(np.array([SIGMA]), np.array([float(np.std(w)) + 0.05]), 5.0, np.array([1e-4]), 10.0)
+    held = np.array([False, False, False, True, True])
+    return Channel(record, D, noise, r, 0.1 * ones[0], None, 1.0, held, z.T, ["a", "b"])
+
+
+def test_a_signal_reaches_the_output_as_the_recursion_says(record):
+    c = channel(record, lambda z: np.zeros_like(z[0]))
+    signal = np.random.default_rng(2).normal(size=(1, record.n_samples))
+    x = np.zeros(record.n_samples)
+    for k in range(1, record.n_samples):
+        x[k] = 0.0 if k in record.starts else POLE * x[k - 1] + 0.1 * signal[0, k - 1]
+    np.testing.assert_allclose(c.respond(signal)[0, 0], x, atol=1e-12)
+
+
+def test_a_curve_follows_the_truth_within_its_bands(record):
+    inside = []
+    for seed in range(4):
+        found = shape_of(channel(record, lambda z: np.abs(z[0]) - 0.5, seed), "x", "state")
+        curve = found.curves[0]
+        assert curve.variable == "a" and curve.explained > 0.7
+        inside.append(np.mean((np.abs(curve.at) - 0.5 >= curve.low) & (np.abs(curve.at) - 0.5 <= curve.high)))
+    assert np.mean(inside) > 0.75
+
+
+def test_a_law_of_two_terms_is_found_and_ready_as_an_effect(record):
+    found = shape_of(channel(record, lambda z: 0.8 * z[0] * z[1] - 0.6 * z[1] * np.abs(z[1])), "x", "state")
+    law = found.effects[0]
+    terms = dict(zip((term.text for term in law.terms), law.values))
+    assert set(terms) == {"a*b", "b*abs(b)"}
+    assert terms["a*b"] == pytest.approx(0.8, abs=0.1) and terms["b*abs(b)"] == pytest.approx(-0.6, abs=0.1)
+    assert law.location == "x" and law.variable == "a*b" and law.starts(None) == [law.values]
+
+
+def test_no_law_is_made_of_noise(record):
+    assert shape_of(channel(record, lambda z: np.zeros_like(z[0])), "x", "state").candidates == ()
+
+
+def test_grams_of_runs_add_up_to_the_whole(record):
+    c = channel(record, lambda z: z[0])
+    columns = np.random.default_rng(3).normal(size=(1, 3, record.n_samples))
+    whole, _ = c.D.gram(columns, c.noise)
+    np.testing.assert_allclose(c.D.gram_by_run(columns, c.noise).sum(axis=0), whole, rtol=1e-8, atol=1e-8)
+
+
+def test_sparse_laws_find_the_columns_that_made_the_signal():
+    rng = np.random.default_rng(4)
+    columns = rng.normal(size=(4, 8, 200))
+    r = 2.0 * columns[:, 2] - 1.0 * columns[:, 5] + 0.1 * rng.normal(size=(4, 200))
+    whole = np.concatenate([r[:, None], columns], axis=1)
+    assert sparse_laws(np.einsum("rit,rjt->rij", whole, whole), np.arange(4))[0].chosen == (2, 5)
+
+
+def test_every_shape_is_finite_and_can_be_written():
+    z = np.linspace(0.1, 2.0, 7)
+    for shape in SHAPES:
+        term = Term(((shape, "z", 0.7, 0.01),))
+        assert np.all(np.isfinite(term.value({"z": z}, z))) and "z" in term.text + "z"
+
+
+def test_a_law_is_an_effect_that_a_simulator_takes():
+    from sksurrogate.effects import AugmentedSimulator
+    from sksurrogate.physics import ODESimulator
+
+    plant = ODESimulator(lambda t, x, u, p: [u[0]], states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+    law = LawEffect("x", "u*x", (Term((("v", "u", 0, 0), ("v", "x", 0, 0))),), (-1.0,))
+    y = AugmentedSimulator(plant, [law], [law.values]).simulate(np.ones((50, 1)), x0=[0.0])
+    np.testing.assert_allclose(y[:, 0], 1 - np.exp(-0.1 * np.arange(50)), atol=1e-6)  # dx/dt = 1 - x
+
+
+def test_the_same_shape_on_these_data_stands_once():
+    z = np.abs(np.random.default_rng(5).normal(size=(300, 1))) + 0.5  # never negative: v |v| is v^2
+    texts = [term.text for term in library(z, ["v"], np.arange(300.0)).terms]
+    assert "v^2" in texts and "v*abs(v)" not in texts
+
+
+def test_a_region_is_named_by_its_edges(record):
+    rng = np.random.default_rng(6)
+    z = rng.uniform(0, 3, record.n_samples)
+    w = np.where((z > 1) & (z < 2), 1.0, 0.0) + 0.05 * rng.normal(size=z.shape)
+    first = regions(record, np.stack([z, record.u[0]], axis=1), ["z", "u"], w)[0]
+    low, high = (float(part.split()[-1]) for part in first["rule"].split(" and "))
+    assert low == pytest.approx(1, abs=0.05) and high == pytest.approx(2, abs=0.05)
+    assert first["share"] > 0.95
+
+
+def test_a_force_without_region_is_everywhere(record):
+    rng = np.random.default_rng(7)
+    found = regions(record, rng.normal(size=(record.n_samples, 2)), ["a", "b"], rng.normal(size=record.n_samples))
+    assert [row["rule"] for row in found] == ["everywhere"]
+
+
+@pytest.mark.parametrize("what", ["mean", "size"])
+def test_the_moment_of_a_change_is_found(record, what):
+    rng = np.random.default_rng(8)
+    on = record.t >= 9.3
+    w = on * (1.0 if what == "mean" else rng.normal(size=on.shape)) + 0.05 * rng.normal(size=on.shape)
+    before, after = times(record, w)
+    assert before["kind"] == "change" and after["start"] == pytest.approx(9.3, abs=0.2)
+
+
+def test_a_change_between_runs_is_told_by_run(record):
+    w = np.where(record.run_of_row >= 2, 1.0, 0.05) * np.random.default_rng(9).normal(size=record.n_samples)
+    assert [row["runs"] for row in times(record, w)] == ["1 to 2", "3 to 4"]
+
+
+def test_a_controller_is_noticed_and_free_inputs_are_not(record):
+    rng = np.random.default_rng(10)
+    e = 0.1 * rng.normal(size=(1, record.n_samples))
+    reference = np.repeat(rng.uniform(-1, 1, record.n_samples // 50), 50)
+    driven = Record((reference - 2.0 * e[0])[None], e, record.t, record.starts, record.dt)
+    assert closed_loop(driven, np.zeros_like(e), ["u"]) == "u"
+    free = Record(record.u, e, record.t, record.starts, record.dt)
+    assert closed_loop(free, np.zeros_like(e), ["u"]) is None
+
+
+def test_a_stand_in_of_a_linear_simulator_answers_as_it_does(record):
+    def simulate(u):
+        x, y = np.zeros(2), []
+        for k in range(record.n_samples):
+            x = np.zeros(2) if k in record.starts else x
+            y.append(x[1])
+            x = np.array([0.9 * x[0] + 0.2 * u[0, k], 0.1 * x[0] + 0.8 * x[1]])
+        return np.array(y)[None]
+
+    stand_in = learn(record, simulate(record.u))
+    du = np.repeat(np.random.default_rng(11).normal(size=(1, record.n_samples // 5)), 5, axis=1)
+    want = simulate(record.u + du) - simulate(record.u)
+    got = stand_in.respond(du[None])[0]
+    assert np.sqrt(np.mean((got - want) ** 2)) < 0.02 * np.std(want)
