@@ -18,6 +18,7 @@ from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
 from sksurrogate.compose._hybrid_output import Free, OutputCorrection
 from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.export import Graph, to_casadi, to_onnx
+from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["HybridRegressor"]
@@ -287,12 +288,23 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
         elif y is None or groups is not None:
-            X = validate_data(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
+            X = validate_data(self, X, reset=reset, ensure_all_finite=False, dtype="numeric")
         else:
-            X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
-        return resolve_runs(
+            try:
+                X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
+            except ValueError as error:
+                if "NaN" in str(error) or "infinity" in str(error):
+                    resolve_runs(X, y, run=self.run)  # names the row
+                raise
+        runs = resolve_runs(
             X, y, groups=groups, run=self.run, dt=getattr(self.simulator, "dt", None), min_rows=min_rows
         )
+        if self.simulator is not None and callable(getattr(self.simulator, "simulate", None)):
+            columns = {"n_inputs": runs[0].X.shape[1]}
+            if y is not None:
+                columns["n_outputs"] = runs[0].y.shape[1]
+            describe(self.simulator, **columns)  # refuses other columns than the simulator has
+        return runs
 
     def _fit_runs(self, runs: Runs, inputs: list, measured: list, before: Any) -> HybridRegressor:
         self.y_is_1d_ = runs.y_is_1d

@@ -245,10 +245,17 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             _check_n_features(self, X, reset=reset)
         elif y is None or groups is not None:
             X = validate_data(
-                self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric", ensure_min_features=fewest
+                self, X, reset=reset, ensure_all_finite=False, dtype="numeric", ensure_min_features=fewest
             )
         else:
-            X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest)
+            try:
+                X, y = validate_data(
+                    self, X, y, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest
+                )
+            except ValueError as error:
+                if "NaN" in str(error) or "infinity" in str(error):
+                    resolve_runs(X, y, run=self.run)  # names the row
+                raise
         return resolve_runs(
             X,
             y,
