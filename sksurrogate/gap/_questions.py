@@ -30,6 +30,8 @@ __all__ = ["Questions"]
 _NAN = float("nan")
 #: Share of the gap (amplitude) that named effects must close on runs left out.
 CERTIFICATE = 0.15
+#: A free run this near to the noise has no gap that a correction could learn.
+WITHIN_NOISE = 1.05
 #: What is known of the shrink after an early interrupt.
 NO_SHRINK = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
 
@@ -101,6 +103,8 @@ class Questions:
             found.places = places_by_law(problem, null, found.places)
         say("how far the gap shrinks on runs left out")
         correction = generic_correction(problem.plant.simulator, self.correction, problem.plant.outputs)
+        if not final.effects and left(null) < WITHIN_NOISE:
+            correction = None  # nothing to learn
         found.held = held_out(problem, final, null, correction)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
         if final.effects and not certified(found.shrink):
