@@ -52,6 +52,7 @@ class AroundSearch:
     final: Trial | None = None
     first_round: list[Trial] = field(default_factory=list)
     expected: dict = field(default_factory=dict)
+    stopped: bool = False
 
     @property
     def n_values(self) -> int:
@@ -75,22 +76,26 @@ class AroundSearch:
         self.null = self.final = around.estimate(null)
 
     def run(self) -> None:
-        """Forward, with what stands re-chosen after every step."""
+        """Forward, with what stands re-chosen after every step; an interrupt is passed on once what is fitted is compared."""
+        self._forward()
+        if self.stopped:
+            raise KeyboardInterrupt
+
+    def _forward(self) -> None:
+        """Effects one by one."""
         assert self.null is not None
         best = self.null
-        while len(best.effects) < MOST_EFFECTS:
+        while len(best.effects) < MOST_EFFECTS and not self.stopped:
             found = self.expand(best)
             if not best.effects:
                 self.first_round = found
-            if not found:
-                break
             passes = [f for f in found if self.gain(f, best) > self.bar(f.n_parameters - best.n_parameters)]
             if not passes:
                 break
             new = max(passes, key=self.score)
             if best.effects and self.gain(new, best) < self.bar(new.n_parameters - best.n_parameters) + FURTHER:
                 break
-            if best.effects:
+            if best.effects and not self.stopped:
                 new = self.swapped(new)
             best = self.final = new
             self.say(f"{', '.join(e.name for e in best.effects)}: evidence {self.gain(best, self.null):.0f}")
@@ -148,8 +153,12 @@ class AroundSearch:
         around = self.around
         starts = self.screened(base)
         self.say(f"fitting {len(starts)} of {len(self.candidates)} rivals")
-        fits = Parallel(n_jobs=self.n_jobs)(delayed(_fit)(around, base, e, v, d) for e, v, d in starts)
-        found = [f for f in fits if f is not None]
+        found: list[Trial] = []
+        try:
+            work = Parallel(n_jobs=self.n_jobs, return_as="generator")
+            found += (f for f in work(delayed(_fit)(around, base, e, v, d) for e, v, d in starts) if f is not None)
+        except KeyboardInterrupt:  # what is fitted by now is compared before the search stops
+            self.stopped = True
         if not found:
             return []
         assert base.noise is not None
