@@ -80,7 +80,8 @@ def decide(facts: Facts) -> str:
     lawful = law or facts.force > FORCE
     if facts.accepted or facts.retuned:
         if facts.left > FAR:
-            too_much = lawful and (facts.share_left > SMALL_SHARE or facts.exhausted)
+            stack = facts.exhausted and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
+            too_much = stack or (lawful and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW or facts.exhausted
             too_much = (facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL and clear) or (
