@@ -16,6 +16,9 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["LatentForce", "input_push", "latent_force", "law_of", "places", "repeatable"]
 
+#: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
+SMALLEST_FORCE = 2e-3
+
 
 @dataclass(frozen=True, eq=False)
 class LatentForce:
@@ -139,7 +142,7 @@ def _forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, 
     stride = max(1, len(Z) // 4000)
     out = np.zeros(len(force))
     for b, w in enumerate(force):
-        if size[b] < 1e-3:
+        if size[b] < SMALLEST_FORCE:
             continue
         error = total = 0.0
         for k in range(int(fold.max()) + 1):
