@@ -12,7 +12,7 @@ from sksurrogate.effects._law import Term
 __all__ = ["Library", "Sparse", "library", "sparse_laws"]
 
 #: Most terms of a law; laws that are kept while it grows; terms tried at each.
-MOST_TERMS, BEAM, TRIED = 4, 4, 12
+MOST_TERMS, BEAM, TRIED = 5, 5, 12
 #: A further term must raise what is explained on runs left out by this many nats and this share.
 LEAST_NATS, LEAST_SHARE = 5.0, 0.01
 #: Laws within this share of the best of their size are told too.
@@ -39,7 +39,7 @@ class Library:
     size: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Sparse:
     """A law: places of its terms in the library, and its score on runs left out in nats."""
 
@@ -138,8 +138,7 @@ def _pairs(a: str, za: np.ndarray, b: str, zb: np.ndarray, first: bool) -> list[
         middle = float(np.median(za))
         out += [Term((("saturating", a, middle, 0.0), linear)), Term((("inverse", a, 0.0, 0.0), linear))]
         out += [Term((("activated", a, k * middle, 0.0), linear)) for k in (1.0, 7.0)]
-        if first:
-            out.append(Term((("activated", a, 7.0 * middle, 0.0), ("square", b, 0.0, 0.0))))
+        out.append(Term((("activated", a, 7.0 * middle, 0.0), ("square", b, 0.0, 0.0))))
     return out
 
 
@@ -164,12 +163,30 @@ def sparse_laws(grams: np.ndarray, fold: np.ndarray) -> list[Sparse]:
                 if chosen not in grown:
                     grown[chosen] = Sparse(chosen, _left_out(parts, whole, chosen))
         better = sorted(grown.values(), key=lambda law: -law.score)
+        better = sorted({*(_swapped(parts, whole, law) for law in better[:BEAM]), *better[:BEAM]}, key=_worth)
         last = path[-1][0].score if path else 0.0
         if not better or better[0].score < last + max(LEAST_NATS, LEAST_SHARE * last):
             break
         beams = better[:BEAM]
         path.append([law for law in better[:BEAM] if law.score > (1 - NEAR) * better[0].score])
     return [law for size in reversed(path) for law in size]
+
+
+def _worth(law: Sparse) -> tuple[float, tuple[int, ...]]:
+    """Best first."""
+    return -law.score, law.chosen
+
+
+def _swapped(parts: np.ndarray, whole: np.ndarray, law: Sparse) -> Sparse:
+    """Each term in turn re-chosen with the others kept."""
+    for k in law.chosen:
+        rest = tuple(c for c in law.chosen if c != k)
+        for new in _promising(whole, rest)[: TRIED // 2]:
+            chosen = tuple(sorted((*rest, new)))
+            score = _left_out(parts, whole, chosen)
+            if score > law.score + 1.0:
+                return Sparse(chosen, score)
+    return law
 
 
 def _promising(whole: np.ndarray, chosen: tuple[int, ...]) -> list[int]:
