@@ -102,7 +102,7 @@ class Questions:
         if not closed and left(null) > 2.0:
             found.places = places_by_law(problem, null, found.places)
         say("how far the gap shrinks on runs left out")
-        correction = generic_correction(problem.plant.simulator, self.correction, problem.plant.outputs)
+        correction: Any = generic_correction(problem.plant.simulator, self.correction, problem.plant.outputs)
         if not final.effects and left(null) < WITHIN_NOISE:
             correction = None  # nothing to learn
         found.held = held_out(problem, final, null, correction)
