@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate.blind._cases import ARMS, Case, draw
 from sksurrogate.blind._follow import CONTROL, follow
@@ -93,6 +93,11 @@ def run_blind_check(
     >>> result = run_blind_check(1, "none", seed=3)  # doctest: +SKIP
     """
     names = _arms(arms)
+    module, _, function = diagnosis.partition(":")
+    if not all(part.isidentifier() for part in [*module.split("."), function]):
+        raise SurrogateError(
+            f"diagnosis={diagnosis!r}: write module:function of a module that can be imported, no path."
+        )
     plant = runs = None
     if simulator is not None:
         plant, runs = plant_of(simulator, X=X, groups=groups, input_ranges=input_ranges, x0_spread=x0_spread)
@@ -132,7 +137,7 @@ def _arms(arms: str | Sequence[str]) -> list[str]:
 
 def _answered(jobs: Iterable[tuple[Any, ...]], n_jobs: int | None) -> Iterator[dict[str, Any]]:
     """Rows as they come."""
-    if n_jobs in (None, 1):
+    if effective_n_jobs(n_jobs) == 1:
         with Solver() as solver:
             for job in jobs:
                 yield run_case(*job, solver=solver)

@@ -233,6 +233,8 @@ def test_a_broken_off_check_is_taken_up_again(tmp_path, solver):
 def test_arms_and_files_that_are_not_there_say_so(tmp_path):
     with pytest.raises(SurrogateError, match=r"arms: \['nune'\] unknown"):
         run_blind_check(1, "nune")
+    with pytest.raises(SurrogateError, match=r"diagnosis='my/answer.py:f': write module:function"):
+        run_blind_check(1, "none", diagnosis="my/answer.py:f")
     with pytest.raises(DataError, match="there is no such file"):
         BlindResult.load(tmp_path / "none.jsonl")
 

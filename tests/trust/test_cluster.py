@@ -9,6 +9,7 @@ import sklearn
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
+from sksurrogate.blind import run_blind_check
 from sksurrogate.compose import RecursivePredictor
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.gap import GapDiagnoser
@@ -61,6 +62,26 @@ def test_a_diagnosis_on_the_cluster(client):
     with joblib.parallel_config("dask"):
         there = GapDiagnoser(make_reactor(second=80.0), effects=names, random_state=0).fit(X, y, groups=groups).report_
     assert str(here) == str(there)
+
+
+def test_a_blind_check_on_the_cluster(client, tmp_path, monkeypatch):
+    """The same cases, the same scores; rows are stored as they come."""
+    (tmp_path / "answer.py").write_text(
+        "def says_nothing(question):\n"
+        "    predicted = [question.simulator.simulate(U, x0=x) for U, x in zip(question.X_test, question.x0_test)]\n"
+        "    return {'verdict': 'none', 'effects': [], 'where': {'location': None}, 'predicted': predicted, 'seconds': 0.0}\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    client.upload_file(str(tmp_path / "answer.py"))
+    same = {"arms": "none", "seed": 1, "diagnosis": "answer:says_nothing"}
+    here = run_blind_check(2, **same)
+    with joblib.parallel_config("dask"):
+        there = run_blind_check(2, **same, resume=tmp_path / "rows.jsonl")
+    assert not any("error" in row for row in (*here.rows, *there.rows))
+    assert {r["seed"]: (r["plant"], r["right"]) for r in there.rows} == {
+        r["seed"]: (r["plant"], r["right"]) for r in here.rows
+    }
+    assert len((tmp_path / "rows.jsonl").read_text().splitlines()) == 2
 
 
 def test_a_diagnosis_in_two_processes():
