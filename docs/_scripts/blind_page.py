@@ -26,7 +26,7 @@ def figures() -> str:
     ]  # fmt: skip
     baselines = DOCS / "blind_baselines.jsonl"
     if baselines.exists():
-        parts += ["Baselines on the same cases:", table(BlindResult.load(baselines).scores("diagnosis"))]
+        parts += ["Baselines, on earlier cases:", table(BlindResult.load(baselines).scores("diagnosis"))]
     recorded = DOCS / "blind_recorded.jsonl"
     if recorded.exists():
         rows = [json.loads(line) for line in recorded.read_text(encoding="utf-8").splitlines()]
