@@ -21,7 +21,17 @@ from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, generic_correction, held_out, measure, shares
 from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
-from sksurrogate.gap._verdict import FAR, _of, decide, facts_of, intervals, probabilities, ranking, retuned_table
+from sksurrogate.gap._verdict import (
+    FAR,
+    _of,
+    decide,
+    facts_of,
+    intervals,
+    parameter_errors,
+    probabilities,
+    ranking,
+    retuned_table,
+)
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
 
@@ -208,31 +218,8 @@ class Questions:
                 )
             )
         if not out and verdict == "explained":
-            out = self.parameter_errors()
+            out = parameter_errors(self.retuned(), self.found.shrink.fraction_power if self.found.shrink else _NAN)
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
-
-    def parameter_errors(self) -> list[EffectEstimate]:
-        """Re-tuning alone closes the gap: one parameter_error for each parameter that moved."""
-        rows = [row for row in self.retuned() if row["moved"]]
-        total = self.found.shrink.fraction_power if self.found.shrink else float("nan")
-        out = []
-        for row in rows:
-            p0 = row["nominal"]
-            values = [(row[k] / p0 - 1.0) if p0 != 0 else row[k] for k in ("value", "low", "high")]
-            out.append(
-                EffectEstimate(
-                    "parameter_error",
-                    row["parameter"],
-                    None,
-                    total / len(rows),
-                    {"relative_error": values[0]},
-                    {"relative_error": (min(values[1:]), max(values[1:]))},
-                    1.0,
-                    [],
-                    "Re-tuning alone closes the gap.",
-                )
-            )
-        return out
 
     def retuned(self) -> Table:
         final = self.found.fitted or self.final

@@ -167,26 +167,15 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     # A mean square of n white values has the variance 2 sigma^4 / n.
     spread_of_noise = float(np.mean(normal)) * np.sqrt(2.0 / record.y.size)
     before, after = gap("before", weight), gap("after", weight)
-    rows = []
-    for j, name in enumerate(outputs):
-        b, a = (float(np.sqrt(weight @ powers[which][:, j])) * spread[j] for which in ("before", "after"))
-        gap_b, gap_a = np.sqrt(max(b**2 - floor[j] ** 2, 0.0)), np.sqrt(max(a**2 - floor[j] ** 2, 0.0))
-        rows.append(
-            {
-                "output": name,
-                "before": b,
-                "after": a,
-                "floor": float(floor[j]),
-                "fraction": 1 - gap_a / gap_b if gap_b > 0 else np.nan,
-            }
-        )
     return Shrink(
         before=rmse["before"],
         after=rmse["after"],
         floor=float(np.sqrt(np.mean(normal))),
         fraction=fraction("after", weight),
         interval=interval,
-        by_output=Table(tuple(rows)),
+        by_output=_by_output(
+            outputs, np.sqrt(weight @ powers["before"]) * spread, np.sqrt(weight @ powers["after"]) * spread, floor
+        ),
         after_retuning=rmse["retuned"],
         fraction_retuning=fraction("retuned", weight),
         after_correction=rmse["corrected"],
@@ -217,6 +206,16 @@ def shares(problem: Problem, final: Rival, total: float) -> list[float]:
         returned.append(max(fit.cost - final.fit.cost, 0.0) if fit is not None else final.fit.cost)
     sum_ = sum(returned)
     return [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
+
+
+def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> Table:
+    """One row an output: RMS errors, floor, and the share of the gap above the floor that is closed."""
+    rows = []
+    for name, b, a, f in zip(outputs, before, after, floor):
+        gap_b, gap_a = np.sqrt(max(b**2 - f**2, 0.0)), np.sqrt(max(a**2 - f**2, 0.0))
+        closed = 1 - gap_a / gap_b if gap_b > 0 else np.nan
+        rows.append({"output": name, "before": float(b), "after": float(a), "floor": float(f), "fraction": closed})
+    return Table(tuple(rows))
 
 
 def generic_correction(

@@ -23,7 +23,7 @@ from sksurrogate.gap._around_where import channel_of, left_of
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
 from sksurrogate.gap._shape import shape_of
-from sksurrogate.gap._verdict import Facts, decide
+from sksurrogate.gap._verdict import Facts, decide, parameter_errors
 from sksurrogate.gap._where import by_frequency, by_location, by_output, regions, times
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
@@ -105,7 +105,7 @@ class _Answers(AroundQuestions):
         effects = self.estimates(low, high) if verdict != "none" else []
         retuned = self.retuned_table(low, high)
         if not effects and verdict == "explained":
-            effects = self.parameter_errors(retuned)
+            effects = parameter_errors(retuned, self.shrink.fraction_power if self.shrink is not None else _NAN)
         where, term = self.where(verdict, effects), None
         if verdict == "unknown" and self.shrink is not None and where.location is not None:
             assert self.search.null is not None
@@ -204,29 +204,6 @@ class _Answers(AroundQuestions):
                 }
             )
         return Table(tuple(rows))
-
-    def parameter_errors(self, retuned: Table) -> list[EffectEstimate]:
-        """Re-tuning alone closes the gap: one parameter_error for each parameter that moved."""
-        rows = [row for row in retuned if row["moved"]]
-        total = self.shrink.fraction_power if self.shrink is not None else _NAN
-        out = []
-        for row in rows:
-            p0 = row["nominal"]
-            change = [(row[k] / p0 - 1.0) if p0 != 0 else row[k] for k in ("value", "low", "high")]
-            out.append(
-                EffectEstimate(
-                    "parameter_error",
-                    row["parameter"],
-                    None,
-                    total / len(rows),
-                    {"relative_error": change[0]},
-                    {"relative_error": (min(change[1:]), max(change[1:]))},
-                    1.0,
-                    [],
-                    "Re-tuning alone closes the gap.",
-                )
-            )
-        return out
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         location, kind = None, None

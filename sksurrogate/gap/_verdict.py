@@ -9,11 +9,11 @@ import numpy as np
 
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
-from sksurrogate.gap._report import Shrink, Table
+from sksurrogate.gap._report import EffectEstimate, Shrink, Table
 from sksurrogate.gap._select import MOST_EFFECTS, Search, left
 from sksurrogate.gap._unknown import LatentForce
 
-__all__ = ["Facts", "decide", "intervals", "probabilities", "ranking", "retuned_table"]
+__all__ = ["Facts", "decide", "intervals", "parameter_errors", "probabilities", "ranking", "retuned_table"]
 
 #: `explained` when the named effects leave less than this share of the gap (amplitude).
 SHARE = 0.20
@@ -219,6 +219,29 @@ def retuned_table(problem: Problem, rival: Rival, bounds: tuple[np.ndarray, np.n
             }
         )
     return Table(tuple(rows))
+
+
+def parameter_errors(retuned: Table, share: float) -> list[EffectEstimate]:
+    """Re-tuning alone closes the gap: one parameter_error for each parameter that moved, with equal parts of the share."""
+    rows = [row for row in retuned if row["moved"]]
+    out = []
+    for row in rows:
+        p0 = row["nominal"]
+        value, *ends = [(row[k] / p0 - 1.0) if p0 != 0 else row[k] for k in ("value", "low", "high")]
+        out.append(
+            EffectEstimate(
+                "parameter_error",
+                row["parameter"],
+                None,
+                share / len(rows),
+                {"relative_error": value},
+                {"relative_error": (min(ends), max(ends))},
+                1.0,
+                [],
+                "Re-tuning alone closes the gap.",
+            )
+        )
+    return out
 
 
 def _of(nominal: float, phi: float) -> float:

@@ -236,6 +236,28 @@ def _log_prior(noise: Noise, sigma_unit: np.ndarray) -> float:
     return float(prior - 0.005 * np.sum(np.log(noise.coloured / sigma_unit) ** 2))
 
 
+def _noise_bounds(
+    unit: np.ndarray, force_unit: np.ndarray, caps: tuple[np.ndarray, np.ndarray] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of :meth:`Noise.pack`."""
+    low = np.concatenate(
+        [
+            np.log(unit * 0.05),
+            np.log(1e-4 * force_unit),
+            [np.log(TAU_RANGE[0])],
+            np.log(unit * 1e-2),
+            [np.log(TAU_RANGE[0])],
+        ]
+    )
+    force_high, coloured_high = (10 * force_unit, 100 * unit) if caps is None else caps
+    coloured_high = np.maximum(coloured_high, 0.1 * unit)
+    force_high = np.maximum(force_high, 1e-3 * force_unit)
+    high = np.concatenate(
+        [np.log(unit * 20.0), np.log(force_high), [np.log(TAU_RANGE[1])], np.log(coloured_high), [np.log(TAU_RANGE[1])]]
+    )
+    return low, high
+
+
 def fit_noise(
     model: Disturbance,
     r: np.ndarray,
@@ -280,22 +302,7 @@ def fit_noise(
     columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
     k = columns.shape[1] - 1
     unit = start.sigma.copy()
-    low = np.concatenate(
-        [
-            np.log(unit * 0.05),
-            np.log(1e-4 * force_unit),
-            [np.log(TAU_RANGE[0])],
-            np.log(unit * 1e-2),
-            [np.log(TAU_RANGE[0])],
-        ]
-    )
-    force_high, coloured_high = (10 * force_unit, 100 * unit) if caps is None else caps
-    coloured_high = np.maximum(coloured_high, 0.1 * unit)
-    force_high = np.maximum(force_high, 1e-3 * force_unit)
-    high = np.concatenate(
-        [np.log(unit * 20.0), np.log(force_high), [np.log(TAU_RANGE[1])], np.log(coloured_high), [np.log(TAU_RANGE[1])]]
-    )
-
+    low, high = _noise_bounds(unit, force_unit, caps)
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
 

@@ -402,7 +402,8 @@ def test_a_search_that_still_falls_warns_with_the_way_out():
 def test_a_fit_that_settles_does_not_warn():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        FNNRegressor(random_state=0).fit(x, BISHOP["square"][0])
+        model = FNNRegressor(random_state=0).fit(x, BISHOP["square"][0])
+    assert np.all(np.isfinite(model.predict(x)))
 
 
 def test_layers_join_and_part():
