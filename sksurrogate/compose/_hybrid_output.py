@@ -158,7 +158,8 @@ class OutputCorrection:
         """The residual, its step as a plain function, and the maps it is made of."""
         self.net: SkipNet | None = None
         self.members: list[SkipNet] = []
-        if self.residual is None and self.form == "output":
+        own = self.residual is None or isinstance(self.residual, FreeRunResidual)
+        if own and self.form == "output":
             if before is not None and isinstance(before.fitted, FreeRunResidual):
                 self.fitted: Any = before.fitted.go_on(known, deviation)
             else:
@@ -166,9 +167,9 @@ class OutputCorrection:
                 ages = np.concatenate(
                     [np.repeat(np.arange(self.n_lags + 1), self._n_inputs(known)), np.ones(self.n_outputs)]
                 )
-                self.fitted = FreeRunResidual(
-                    alpha=self.shrinkage, loss=self.loss, random_state=self.random_state
-                ).fit_runs(known, deviation, ages, self.n_lags)
+                default = FreeRunResidual(alpha=self.shrinkage, loss=self.loss, random_state=self.random_state)
+                residual = default if self.residual is None else clone(self.residual)
+                self.fitted = residual.fit_runs(known, deviation, ages, self.n_lags)
             self.net, self.members = self.fitted.net_, self.fitted.members_
             self.step: Callable[[np.ndarray], np.ndarray] = self.net
             return

@@ -103,7 +103,11 @@ class FreeRunResidual(BaseEstimator):
 
         taught, judged, whole = pieces(pupils), pieces(judges), pieces(everything)
         ranked = []
-        for net, penalty, prior in self._starts(taught, weight):
+        starts = self._starts(taught, weight)
+        for net, penalty, prior in starts:
+            if len(starts) == 1:  # nothing to choose
+                ranked.append((0.0, net, penalty, prior))
+                break
             net = self._learn(net, taught, penalty, prior, self.max_iter)
             error, _ = shooting(judged)(net, False)
             mean = float(np.mean(error**2))
@@ -112,7 +116,8 @@ class FreeRunResidual(BaseEstimator):
         good = [entry for entry in ranked if np.isfinite(entry[0]) and entry[0] <= 4.0 * ranked[0][0]] or ranked[:1]
         self._penalties = [(penalty, prior) for _, _, penalty, prior in good]
         nets = [net for _, net, _, _ in good]
-        self._settle([self._learn(n, whole, p, q, 15) for n, (p, q) in zip(nets, self._penalties)], judged)
+        steps = 15 if len(starts) > 1 else 15 + self.max_iter
+        self._settle([self._learn(n, whole, p, q, steps) for n, (p, q) in zip(nets, self._penalties)], judged)
         return self
 
     def go_on(self, known: Sequence[np.ndarray], deviation: Sequence[np.ndarray]) -> FreeRunResidual:

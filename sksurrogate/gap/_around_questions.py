@@ -15,8 +15,9 @@ from sksurrogate.gap._around import Around, Trial
 from sksurrogate.gap._around_next import next_experiment
 from sksurrogate.gap._around_search import AroundSearch
 from sksurrogate.gap._around_where import equivalent_places, forces_on_states, left_of, variables
+from sksurrogate.gap._correction import generic_correction
 from sksurrogate.gap._report import NextExperiment, Shrink
-from sksurrogate.gap._shrink import HeldOut, blocked, generic_correction, measure
+from sksurrogate.gap._shrink import HeldOut, blocked, measure
 from sksurrogate.gap._unknown import Place, repeatable
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant

@@ -1,15 +1,12 @@
-"""How far the gap shrinks: refit on some runs, free run on the others; beside it what re-tuning and a generic correction close."""
+"""How far the gap shrinks: refit on some runs, free run on the others; beside it what re-tuning alone closes."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import Shrink, Table
@@ -17,8 +14,6 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["HeldOut", "blocked", "held_out", "measure", "shares"]
 
-#: The generic correction is learned on this many parts only: it takes most of the time of a diagnosis.
-CORRECTION_FOLDS = 2
 #: Runs are put into at most this many folds.
 MOST_FOLDS = 6
 #: Rows of the shortest block of a run that is cut.
@@ -216,48 +211,3 @@ def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, 
         closed = 1 - gap_a / gap_b if gap_b > 0 else np.nan
         rows.append({"output": name, "before": float(b), "after": float(a), "floor": float(f), "fraction": closed})
     return Table(tuple(rows))
-
-
-def generic_correction(
-    simulator: Any, correction: Any, labels: tuple[str, ...]
-) -> Callable[[Record, np.ndarray], np.ndarray]:
-    """The waterfall's learned correction: fitted on the training runs, free run on the others."""
-
-    def run(record: Record, fold: np.ndarray) -> np.ndarray:
-        from sklearn.base import clone
-
-        from sksurrogate.compose import HybridRegressor
-
-        model = HybridRegressor(simulator) if correction is None else correction
-        if not len(record.u):  # regressors want a column
-            return np.full(record.y.shape, np.nan)
-        row_of = record.run_of_row
-        out = np.full(record.y.shape, np.nan)
-        fold = np.asarray(fold) % CORRECTION_FOLDS
-        for k in np.unique(fold):
-            test = np.isin(row_of, np.flatnonzero(fold == k))
-            if test.all():  # one short run: nothing is left to learn from
-                continue
-            try:
-                fitted = clone(model).fit(record.u[:, ~test].T, record.y[:, ~test].T, groups=row_of[~test])
-                n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
-                labels_test = row_of[test]
-                firsts = np.stack(
-                    [record.y[:, record.starts[r] : record.starts[r] + n_lags].T for r in np.unique(labels_test)]
-                )
-                out[:, test] = (
-                    np.asarray(fitted.predict(record.u[:, test].T, y0=firsts, groups=labels_test))
-                    .reshape(test.sum(), -1)
-                    .T
-                )
-            except (SurrogateError, ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
-                # The answers so far are worth more than the bar of the learned correction.
-                warnings.warn(
-                    f"correction: {type(model).__name__} failed on runs left out ({error}); its bar is left out.",
-                    UserWarning,
-                    stacklevel=2,
-                )
-                continue
-        return out
-
-    return run
