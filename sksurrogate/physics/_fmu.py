@@ -2,76 +2,18 @@
 
 from __future__ import annotations
 
-import atexit
 import os
-import shutil
-import tempfile
-import zipfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._fmu_unit import OpenUnit, describe, unpack
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._params import ParametricSimulator
 
 __all__ = ["FMUSimulator"]
-
-#: Largest size of an unpacked unit, bytes.
-_LARGEST = 2_000_000_000
-#: Most files in a unit.
-_MOST = 20_000
-#: (process, file, time of change) -> folder it was unpacked to; shared by all simulators of a process.
-_UNPACKED: dict[tuple[int, str, int], str] = {}
-
-
-def _unpack(path: str) -> str:
-    """Unpack once a process; members that would leave the folder or fill the disk are refused."""
-    file = Path(path)
-    if not file.is_file():
-        raise SimulatorError(f"path={path!r} is not a file: give the path of an .fmu.")
-    key = (os.getpid(), str(file.resolve()), file.stat().st_mtime_ns)
-    if key in _UNPACKED:
-        return _UNPACKED[key]
-    folder = Path(tempfile.mkdtemp(prefix="sksurrogate-fmu-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    try:
-        with zipfile.ZipFile(file) as archive:
-            members = archive.infolist()
-            size = sum(member.file_size for member in members)
-            if size > _LARGEST or len(members) > _MOST:
-                raise SimulatorError(
-                    f"path={path!r} would unpack to {len(members)} files of {size} bytes, expected at most {_MOST} files "
-                    f"of {_LARGEST} bytes: this unit is not safe."
-                )
-            for member in members:
-                if not (folder / member.filename).resolve().is_relative_to(folder.resolve()):
-                    raise SimulatorError(
-                        f"path={path!r} holds {member.filename!r}, which leaves its folder: this unit is not safe."
-                    )
-            archive.extractall(folder)
-    except SimulatorError:
-        raise
-    except Exception as error:  # a damaged or hostile archive fails in a dozen ways: zlib, names, encryption, offsets
-        raise SimulatorError(
-            f"path={path!r} is not a unit: an .fmu is a zip archive ({type(error).__name__}: {error})."
-        ) from error
-    _UNPACKED[key] = str(folder)
-    return str(folder)
-
-
-def _describe(folder: str, path: Any) -> Any:
-    """The model description of an unpacked unit."""
-    fmpy = require("fmpy", "fmu")
-    try:
-        return fmpy.read_model_description(folder)
-    except Exception as error:  # missing, not XML, not of the schema, a version that FMPy does not know
-        raise SimulatorError(
-            f"path={os.fspath(path)!r}: its modelDescription.xml cannot be read ({type(error).__name__}: "
-            f"{str(error)[:200]}): export the unit again, as FMI 2 or 3."
-        ) from error
 
 
 class FMUSimulator(ParametricSimulator):
@@ -104,8 +46,10 @@ class FMUSimulator(ParametricSimulator):
 
     Notes
     -----
-    Inputs are held over a sample. The unit is unpacked once a process; one instance is reused and reset between runs;
-    pickle and clone leave it behind and open their own.
+    Inputs are held over a sample. The unit is unpacked once a process and one instance is used again, put back to its
+    start between runs by a copy of its state where the unit offers one, else by a reset, else by a new instance; a way
+    is kept only once it has given a run equal to that of a new instance (``restart`` tells which). Pickle and clone
+    leave the instance behind and open their own.
 
     Examples
     --------
@@ -143,16 +87,20 @@ class FMUSimulator(ParametricSimulator):
         """Free the unit; the next simulation opens it again."""
         handle = self.__dict__.pop("_handle", None)
         if handle is not None:
-            handle[1].freeInstance()
+            handle[0].close()
 
-    def _opened(self) -> tuple[Any, Any, str, str]:
-        """Model description, instance, folder, kind; opened on first use and after a change of file or process."""
-        fmpy = require("fmpy", "fmu")
-        folder = _unpack(os.fspath(self.path))
+    @property
+    def restart(self) -> str:
+        """How the next run gets its start: "state" (copy of the unit's state), "reset" or "new" (another instance)."""
+        return self._opened().way
+
+    def _opened(self) -> OpenUnit:
+        """The unit in memory; opened on first use and after a change of file or process."""
+        folder = unpack(os.fspath(self.path))
         handle = self.__dict__.get("_handle")
-        if handle is not None and handle[2] == folder and handle[4] == (os.getpid(), self.fmi_type):
-            return handle[:4]
-        description = _describe(folder, self.path)
+        if handle is not None and handle[0].folder == folder and handle[1] == (os.getpid(), self.fmi_type):
+            return handle[0]
+        description = describe(folder, self.path)
         offered = [
             k
             for k, has in (("CoSimulation", description.coSimulation), ("ModelExchange", description.modelExchange))
@@ -161,9 +109,9 @@ class FMUSimulator(ParametricSimulator):
         kind = self.fmi_type or (offered[0] if offered else "")
         if kind not in offered:
             raise SimulatorError(f"fmi_type={self.fmi_type!r}: the unit {self.path!s} offers {offered}.")
-        instance = fmpy.simulation.instantiate_fmu(folder, description, fmi_type=kind)
-        self._handle = (description, instance, folder, kind, (os.getpid(), self.fmi_type))
-        return self._handle[:4]
+        self.close()
+        self._handle = (OpenUnit(folder, description, kind), (os.getpid(), self.fmi_type))
+        return self._handle[0]
 
     def _variables(self, description: Any, given: Sequence[str] | None, causality: str) -> list[str]:
         """Names as given, else by causality."""
@@ -191,7 +139,8 @@ class FMUSimulator(ParametricSimulator):
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: (n_samples, n_outputs)."""
-        description, instance, folder, kind = self._opened()
+        unit = self._opened()
+        description = unit.description
         inputs, outputs = (
             self._variables(description, self.inputs, "input"),
             self._variables(description, self.outputs, "output"),
@@ -215,41 +164,46 @@ class FMUSimulator(ParametricSimulator):
                 )
             values |= dict(zip(initial, given.tolist()))
         self._check_settable(description, list(values))
-        found = self._run(instance, folder, description, kind, rows, times, values, inputs, outputs)
+        found = self._run(unit, rows, times, values, inputs, outputs)
         raise_if_diverged(found[None], times, tuple(outputs))
         return found
 
     def _run(
-        self, instance: Any, folder: str, description: Any, kind: str, rows: np.ndarray, times: np.ndarray,
-        values: dict[str, float], inputs: list[str], outputs: list[str],
+        self, unit: OpenUnit, rows: np.ndarray, times: np.ndarray, values: dict[str, float], inputs: list[str],
+        outputs: list[str],
     ) -> np.ndarray:  # fmt: skip
         """One run; inputs are held by stating each both at its first and just before the next sample."""
         fmpy = require("fmpy", "fmu")
-        if len(rows) == 1:
-            rows, times, single = np.repeat(rows, 2, axis=0), np.array([times[0], times[0] + self.dt]), True
-        else:
-            single = False
-        doubled = np.repeat(times, 2)[1:-1] if kind == "ModelExchange" else times
-        held = np.repeat(rows[:-1], 2, axis=0) if kind == "ModelExchange" else rows
+        single = len(rows) == 1
+        if single:
+            rows, times = np.repeat(rows, 2, axis=0), np.array([times[0], times[0] + self.dt])
+        doubled = np.repeat(times, 2)[1:-1] if unit.kind == "ModelExchange" else times
+        held = np.repeat(rows[:-1], 2, axis=0) if unit.kind == "ModelExchange" else rows
         signal = None
         if inputs:
             signal = np.array(
                 [(a, *b) for a, b in zip(doubled, held)], dtype=[("time", float), *((name, float) for name in inputs)]
             )
         step = float(times[1] - times[0])
-        try:
-            instance.reset()
+
+        def once(instance: Any) -> np.ndarray:
             result = fmpy.simulate_fmu(
-                folder, model_description=description, fmu_instance=instance, fmi_type=kind, start_time=times[0], stop_time=times[-1],
-                step_size=step, output_interval=step, start_values=values, input=signal, output=outputs, relative_tolerance=1e-8,
-                validate=False,
+                unit.folder, model_description=unit.description, fmu_instance=instance, fmi_type=unit.kind, start_time=times[0],
+                stop_time=times[-1], step_size=step, output_interval=step, start_values=dict(values), input=signal, output=outputs,
+                relative_tolerance=1e-8, validate=False,
             )  # fmt: skip
+            clock = np.asarray(result["time"], dtype=float)
+            rows_at = np.searchsorted(clock, times - 1e-9 * step, side="left")
+            if rows_at.max() >= len(clock):
+                raise SimulatorError(f"the unit {self.path!s} ended at t = {clock[-1]:g}, before t = {times[-1]:g}.")
+            return np.stack([np.asarray(result[name], dtype=float)[rows_at] for name in outputs], axis=1)
+
+        try:
+            found = unit.run(once)
+        except SimulatorError:
+            self.__dict__.pop("_handle", None)
+            raise
         except Exception as error:
             self.__dict__.pop("_handle", None)
             raise SimulatorError(f"the unit {self.path!s} stopped: {type(error).__name__}: {error}.") from error
-        clock = np.asarray(result["time"], dtype=float)
-        rows_at = np.searchsorted(clock, times - 1e-9 * step, side="left")
-        if rows_at.max() >= len(clock):
-            raise SimulatorError(f"the unit {self.path!s} ended at t = {clock[-1]:g}, before t = {times[-1]:g}.")
-        found = np.stack([np.asarray(result[name], dtype=float)[rows_at] for name in outputs], axis=1)
         return found[:1] if single else found

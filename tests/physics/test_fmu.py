@@ -123,15 +123,18 @@ class Reactor3(Fmi3SlaveBase, ModelExchange):
 """
 
 
-@pytest.fixture(scope="module")
-def exchange_unit(tmp_path_factory):
+def _exchange(folder, name="Reactor3", **options):
     builder = pytest.importorskip("pythonfmu3.builder")
     pytest.importorskip("fmpy")
-    folder = tmp_path_factory.mktemp("exchange")
-    script = folder / "reactor_exchange.py"  # units of one process share Python's modules
-    script.write_text(EXCHANGE)
-    builder.FmuBuilder.build_FMU(script, dest=folder)
-    return folder / "Reactor3.fmu"
+    script = folder / f"{name.lower()}_exchange.py"  # units of one process share Python's modules
+    script.write_text(EXCHANGE.replace("Reactor3", name))
+    builder.FmuBuilder.build_FMU(script, dest=folder, **options)
+    return folder / f"{name}.fmu"
+
+
+@pytest.fixture(scope="module")
+def exchange_unit(tmp_path_factory):
+    return _exchange(tmp_path_factory.mktemp("exchange"))
 
 
 def test_a_unit_for_model_exchange_of_fmi_3_equals_the_right_hand_side(exchange_unit):
@@ -145,3 +148,100 @@ def test_a_unit_for_model_exchange_of_fmi_3_equals_the_right_hand_side(exchange_
     np.testing.assert_array_equal(fmu.simulate(U, x0=[8.0]), found)
     with pytest.raises(SimulatorError, match=r"offers \['ModelExchange'\]"):
         clone(fmu).set_params(fmi_type="CoSimulation").simulate(U)
+
+
+CARRY = """
+from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
+
+
+class {name}(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.u, self.v, self.y, self.gain = 0.0, 0.0, 1.0, 1.0
+        self.hidden = 0.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+        self.register_variable(Real("v", causality=Fmi2Causality.input))
+        self.register_variable(Real("y", causality=Fmi2Causality.output, initial=Fmi2Initial.exact))
+        self.register_variable(Real("gain", causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+        if {registered}:
+            self.register_variable(Real("hidden", causality=Fmi2Causality.local))
+
+    def do_step(self, current_time, step_size):
+        self.hidden += step_size * self.y
+        self.y += step_size * (self.gain * self.u - self.v * self.y - self.hidden)
+        return True
+"""
+
+
+def _carry(folder, name, registered, offered):
+    """A unit with a state that may be missing from the copy of its state."""
+    builder = pytest.importorskip("pythonfmu.builder")
+    pytest.importorskip("fmpy")
+    script = folder / f"{name.lower()}.py"
+    script.write_text(CARRY.format(name=name, registered=registered))
+    options = {"canGetAndSetFMUstate": True} if offered else {}
+    builder.FmuBuilder.build_FMU(script, dest=folder, **options)
+    return folder / f"{name}.fmu"
+
+
+@pytest.mark.parametrize(
+    ("name", "registered", "offered", "way"),
+    [("Whole", True, True, "state"), ("Partial", False, True, "reset"), ("Without", True, False, "reset")],
+)
+def test_the_way_back_to_the_start_is_the_first_that_equals_a_new_instance(tmp_path, name, registered, offered, way):
+    path = _carry(tmp_path, name, registered, offered)
+    U = np.random.default_rng(1).uniform(0, 1, size=(30, 2))
+    fmu = FMUSimulator(path, initial=["y"], dt=0.1)
+
+    def fresh(x0, **params):
+        other = clone(fmu).set_params(params=params or None)
+        found = other.simulate(U, x0=x0)
+        other.close()
+        return found
+
+    hidden, y, expected = 0.0, 2.0, []
+    for u, v in U:  # the unit's own recursion
+        expected.append(y)
+        hidden += 0.1 * y
+        y += 0.1 * (u - v * y - hidden)
+    np.testing.assert_allclose(fmu.simulate(U, x0=[2.0])[:, 0], expected, rtol=0, atol=1e-12)
+    for x0, gain in [(1.0, 3.0), (2.0, 1.0), (0.5, 1.0), (2.0, 1.0)]:
+        found = fmu.set_params(params={"gain": gain}).simulate(U, x0=[x0])
+        np.testing.assert_array_equal(found, fresh([x0], gain=gain))
+    np.testing.assert_array_equal(fmu.set_params(params=None).simulate(U, x0=[2.0]), fresh([2.0]))
+    assert fmu.restart == way
+    instance = fmu._opened().instance
+    calls = []
+    set_state, reset = instance.setFMUState, instance.reset
+    instance.setFMUState = lambda state: (calls.append("state"), set_state(state))
+    instance.reset = lambda: (calls.append("reset"), reset())
+    fmu.simulate(U)
+    assert calls == [way]
+    fmu.close()
+
+
+def test_a_unit_that_forgets_nothing_by_neither_way_is_opened_anew(tmp_path, monkeypatch):
+    path = _carry(tmp_path, "Stubborn", True, True)
+    U = np.ones((10, 2))
+    fmu = FMUSimulator(path, dt=0.1)
+    first = fmu.simulate(U)
+    kind = type(fmu._opened().instance)
+    monkeypatch.setattr(kind, "setFMUState", lambda self, state: None)
+    monkeypatch.setattr(kind, "reset", lambda self: None)
+    for _ in range(4):
+        np.testing.assert_array_equal(fmu.simulate(U), first)
+    assert fmu.restart == "new"
+    fmu.close()
+
+
+def test_the_state_of_a_unit_of_fmi_3_is_copied(tmp_path):
+    fmu = FMUSimulator(
+        _exchange(tmp_path, "Copied3", canGetAndSetFMUState=True), inputs=["u"], outputs=["y"], initial=["y"], dt=0.01
+    )
+    U = _inputs(20)
+    first = fmu.simulate(U, x0=[8.0])
+    clone(fmu).set_params(params={"feed": 2.0}).simulate(U, x0=[3.0])
+    for _ in range(3):
+        fmu.set_params(params={"feed": 2.0}).simulate(U, x0=[3.0])
+        np.testing.assert_array_equal(fmu.set_params(params=None).simulate(U, x0=[8.0]), first)
+    assert fmu.restart == "state"

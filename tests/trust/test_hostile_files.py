@@ -18,7 +18,7 @@ from sksurrogate.compose import RecursivePredictor
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.physics._fmu import _describe, _unpack
+from sksurrogate.physics._fmu_unit import describe, unpack
 
 FEW = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 cells = st.sampled_from(
@@ -112,7 +112,7 @@ def opens_or_refuses(content, folder):
     file = Path(folder) / "u.fmu"
     file.write_bytes(content)
     try:
-        return _describe(_unpack(str(file)), file)
+        return describe(unpack(str(file)), file)
     except SimulatorError as error:
         return str(error)
 
@@ -131,7 +131,7 @@ def test_a_unit_that_would_leave_its_folder_is_refused(name, tmp_path):
 
 
 def test_a_unit_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("sksurrogate.physics._fmu._LARGEST", 10**6)
+    monkeypatch.setattr("sksurrogate.physics._fmu_unit._LARGEST", 10**6)
     said = opens_or_refuses(unit(("modelDescription.xml", XML), ("bomb", bytes(2 * 10**6))), tmp_path)
     assert "expected at most" in said and "not safe" in said
 

@@ -1,0 +1,154 @@
+"""An FMU on disk and in memory: unpacked once, opened once, put back to its start between runs."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import SimulatorError, require
+
+__all__ = ["OpenUnit", "describe", "unpack"]
+
+#: Largest size of an unpacked unit, bytes.
+_LARGEST = 2_000_000_000
+#: Most files in a unit.
+_MOST = 20_000
+#: (process, file, time of change) -> folder it was unpacked to; shared by all simulators of a process.
+_UNPACKED: dict[tuple[int, str, int], str] = {}
+
+
+def unpack(path: str) -> str:
+    """Unpack once a process; members that would leave the folder or fill the disk are refused."""
+    file = Path(path)
+    if not file.is_file():
+        raise SimulatorError(f"path={path!r} is not a file: give the path of an .fmu.")
+    key = (os.getpid(), str(file.resolve()), file.stat().st_mtime_ns)
+    if key in _UNPACKED:
+        return _UNPACKED[key]
+    folder = Path(tempfile.mkdtemp(prefix="sksurrogate-fmu-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+            size = sum(member.file_size for member in members)
+            if size > _LARGEST or len(members) > _MOST:
+                raise SimulatorError(
+                    f"path={path!r} would unpack to {len(members)} files of {size} bytes, expected at most {_MOST} files "
+                    f"of {_LARGEST} bytes: this unit is not safe."
+                )
+            for member in members:
+                if not (folder / member.filename).resolve().is_relative_to(folder.resolve()):
+                    raise SimulatorError(
+                        f"path={path!r} holds {member.filename!r}, which leaves its folder: this unit is not safe."
+                    )
+            archive.extractall(folder)
+    except SimulatorError:
+        raise
+    except Exception as error:  # a damaged or hostile archive fails in a dozen ways: zlib, names, encryption, offsets
+        raise SimulatorError(
+            f"path={path!r} is not a unit: an .fmu is a zip archive ({type(error).__name__}: {error})."
+        ) from error
+    _UNPACKED[key] = str(folder)
+    return str(folder)
+
+
+def describe(folder: str, path: Any) -> Any:
+    """The model description of an unpacked unit."""
+    fmpy = require("fmpy", "fmu")
+    try:
+        return fmpy.read_model_description(folder)
+    except Exception as error:  # missing, not XML, not of the schema, a version that FMPy does not know
+        raise SimulatorError(
+            f"path={os.fspath(path)!r}: its modelDescription.xml cannot be read ({type(error).__name__}: "
+            f"{str(error)[:200]}): export the unit again, as FMI 2 or 3."
+        ) from error
+
+
+class OpenUnit:
+    """One instance of a unit and its way back to the start.
+
+    The ways are tried in the order "state" (a copy of the state taken before the first run; only where the description
+    offers it), "reset", "new" (another instance). Units exist whose copy or whose reset forgets a variable, so a way
+    is used only after one run by it was equal, number by number, to the same run of a new instance; that is found out
+    at the second run of a unit and kept for the process.
+    """
+
+    #: (folder, kind) -> ways not refuted yet, the first of them in use; and those found equal to a new instance.
+    ways: dict[tuple[str, str], list[str]] = {}
+    proven: set[tuple[str, str, str]] = set()
+
+    def __init__(self, folder: str, description: Any, kind: str):
+        self.folder, self.description, self.kind = folder, description, kind
+        offer = description.coSimulation if kind == "CoSimulation" else description.modelExchange
+        offered = ["state", "reset", "new"] if offer.canGetAndSetFMUstate else ["reset", "new"]
+        self._left = self.ways.setdefault((folder, kind), offered)
+        self._open()
+
+    @property
+    def way(self) -> str:
+        """How the next run gets its start: "state", "reset" or "new"."""
+        return self._left[0]
+
+    def _open(self) -> None:
+        """A new instance, and the copy of its state where that is the way."""
+        fmpy = require("fmpy", "fmu")
+        self.instance = fmpy.simulation.instantiate_fmu(self.folder, self.description, fmi_type=self.kind)
+        self._state: Any = None
+        self._used = False
+        if self.way == "state":
+            try:
+                self._state = self.instance.getFMUState()
+            except Exception:  # offered in words only, or not before the first step
+                self._left.remove("state")
+
+    def close(self) -> None:
+        """Free the copy and the instance."""
+        if self._state is not None:
+            self.instance.freeFMUState(self._state)
+            self._state = None
+        self.instance.freeInstance()
+
+    def run(self, once: Callable[[Any], np.ndarray]) -> np.ndarray:
+        """Result of one run that begins at the unit's start."""
+        if not self._used:
+            self._used = True
+            return once(self.instance)
+        if (self.folder, self.kind, self.way) in self.proven:
+            self._put_back()
+            return once(self.instance)
+        return self._prove(once)
+
+    def _put_back(self) -> None:
+        """To the start, by the way in use."""
+        if self.way == "state" and self._state is not None:
+            self.instance.setFMUState(self._state)
+        else:  # an instance opened before the copy was refuted by another has none to go back to
+            self.instance.reset()
+
+    def _prove(self, once: Callable[[Any], np.ndarray]) -> np.ndarray:
+        """A run by the way in use and again by a new instance; the way is kept if they are equal."""
+        way = self.way
+        found = None
+        if way != "new":
+            try:
+                self._put_back()
+                found = once(self.instance)
+            except Exception:  # the same run of a new instance tells whether the way or the run is to blame
+                found = None
+        self.close()
+        self._open()
+        self._used = True
+        expected = once(self.instance)
+        if found is not None and np.array_equal(found, expected, equal_nan=True):
+            self.proven.add((self.folder, self.kind, way))
+        elif way != "new" and way in self._left:
+            self._left.remove(way)
+        return expected
