@@ -100,6 +100,10 @@ class BaseEffect(BaseEstimator):
         """Values near a fit from which to fit again, for effects whose prediction jumps with them; mostly none."""
         return []
 
+    def simpler(self, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
+        """Simpler effects that this one, at these values, hardly differs from: by name, all their parameters but the first."""
+        return {}
+
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
         """Lower bounds in a record whose longest run has this duration: slower things than it shows are left to others."""
         return tuple(p.low for p in self.parameters)

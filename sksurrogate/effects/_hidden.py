@@ -183,6 +183,11 @@ class HiddenMode(HiddenEffect):
         """``c (z - v)``."""
         return theta[0] * (z[0] - v)
 
+    def simpler(self, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
+        """A mode that does not ring is a relaxation with ``2 d / w`` as time constant."""
+        _, w, damping = theta
+        return {"hidden_relaxation": (2.0 * damping / w,)} if damping > 1.0 else {}
+
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Eight frequencies from two periods a run to six samples a period, lightly and well damped."""
         assert probe.v is not None

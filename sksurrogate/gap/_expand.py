@@ -114,8 +114,12 @@ class Expander:
         others = [e for e in self.candidates if e.name == effect.name and e.key not in have]
         if len(theta) < 2 or not others:
             return []
+        return self.shaped(base, others, tuple(float(v) for v in theta[1:]))
+
+    def shaped(self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...]) -> list[Rival]:
+        """Effects of one shape (all parameters but the first), added to a base."""
         problem = self.searching(base)
-        starts = screen(problem, others, base, self.guess(base), None, tuple(float(v) for v in theta[1:])).starts
+        starts = screen(problem, effects, base, self.guess(base), None, shape).starts
         found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values))
         self.remember(found)
         return found

@@ -312,13 +312,15 @@ class Search(Expander):
         if self.is_far(rival) and not far:
             return rival
         for i, effect in enumerate(rival.effects):
-            for name in NESTED.get(effect.name, ()):
+            shapes = effect.simpler(tuple(rival.theta_of(i)))
+            for name in (*NESTED.get(effect.name, ()), *shapes):
                 simple = [e for e in self.candidates if e.name == name and e.location == effect.location]
                 simple = [e for e in simple if e.variable in (effect.variable, None)]
                 base = self.without(rival, i) if simple else None
                 if base is None:
                     continue
-                for other in self.ranked(self.expand(base, 2, 0, simple), base)[:1]:
+                others = self.shaped(base, simple, shapes[name]) if name in shapes else self.expand(base, 2, 0, simple)
+                for other in self.ranked(others, base)[:1]:
                     fitted = self.polish(other)
                     if self.as_good(fitted, rival):
                         self.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)

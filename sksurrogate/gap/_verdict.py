@@ -20,6 +20,9 @@ SHARE = 0.20
 #: With a clear law in what is left, or as many names as are looked for (a stack of stand-ins), this share is too much
 #: already where the error is over this many times the noise.
 SHARE_LAWFUL, LEFT_LAWFUL, CLEAR_LAW = 0.05, 1.1, 0.3
+#: Two names that leave more than the noise, and in it a law of even this R2, are stand-ins for one missing effect; three
+#: or more are it without a law. What the numerics of a true pair leave is a smaller share than the last.
+LEFT_BY_SEVERAL, LAW_BY_TWO, NUMERICS_SHARE = 1.03, 0.03, 0.01
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
 #: A gap closed to this share (amplitude) is explained however precise the sensors are: no real plant's model is exact.
@@ -56,8 +59,8 @@ class Facts:
         Largest latent force over the RMS of its dx/dt.
     retuned : bool
         Whether re-tuning alone passed its bar.
-    exhausted : bool
-        Whether as many effects passed as are looked for: a stack of stand-ins.
+    names : int
+        Effects that passed; as many as are looked for are a stack of stand-ins.
     error : float
         Free-run error before, held out, each output divided by its deviation.
     n_samples : int
@@ -69,7 +72,7 @@ class Facts:
     law: float
     force: float
     retuned: bool
-    exhausted: bool = False
+    names: int = 1
     error: float = np.inf
     n_samples: int = 1000
 
@@ -80,17 +83,22 @@ def decide(facts: Facts) -> str:
     lawful = law or facts.force > FORCE
     if facts.accepted or facts.retuned:
         if facts.left > FAR:
-            stack = facts.exhausted and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
+            stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
             too_much = stack or (lawful and facts.share_left > SMALL_SHARE)
         else:
-            clear = facts.law > CLEAR_LAW or facts.exhausted
-            too_much = (facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL and clear) or (
-                facts.share_left > SHARE and facts.left > 1.05 and lawful
-            )
+            clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
+            much = lawful and facts.share_left > SHARE and facts.left > 1.05
+            too_much = clear or much or stand_ins(facts)
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
         return "none"
     return "unknown" if (law and facts.left > 1.15) or facts.left > FAR else "none"
+
+
+def stand_ins(facts: Facts) -> bool:
+    """Whether several names, near the noise, only stand in for one effect that is missing."""
+    beyond = facts.left > max(LEFT_BY_SEVERAL, 1.0 + facts.n_samples**-0.5) and facts.share_left > NUMERICS_SHARE
+    return beyond and (facts.names >= 3 or (facts.names == 2 and facts.law > LAW_BY_TWO))
 
 
 def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law: np.ndarray, retuned: bool) -> Facts:
@@ -103,7 +111,7 @@ def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law
         float(np.max(law, initial=0.0)),
         float(np.max(latent.size, initial=0.0)),
         retuned,
-        len(final.effects) >= MOST_EFFECTS,
+        len(final.effects),
         float(shrink.before) if np.isfinite(shrink.before) else np.inf,
         final.model.record.n_samples,
     )

@@ -1,11 +1,32 @@
-"""The rule of the verdict on two recorded sets of facts: the demo's second story, and the cascaded tanks."""
+"""The rule of the verdict on recorded sets of facts: the demo's second story, the cascaded tanks, stand-ins, disturbances."""
+
+import pytest
 
 from sksurrogate.gap._verdict import Facts, decide
 
 
 def test_a_stack_of_names_with_a_clear_law_left_is_unknown_and_a_useful_one_is_not():
-    both = {"accepted": True, "exhausted": True}
+    both = {"accepted": True, "names": 4}
     story = Facts(**both, share_left=0.073, left=38.0, law=0.56, force=0.094, retuned=False, error=0.91, n_samples=2000)
     tanks = Facts(**both, share_left=0.071, left=3918.0, law=0.22, force=0.30, retuned=True, error=1.05, n_samples=1024)
     assert decide(story) == "unknown"
     assert decide(tanks) == "explained"
+
+
+#: names, left, law, share left: what named effects left in blind cases whose true effect was not in the catalogue ...
+STAND_INS = [(4, 1.081, 0.047, 0.057), (2, 1.236, 0.039, 0.115), (3, 1.099, 0.0, 0.108), (2, 2.79, 0.058, 0.188)]
+#: ... and where it was named: under a disturbance of 1 %, two with the kinks of another integrator, three in a spring.
+NAMED = [
+    (1, 2.254, 0.0, 0.085),
+    (1, 1.07, 0.0, 0.045),
+    (2, 1.022, 0.0, 0.004),
+    (2, 1.3, 0.0, 0.08),
+    (3, 1.003, 0.0, 0.0004),
+]
+
+
+@pytest.mark.parametrize(("rows", "verdict"), [(STAND_INS, "unknown"), (NAMED, "explained")])
+def test_several_names_that_leave_more_than_the_noise_stand_in_for_one_that_is_missing(rows, verdict):
+    for names, left, law, share in rows:
+        facts = Facts(True, share, left, law, 0.005, False, names, 0.15, 1600)
+        assert decide(facts) == verdict, facts
