@@ -66,6 +66,10 @@ def _add_blind(commands: Any) -> None:
     blind.add_argument("--resume", metavar="FILE", help="rows as JSON lines: those there count, new ones are appended")
     blind.add_argument("--seed", type=int, default=None, help="the same cases again; fresh entropy by default")
     blind.add_argument("--jobs", type=int, default=None, help="cases abreast")
+    blind.add_argument(
+        "--follow-up", type=float, default=1.0, metavar="SHARE",
+        help="share of the cases with tied names whose suggested experiment is carried out (default 1)",
+    )  # fmt: skip
     blind.add_argument("--simulator", metavar="FILE:NAME", help="your own simulator in place of the built-in plants")
     blind.add_argument("--data", metavar="CSV", help="with --simulator: recorded inputs by name")
     blind.add_argument("--run", metavar="COL", help="column of --data that names the run of each row")
@@ -86,7 +90,7 @@ def _blind(arguments: argparse.Namespace) -> int:
         own = {"simulator": simulator, "X": np.column_stack([columns[n] for n in simulator.inputs]), "groups": labels}
     result = run_blind_check(
         arguments.cases, arguments.arms, seed=arguments.seed, resume=arguments.resume, n_jobs=arguments.jobs,
-        verbose=0 if arguments.quiet else 1, **own,
+        follow_up=arguments.follow_up, verbose=0 if arguments.quiet else 1, **own,
     )  # fmt: skip
     print(result)
     if arguments.html:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
-from sksurrogate.blind._cases import ARMS, Case, draw
-from sksurrogate.blind._follow import CONTROL, follow
+from sksurrogate.blind._cases import ARMS, draw
+from sksurrogate.blind._follow import followed
 from sksurrogate.blind._own import plant_of
 from sksurrogate.blind._score import score
 from sksurrogate.blind._seal import close_seal
@@ -38,7 +38,7 @@ def run_blind_check(
     n_jobs: int | None = None,
     diagnosis: str = DEFAULT,
     limit: float = 600.0,
-    follow_up: bool = False,
+    follow_up: float = 1.0,
     verbose: int = 0,
 ) -> BlindResult:
     """Check the diagnosis on plants whose effect is withheld from it.
@@ -71,11 +71,11 @@ def run_blind_check(
         ``module:function`` that answers a :class:`Question`; the package's diagnosis by default.
     limit : float, default=600
         Seconds allowed for one diagnosis.
-    follow_up : bool, default=False
-        Whether the suggested next experiment is carried out where names are tied (two more diagnoses: with it, and with
-        a mere repetition of the first run).
+    follow_up : float, default=1.0
+        Share of the cases with tied names in which the suggested next experiment is carried out: two more diagnoses
+        among the tied names, with its run added and, as a control, with the first run recorded once more.
     verbose : int, default=0
-        1 prints each row.
+        1 prints the hash of each sealed truth before the diagnosis starts, and each row.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def run_blind_check(
     else:
         known = {(row["arm"], row["seed"]) for row in rows}
         todo = [(arm, s) for arm, k in wanted if (arm, s := _entropy(seed, k)) not in known]
-    jobs = ((arm, entropy, plant, runs, diagnosis, limit, follow_up) for arm, entropy in todo)
+    jobs = ((arm, entropy, plant, runs, diagnosis, limit, follow_up, verbose) for arm, entropy in todo)
     for row in _answered(jobs, n_jobs):
         rows.append(row)
         _store(resume, row)
@@ -158,7 +158,8 @@ def run_case(
     runs: Any = None,
     diagnosis: str = DEFAULT,
     limit: float = 600.0,
-    follow_up: bool = False,
+    follow_up: float = 1.0,
+    verbose: int = 0,
     *,
     solver: Solver | None = None,
     look: Callable[[Any, Any], None] | None = None,
@@ -172,7 +173,7 @@ def run_case(
         Fresh by default.
     plant, runs : PlantSpec, list of ndarray, optional
         A plant of the user's own.
-    diagnosis, limit, follow_up : str, float, bool
+    diagnosis, limit, follow_up, verbose : str, float, float, int
         As in :func:`run_blind_check`.
     solver : Solver, optional
         Process to be asked; kept from case to case.
@@ -200,6 +201,8 @@ def run_case(
     solver.function, solver.limit = diagnosis, limit
     with tempfile.TemporaryDirectory(prefix="sealed-") as folder:
         seal = close_seal(case.facts, folder)
+        if verbose:
+            print(f"[blind] sealed: {arm} sha256 {seal.sha256}", flush=True)
         answer = solver.ask(case.question)
         opened = seal.open()
     if opened["truths"] != case.facts["truths"]:
@@ -207,27 +210,9 @@ def run_case(
     if look is not None:
         look(case, answer)
     row = score(case, answer)
-    if follow_up:
-        row |= _followed(case, answer, row, solver)
+    if np.random.default_rng([case.facts["seed"], 18]).random() < follow_up:
+        row |= followed(case, answer, row, solver.ask)
     return {**row, "diagnosis": diagnosis, "sha256": seal.sha256, "whole_seconds": time.perf_counter() - begun}
-
-
-def _followed(case: Case, answer: dict[str, Any], row: dict[str, Any], solver: Solver) -> dict[str, Any]:
-    """Size of the largest class after the suggested experiment, and after the same run again."""
-    if "error" in row or max(row["classes"], default=1) < 2:
-        return {}
-    found: dict[str, Any] = {
-        "class_before": max(row["classes"]),
-        "experiment": (answer.get("next_experiment") or {}).get("best"),
-    }
-    for key, name in (("class_after", None), ("class_repeated", CONTROL)):
-        question = follow(case, answer, name)
-        second: dict[str, Any] = (
-            solver.ask(question) if question is not None and found["experiment"] else {"error": "not done"}
-        )
-        effects = second.get("effects") or []
-        found[key] = max((1 + len(e["equivalents"]) for e in effects), default=None)
-    return found
 
 
 def line(row: dict[str, Any]) -> str:

@@ -229,7 +229,7 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
     facts = {
         "arm": arm, "seed": seed, "plant": plant.name, "domain": plant.domain, "excitation": setting.excitation,
         "sensors": "all" if len(read) == len(plant.outputs) else "few", "noise": setting.noise, "n_runs": n_runs,
-        "n_samples": n_samples, "repeats": setting.repeats, "gap_over_noise": gap,
+        "n_samples": n_samples, "n_states": len(plant.states), "repeats": setting.repeats, "gap_over_noise": gap,
         "truths": [truth.to_dict() for truth in truths],
     }  # fmt: skip
     states = course.states.reshape(n_runs * n_samples, -1)

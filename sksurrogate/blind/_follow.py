@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from sksurrogate.blind._cases import Case, Question
 from sksurrogate.blind._march import march
 
-__all__ = ["CONTROL", "experiment", "follow"]
+__all__ = ["CONTROL", "experiment", "follow", "followed"]
 
 #: The experiment that the suggested one has to beat.
 CONTROL = "the same run again"
@@ -50,7 +50,7 @@ def experiment(case: Case, name: str) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def follow(case: Case, answer: Mapping[str, Any], name: str | None = None) -> Question | None:
-    """The question with one more run: that of the experiment suggested, or of the one named.
+    """The question among the tied names with one more run: that of the experiment suggested, or of the one named.
 
     Parameters
     ----------
@@ -69,10 +69,11 @@ def follow(case: Case, answer: Mapping[str, Any], name: str | None = None) -> Qu
     if not suggested:
         return None
     question, rng = case.question, np.random.default_rng([case.facts["seed"], 17])
+    question = replace(question, effects=_tied_names(answer) or question.effects)
     read = [case.plant.outputs.index(output) for output in question.simulator.outputs]
     sensor = re.fullmatch(r"a sensor for (\w+), inputs as they were", suggested)
     if sensor:
-        return _with_sensor(case, sensor[1], rng)
+        return _with_sensor(case, question, sensor[1], rng)
     found = experiment(case, suggested)
     if found is None:
         return None
@@ -89,9 +90,9 @@ def follow(case: Case, answer: Mapping[str, Any], name: str | None = None) -> Qu
     )
 
 
-def _with_sensor(case: Case, state: str, rng: np.random.Generator) -> Question | None:
+def _with_sensor(case: Case, question: Question, state: str, rng: np.random.Generator) -> Question | None:
     """The same runs with one more state measured."""
-    question, plant = case.question, case.plant
+    plant = case.plant
     outputs = [*question.simulator.outputs, state]
     if state not in plant.outputs:
         return None
@@ -99,3 +100,64 @@ def _with_sensor(case: Case, state: str, rng: np.random.Generator) -> Question |
     column = column + case.facts["noise"] * column.std() * rng.normal(size=len(column))
     simulator = plant.simulator(question.simulator.params, outputs, counting=True)
     return replace(question, simulator=simulator, y=np.column_stack([question.y, column]))
+
+
+def _tied_names(answer: Mapping[str, Any]) -> list[str]:
+    """Names of all classes of an answer."""
+    return sorted({name for e in answer.get("effects") or [] for name, *_ in [[e["name"]], *e["equivalents"]]})
+
+
+def followed(
+    case: Case, answer: Mapping[str, Any], row: Mapping[str, Any], ask: Callable[[Question], dict[str, Any]]
+) -> dict[str, Any]:
+    """What the suggested experiment is worth where names are tied, and what the first run once more is worth.
+
+    Parameters
+    ----------
+    case : Case
+    answer : dict
+        The answer whose experiment is done.
+    row : dict
+        Its scores.
+    ask : callable
+        Gives the answer to a :class:`Question`.
+
+    Returns
+    -------
+    dict
+        Empty without a tie. ``experiment``: words, None where nothing was suggested. ``gain_expected``: nats promised.
+        With suffix _before, _after, _repeated: ``class``: size of the largest class; ``truth``: whether all true effects
+        are in the classes named; ``lead``: nats between the true effect and the best other member of its class (one
+        effect only).
+    """
+    if "error" in row or max(row["classes"], default=1) < 2:
+        return {}
+    suggested = answer.get("next_experiment") or {}
+    found: dict[str, Any] = {"experiment": suggested.get("best"), "gain_expected": suggested.get("gain")}
+    members = [_members(e) for e in answer["effects"]]
+    answers: dict[str, Mapping[str, Any]] = {"before": answer}
+    for key, name in (("after", None), ("repeated", CONTROL)):
+        question = follow(case, answer, name) if found["experiment"] else None
+        answers[key] = ask(question) if question is not None else {"error": "not done"}
+    for key, given in answers.items():
+        classes = [_members(e) for e in given.get("effects") or []]
+        done = "error" not in given
+        found[f"class_{key}"] = max(map(len, classes), default=0) if done else None
+        found[f"truth_{key}"] = all(any(t.key in c for c in classes) for t in case.truths) if done else None
+        found[f"lead_{key}"] = (
+            _lead(case, given, members[0]) if done and len(members) == len(case.truths) == 1 else None
+        )
+    return found
+
+
+def _members(effect: Mapping[str, Any]) -> list[tuple[str, str, str | None]]:
+    """A class: the name and its equivalents."""
+    return [(effect["name"], effect["location"], effect["variable"]), *(tuple(e[:3]) for e in effect["equivalents"])]
+
+
+def _lead(case: Case, answer: Mapping[str, Any], members: list[tuple[str, str, str | None]]) -> float | None:
+    """Log likelihood of the true effect over that of the best other member of its class, in nats."""
+    fitted = {(n, p, v): 0.5 * float(value) for n, p, v, value in answer.get("evidence") or []}
+    others = [fitted[key] for key in members if key != case.truths[0].key and key in fitted]
+    own = fitted.get(case.truths[0].key)
+    return own - max(others) if own is not None and others and case.truths[0].key in members else None

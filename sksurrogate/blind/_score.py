@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate.blind._cases import ARMS, Case
 from sksurrogate.blind._march import march
-from sksurrogate.blind._shape import active, region_score, shape_score
+from sksurrogate.blind._shape import active, region_score, shape_curve, shape_score
 from sksurrogate.blind._truths import KINDS, Truth
 
 __all__ = ["oracle_error", "score"]
@@ -62,7 +62,11 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         ],
         "noted": bool(answer.get("notes")),
         "predicted_shrink": _number(answer.get("shrink", {}).get("fraction")),
+        "predicted_retuning": _number(answer.get("shrink", {}).get("retuning")),
+        "predicted_correction": _number(answer.get("shrink", {}).get("correction")),
+        "sentence": answer.get("sentence"),
         "seconds": _number(answer.get("seconds")),
+        "processor_seconds": _number(answer.get("processor_seconds")),
     }  # fmt: skip
     places = [truth[1] for truth in truths]
     row["place"] = row["accused"] in places if places else row["accused"] is None
@@ -186,7 +190,8 @@ def _regions(case: Case, answer: Mapping[str, Any]) -> dict[str, Any]:
     """Errors of the edge of a region (in standard deviations of its signal) and of a moment (share of a run)."""
     found: dict[str, Any] = {"edge_error": None, "time_error": None, "region_share": None}
     found["region_f1"] = region_score(case, answer.get("where", {}).get("by_region") or [])
-    found["shape"] = shape_score(case, answer.get("missing_term"))
+    found["curve"] = shape_curve(case, answer.get("missing_term"))
+    found["shape"] = shape_score(found["curve"])
     mask = active(case)
     if mask is not None:
         found["region_share"] = float(mask.mean())

@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.blind._cases import Case
 from sksurrogate.blind._truths import KINDS, NOVEL, Truth
 
-__all__ = ["active", "region_score", "rows_of_rule", "shape_score", "true_curve"]
+__all__ = ["active", "region_score", "rows_of_rule", "shape_curve", "shape_score", "true_curve"]
 
 
 def active(case: Case) -> np.ndarray | None:
@@ -80,10 +80,10 @@ def true_curve(truth: Truth, at: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def shape_score(case: Case, missing: Mapping[str, Any] | None) -> float | None:
-    """Correlation of the learned curve with the true term over its own variable; None where there is no such curve.
+def shape_curve(case: Case, missing: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """The learned curve over the true term's own variable, with the true term; None where there is no such curve.
 
-    A constant is not counted: it belongs to the balance as well as to the term.
+    A constant is not told: it belongs to the balance as well as to the term. Both curves have mean zero.
     """
     if not missing:
         return None
@@ -95,5 +95,12 @@ def shape_score(case: Case, missing: Mapping[str, Any] | None) -> float | None:
             at, value = np.asarray(curve["at"], dtype=float), np.asarray(curve["value"], dtype=float)
             true = true_curve(truth, at)
             if true is not None and len(at) > 3 and np.std(true) > 0 and np.std(value) > 0:
-                return float(np.corrcoef(true, value)[0, 1])
+                drawn = {"at": at, "value": value - value.mean(), "true": true - true.mean()}
+                short = {key: [float(f"{v:.4g}") for v in values] for key, values in drawn.items()}
+                return {"location": truth.location, "variable": own, **short}
     return None
+
+
+def shape_score(curve: Mapping[str, Any] | None) -> float | None:
+    """Correlation of a learned curve with the true one."""
+    return float(np.corrcoef(curve["true"], curve["value"])[0, 1]) if curve else None

@@ -35,9 +35,9 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
     diagnoser = GapDiagnoser(
         simulator, effects=question.effects, free_params=question.free_params, random_state=0
     )  # the same seed in every case: it only orders bootstrap draws
-    begun = time.perf_counter()
+    begun, busy = time.perf_counter(), time.process_time()
     report = diagnoser.fit(question.X, question.y, groups=question.groups).report_
-    seconds = time.perf_counter() - begun
+    seconds, busy = time.perf_counter() - begun, time.process_time() - busy
     shrink = report.shrink
     return {
         "verdict": report.verdict,
@@ -62,7 +62,10 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
         "next_experiment": suggestion(report.next_experiment),
         "notes": list(report.notes),
         "predicted": predict(diagnoser.augmented_, question),
-        "seconds": seconds,
+        "evidence": [
+            [r["name"], r["location"], r["variable"], r["evidence"]] for r in report.ranking if np.isfinite(r["evidence"])
+        ],
+        "seconds": seconds, "processor_seconds": busy,
         "columns": int(getattr(simulator.rhs, "columns", 0)),
     }  # fmt: skip
 
@@ -76,12 +79,12 @@ def missing(term: Any) -> dict[str, Any] | None:
 
 
 def suggestion(following: Any) -> dict[str, Any] | None:
-    """The next experiment, the best option first."""
+    """The next experiment: the best option and its gain in nats."""
     if following is None:
         return None
     options = [row for row in following.options if row["gain"] >= 3.0]
-    best = max(options, key=lambda row: row["gain"])["experiment"] if options else None
-    return {"sentence": following.sentence, "best": best}
+    best = max(options, key=lambda row: row["gain"]) if options else {"experiment": None, "gain": None}
+    return {"sentence": following.sentence, "best": best["experiment"], "gain": best["gain"]}
 
 
 def predict(simulator: Any, question: Question) -> list[Any]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.blind import draw
-from sksurrogate.blind._follow import CONTROL, experiment, follow
-from sksurrogate.blind._shape import active, region_score, rows_of_rule, shape_score, true_curve
+from sksurrogate.blind._follow import CONTROL, experiment, follow, followed
+from sksurrogate.blind._shape import active, region_score, rows_of_rule, shape_curve, shape_score, true_curve
 from sksurrogate.blind._truths import Truth
 
 
@@ -43,10 +43,12 @@ def test_a_learned_curve_is_compared_with_the_true_term():
     at = np.linspace(-2, 2, 30) * truth.params["scale"] + truth.params["middle"]
     true = true_curve(truth, at)
     curves = [{"variable": truth.variable, "at": at, "value": 2 * true + 5.0}]
-    assert shape_score(case, {"location": truth.location, "curves": curves}) == pytest.approx(1.0)
+    drawn = shape_curve(case, {"location": truth.location, "curves": curves})
+    assert shape_score(drawn) == pytest.approx(1.0) and drawn["variable"] == truth.variable
+    np.testing.assert_allclose(drawn["value"], 2 * np.array(drawn["true"]), atol=2e-3 * np.ptp(true))
     curves[0]["value"] = -true
-    assert shape_score(case, {"location": truth.location, "curves": curves}) == pytest.approx(-1.0)
-    assert shape_score(case, {"location": "elsewhere", "curves": curves}) is None and shape_score(case, None) is None
+    assert shape_score(shape_curve(case, {"location": truth.location, "curves": curves})) == pytest.approx(-1.0)
+    assert shape_curve(case, {"location": "elsewhere", "curves": curves}) is None and shape_score(None) is None
 
 
 def test_true_curves_are_the_formulae():
@@ -71,3 +73,28 @@ def test_the_suggested_experiment_is_one_more_run(regional):
         again.y[again.groups == again.groups.max()], before.y[: new.sum()], atol=8 * regional.noise.max()
     )
     assert follow(regional, {}) is None and experiment(regional, "a dance") is None
+
+
+def test_the_suggested_experiment_is_scored_against_the_same_run_again(regional):
+    """The tied names are asked again, nothing else; leads in nats are read from twice the log likelihoods."""
+    truth = regional.truths[0]
+    effect = {"name": "drift", "location": "x", "variable": None, "equivalents": [list(truth.key)]}
+    best = {"best": "a run with inputs of twice the amplitude", "gain": 12.0}
+    evidence = [["drift", "x", None, 50.0], [*truth.key, 48.0]]
+    answer = {"effects": [effect], "next_experiment": best, "evidence": evidence}
+    asked = []
+
+    def ask(question):
+        asked.append(question)
+        own = {"name": truth.name, "location": truth.location, "variable": truth.variable, "equivalents": []}
+        classes = [own] if len(asked) == 1 else [effect]
+        return {"effects": classes, "evidence": [["drift", "x", None, 60.0], [*truth.key, 90.0]]}
+
+    found = followed(regional, answer, {"classes": [2]}, ask)
+    assert [q.effects for q in asked] == [sorted({"drift", truth.name})] * 2
+    assert (found["class_before"], found["class_after"], found["class_repeated"]) == (2, 1, 2)
+    assert (found["lead_before"], found["lead_after"], found["gain_expected"]) == (-1.0, 15.0, 12.0)
+    assert found["truth_before"] and found["truth_after"]
+    assert followed(regional, answer, {"classes": [1]}, ask) == {}
+    untold = followed(regional, {"effects": [effect], "next_experiment": None}, {"classes": [2]}, ask)
+    assert untold["experiment"] is None and untold["class_after"] is None and len(asked) == 2
