@@ -11,6 +11,8 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sksurrogate.exceptions import DataError
 from sksurrogate.features._base import BLOCK, INTERACTION, BaseFeatures, column_of, rising
 from sksurrogate.kernels.bases import Spline, spline_at_data, spline_csr, spline_on
+from sksurrogate.kernels.gram import Moments
+from sksurrogate.kernels.spline_moments import add_spline_moments
 
 __all__ = ["SplineFeatures"]
 
@@ -127,6 +129,28 @@ class SplineFeatures(BaseFeatures):
         else:
             breaks = rising(np.quantile(x, np.linspace(0.0, 1.0, self.n_knots)))
         return spline_on(breaks, self.degree, self.extrapolation)
+
+    def add_moments(
+        self, moments: Moments, X: np.ndarray, targets: np.ndarray, weights: np.ndarray | None = None
+    ) -> bool:
+        """Take the second moments of features and targets without making the features.
+
+        Parameters
+        ----------
+        moments : Moments
+            Of features and targets so far.
+        X : ndarray (n_samples, n_inputs)
+        targets : ndarray (n_samples, n_outputs)
+        weights : ndarray (n_samples,), optional
+
+        Returns
+        -------
+        bool
+            False where nothing was taken in, and the features must be made.
+        """
+        if self._multiplied:
+            return False
+        return add_spline_moments(moments, self._checked(X), self.bases_, targets, weights)
 
     def _values(self, basis: Spline, x: np.ndarray, derivative: int) -> np.ndarray:
         return spline_csr(x[:, None], [basis], derivatives=[derivative]).toarray()

@@ -174,15 +174,23 @@ class Spline:
 
     def piece(self, place: np.ndarray, x: np.ndarray, derivative: int) -> tuple[np.ndarray, np.ndarray]:
         """First spline and weights at x by the polynomials of the interval in which ``place`` lies, continued."""
-        n = self.n_intervals
+        first = self.interval(place)
+        if not self.uniform:
+            return first, spline_weights(x, first + self.degree, self.knots, self.degree, derivative)
+        pitch = (self.high - self.low) / self.n_intervals
+        s = (x - self.low) / pitch - first
+        powers = np.ones((self.degree + 1, len(x)))
+        for k in range(1, self.degree + 1):
+            np.multiply(powers[k - 1], s, out=powers[k])
+        return first, (cardinal_coefficients(self.degree, derivative).T / pitch**derivative @ powers).T
+
+    def interval(self, place: np.ndarray) -> np.ndarray:
+        """Interval between ``low`` and ``high`` in which each place lies or which is next to it, int (n_samples,)."""
+        last = self.n_intervals - 1
         if self.uniform:
-            pitch = (self.high - self.low) / n
-            first = np.minimum((place - self.low) / pitch, n - 1).astype(np.int32)
-            powers = ((x - self.low) / pitch - first)[:, None] ** np.arange(self.degree + 1)
-            return first, powers @ (cardinal_coefficients(self.degree, derivative) / pitch**derivative)
-        breaks = self.knots[self.degree : self.degree + n + 1]
-        first = np.clip(np.searchsorted(breaks, place, side="right") - 1, 0, n - 1).astype(np.int32)
-        return first, spline_weights(x, first + self.degree, self.knots, self.degree, derivative)
+            return np.clip((place - self.low) / ((self.high - self.low) / (last + 1)), 0, last).astype(np.int32)
+        breaks = self.knots[self.degree : self.degree + last + 2]
+        return np.clip(np.searchsorted(breaks, place, side="right") - 1, 0, last).astype(np.int32)
 
 
 def spline_on(breaks: np.ndarray, degree: int, extrapolation: str = "constant") -> Spline:
@@ -394,9 +402,7 @@ def gaussians(x: np.ndarray, centers: np.ndarray, width: float | np.ndarray, der
 
 def radial(X: np.ndarray, centers: np.ndarray, width: float) -> np.ndarray:
     """exp(-|x - c|^2 / (2 width^2)) for centres (n_centers, n_inputs): (n_samples, n_centers)."""
-    squares = np.zeros((len(X), len(centers)))
-    for x, c in zip(X.T, centers.T):
-        squares += (x[:, None] - c) ** 2
+    squares = sum((x[:, None] - c) ** 2 for x, c in zip(X.T, centers.T))
     return np.exp(squares / (-2 * width**2))
 
 

@@ -126,11 +126,15 @@ class Moments:
                 Z *= root[a:b, None]
             scatter += Z.T @ Z
             sums += root[a:b] @ Z
+        count = n if weights is None else int(np.count_nonzero(weights))
+        return self.add_sums(count, total, shift, sums, scatter)
+
+    def add_sums(self, count: int, total: float, shift: np.ndarray, sums: np.ndarray, scatter: np.ndarray) -> bool:
+        """Take in sums and products of rows of mostly zeros, from which ``shift`` was taken off; False if a column is all but constant."""
         left = sums / total
         # rows of mostly zeros: the mean may come off afterwards, it takes no more than a digit
         if np.any(total * left**2 > 0.9 * np.diag(scatter)):
             return False
-        count = n if weights is None else int(np.count_nonzero(weights))
         self._merge(count, total, left + shift, scatter - total * np.outer(left, left))
         return True
 

@@ -14,6 +14,7 @@ from scipy.linalg import LinAlgWarning
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, _fit_context, clone
 from sklearn.utils import get_tags
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils.parallel import _get_threadpool_controller
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter
 
 from sksurrogate._checks import checked
@@ -28,6 +29,8 @@ Blocks = Callable[[], Iterator[tuple[Any, np.ndarray, np.ndarray | None]]]
 
 #: Numbers in a block of features: 8 MiB.
 _BLOCK_NUMBERS = 2**20
+#: Features up to which one BLAS thread is used: a second one only waits, for ages where the machine is shared.
+_ONE_THREAD = 128
 
 
 def warn_ill_conditioned(kept_data: bool) -> None:
@@ -209,10 +212,14 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _finish(self, X: Any, Y: np.ndarray, weights: np.ndarray | None, blocks: Blocks | None) -> Self:
         """Gather the moments, solve, store."""
-        for block, targets, w in self._blocks(X, Y, weights):
-            self.moments_.add(block, targets, w)
-        self.moments_.release()
-        return self._store(blocks)
+        gather = getattr(self.features_, "add_moments", None)
+        few = len(self.moments_.mean) <= _ONE_THREAD
+        with _get_threadpool_controller().limit(limits=1 if few else None, user_api="blas"):
+            if gather is None or not gather(self.moments_, X, Y, weights):
+                for block, targets, w in self._blocks(X, Y, weights):
+                    self.moments_.add(block, targets, w)
+            self.moments_.release()
+            return self._store(blocks)
 
     def _store(self, blocks: Blocks | None) -> Self:
         """Solve."""
