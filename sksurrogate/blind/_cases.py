@@ -28,6 +28,7 @@ ARMS: dict[str, tuple[str, str]] = {
     "time": ("an effect from some time on", "explained"),
     "outside": ("the effect and its twins deleted from the catalogue", "unknown"),
     "novel": ("an effect that no catalogue holds", "unknown"),
+    "outside_disturbed": ("as the two before, coloured disturbance of 1 %", "unknown"),
     "none": ("no effect", "none"),
     "disturbed": ("no effect, coloured disturbance of 1.5 %", "none"),
     "coloured": ("no effect, coloured sensor noise of 1.5 %", "none"),
@@ -175,7 +176,7 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
         effects = [one for one in tried if one is not None]
     else:
         effects = [as_truth(*one, 0.0) for one in truths]
-    if arm in ("disturbed", "effect_disturbed"):
+    if arm in ("disturbed", "effect_disturbed", "outside_disturbed"):
         setting.force = disturbance(rng, setting, 0.015 if arm == "disturbed" else 0.01)
     course = march(
         plant, setting.U, setting.X0, effects, force=setting.force, policy=setting.controller, substeps=fine(effects)
@@ -224,7 +225,7 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
     question = Question(
         counting, course.inputs.reshape(n_runs * n_samples, -1), y.reshape(n_runs * n_samples, -1),
         np.repeat(np.arange(n_runs), n_samples), "all" if arm == "detuned" else (),
-        remaining([truth.name for truth in truths]) if arm == "outside" else None, X_test, x0_test,
+        remaining([truth.name for truth in truths]) if arm in ("outside", "outside_disturbed") else None, X_test, x0_test,
     )  # fmt: skip
     facts = {
         "arm": arm, "seed": seed, "plant": plant.name, "domain": plant.domain, "excitation": setting.excitation,

@@ -133,6 +133,8 @@ def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen]
         return [pair[0], pair[1]]
     if arm == "outside":
         name = str(rng.choice(DISTINCT))
+    elif arm == "outside_disturbed":
+        name = str(rng.choice([*DISTINCT, *NOVEL]))
     elif arm == "novel":
         name = str(rng.choice(list(NOVEL)))
     elif arm == "region":

@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.blind._cases import ARMS, Case
 from sksurrogate.blind._march import march
 from sksurrogate.blind._shape import active, region_score, shape_curve, shape_score
-from sksurrogate.blind._truths import KINDS, Truth
+from sksurrogate.blind._truths import KINDS, NOVEL, Truth
 
 __all__ = ["oracle_error", "score"]
 
@@ -139,7 +139,7 @@ def _shrinks(case: Case, answer: Mapping[str, Any], oracle: bool) -> dict[str, A
     found["error_after"] = _number(_error(case, answer["predicted"]))
     if found["error_after"] is not None:
         found["shrink"] = 1.0 - found["error_after"] / before
-    if oracle and case.truths and case.arm not in ("unexcited", "novel"):
+    if oracle and case.truths and case.arm != "unexcited" and not any(t.name in NOVEL for t in case.truths):
         found["oracle"] = _number(1.0 - oracle_error(case) / before)
     return found  # fmt: skip
 

@@ -170,7 +170,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         given = [float(value) for value in values if value is not None]
         return float(np.median(given)) if given else float("nan")
 
-    sought = [row for row in answered if row["truths"] and row["arm"] not in ("novel", "outside", "unexcited")]
+    sought = [row for row in answered if row["truths"] and row["expected"] in ("explained", "either")]
     n_truths = sum(len(row["truths"]) for row in sought)
     return {
         "cases": len(rows),

@@ -84,13 +84,13 @@ def test_a_case_holds_what_its_arm_says(arm):
     question, gap = case.question, case.facts["gap_over_noise"]
     assert question.X.shape[0] == question.y.shape[0] == question.groups.shape[0] == case.states.shape[0]
     assert np.isfinite(question.y).all() and np.isfinite(case.y_test).all()
-    if arm in ("effect", "detuned", "region", "time", "outside", "novel"):
+    if arm in ("effect", "detuned", "region", "time", "outside", "novel", "outside_disturbed"):
         assert 2.0 < gap < 120
     if arm == "weak":
         assert gap < 4.0
     if arm in ("none", "coloured", "unexcited"):
         assert gap < 0.02
-    if arm == "outside":
+    if arm in ("outside", "outside_disturbed"):
         assert question.effects and not {t.name for t in case.truths} & set(question.effects)
     else:
         assert question.effects is None
