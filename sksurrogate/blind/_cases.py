@@ -22,6 +22,7 @@ ARMS: dict[str, tuple[str, str]] = {
     "effect": ("one effect", "explained"),
     "two": ("two effects", "explained"),
     "weak": ("one effect about as large as the noise", "either"),
+    "sizes": ("one effect, gap of 0.1 to 10 times the noise", "either"),
     "detuned": ("one effect, all parameters off by up to 8 % and free", "explained"),
     "effect_disturbed": ("one effect, coloured disturbance of 1 %", "explained"),
     "region": ("an effect in one region only", "explained"),
@@ -34,6 +35,9 @@ ARMS: dict[str, tuple[str, str]] = {
     "coloured": ("no effect, coloured sensor noise of 1.5 %", "none"),
     "unexcited": ("an effect that these data never reach", "none"),
 }
+
+#: Gap over noise, where it is not 5 to 50.
+GAPS = {"weak": (0.4, 1.5), "sizes": (0.1, 10.0)}
 
 #: Attempts at a drawing.
 ATTEMPTS = 60
@@ -168,7 +172,7 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
         return None
     gap = np.nan
     if truths and arm != "unexcited":
-        low, high = (0.4, 1.5) if arm == "weak" else (5.0, 50.0)
+        low, high = GAPS.get(arm, (5.0, 50.0))
         target = float(np.exp(rng.uniform(np.log(low), np.log(high))))
         tried = [sized(setting, *one, target, low) for one in truths]
         if any(one is None for one in tried):

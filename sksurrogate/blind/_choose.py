@@ -281,8 +281,8 @@ def _gaps(setting: Setting, truth: Truth, times: int, few: int) -> np.ndarray:
         nominal = march(setting.plant, course.inputs, X0, substeps=6).outputs
     else:
         nominal = np.tile(nominal, (times, 1, 1))
-    error = ((course.outputs - nominal) / (setting.noise * setting.scale))[..., setting.read]
     with np.errstate(all="ignore"):
+        error = ((course.outputs - nominal) / (setting.noise * setting.scale))[..., setting.read]
         gap = np.sqrt(np.mean(error.reshape(times, -1) ** 2, axis=1))
         wild = np.abs(course.outputs).reshape(times, -1).max(axis=1) > 20 * np.abs(nominal).max() + 1.0
     return np.where(np.isfinite(gap) & ~wild, gap, np.inf)

@@ -20,6 +20,9 @@ __all__ = ["BlindResult"]
 
 Row = Mapping[str, Any]
 
+#: Arms whose gap is about as large as the noise: no shares of it are told.
+SMALL = ("weak", "sizes")
+
 
 @dataclass(frozen=True)
 class BlindResult:
@@ -180,8 +183,8 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "place": mean(row["place"] for row in answered),
         "class": mean(size for row in answered for size in row["classes"]),
         "covered": mean(value for row in answered for value in row["covered"]),
-        "shrink": median(row["shrink"] for row in answered if row["arm"] != "weak"),
-        "oracle": median(row["oracle"] for row in answered if row["arm"] != "weak"),
+        "shrink": median(row["shrink"] for row in answered if row["arm"] not in SMALL),
+        "oracle": median(row["oracle"] for row in answered if row["arm"] not in SMALL),
         "region": mean(row.get("region_f1") for row in answered),
         "shape": median(row.get("shape") for row in answered),
         "seconds": median(row["seconds"] for row in answered),

@@ -88,6 +88,8 @@ def test_a_case_holds_what_its_arm_says(arm):
         assert 2.0 < gap < 120
     if arm == "weak":
         assert gap < 4.0
+    if arm == "sizes":
+        assert 0.02 < gap < 40
     if arm in ("none", "coloured", "unexcited"):
         assert gap < 0.02
     if arm in ("outside", "outside_disturbed"):
