@@ -20,6 +20,10 @@ __all__ = ["Expander"]
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
 #: Bases further than this (cost over number of values) are screened with all starting values.
 SHORTLIST = 100.0
+#: A base fitted again is the same one where its cost differs by less than this share.
+SAME_BASE = 1e-3
+#: Screens that are kept beside that of the null.
+MOST_SCREENS = 4
 #: Other places and variables of the nearest effect that are fitted from its shape.
 MOST_SIBLINGS = 8
 
@@ -39,6 +43,8 @@ class Expander:
         Progress.
     fitted : dict
         Every rival fitted so far, by its keys.
+    screens : dict
+        Cost and screen of every base.
     first_screen : Screen or None
         What the screen expects of single effects.
     """
@@ -49,6 +55,7 @@ class Expander:
     n_jobs: int | None = None
     report: Callable[[str], None] = lambda message: None
     fitted: dict = field(default_factory=dict)
+    screens: dict = field(default_factory=dict)
     first_screen: Screen | None = None
 
     @property
@@ -71,8 +78,13 @@ class Expander:
         n_forced: int,
         among: Sequence[BaseEffect] | None = None,
         siblings: bool = False,
+        least: float = 0.0,
+        best: float = np.inf,
     ) -> list[Rival]:
-        """Fit the candidates that the screen puts first, added to a base; with the siblings of the best."""
+        """Fit the candidates that the screen puts first, and expects at least so much of; with the siblings of the best.
+
+        A fit that cannot come near the cost ``best`` is abandoned.
+        """
         problem = self.searching(base)
         taken = set(base.keys)
         candidates = [e for e in (self.candidates if among is None else among) if e.key not in taken]
@@ -82,11 +94,12 @@ class Expander:
                 base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
             )
         starts = self.screened(problem, candidates, base, guess, among is None)
+        starts = [start for start in starts if max(start.white, start.forced) >= least]
         chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
-        again = [] if base.effects else [rival for c in chosen if (rival := self.known(problem, c)) is not None]
-        have = {rival.keys for rival in again}
-        rivals = again + self.fit_all(problem, base, [c for c in chosen if (c[0].effect.key,) not in have])
+        again = [rival for c in chosen if (rival := self.known(problem, base, c)) is not None]
+        have = {rival.effects[-1].key for rival in again}
+        rivals = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
         self.remember(rivals)
         return rivals + self.siblings(rivals, base) if siblings and rivals else rivals
 
@@ -127,14 +140,20 @@ class Expander:
     def screened(
         self, problem: Problem, candidates: Sequence[BaseEffect], base: Rival, guess: np.ndarray, whole: bool
     ) -> list[Start]:
-        """The screen of a base; that of the null is made once."""
-        if base.effects or not whole:
-            near = whole and base.fit.cost < SHORTLIST * self.n_values
-            first = self.first_screen if near else None
-            return screen(problem, candidates, base, guess, base.noise, first=first).starts
-        if self.first_screen is None:
-            self.first_screen = screen(problem, candidates, base, guess, base.noise)
-        return self.first_screen.starts
+        """The screen of a base; one of all candidates is made once."""
+        if not whole:
+            return screen(problem, candidates, base, guess, base.noise).starts
+        key = (base.keys, problem.n_sub, problem.sharpness, base.noise is None)
+        cost, known = self.screens.get(key, (np.inf, None))
+        if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
+            near = bool(base.effects) and base.fit.cost < SHORTLIST * self.n_values
+            known = screen(problem, candidates, base, guess, base.noise, first=self.first_screen if near else None)
+            self.screens[key] = base.fit.cost, known
+            for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
+                del self.screens[old]
+        if not base.effects and self.first_screen is None:
+            self.first_screen = known
+        return known.starts
 
     def pairs(self, base: Rival, most: int) -> list[Rival]:
         """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
@@ -157,16 +176,19 @@ class Expander:
         self.remember(found)
         return found
 
-    def known(self, problem: Problem, starts: list[Start]) -> Rival | None:
-        """A single effect that was fitted before with the same numerics."""
-        rival = self.fitted.get(frozenset([starts[0].effect.key]))
+    def known(self, problem: Problem, base: Rival, starts: list[Start]) -> Rival | None:
+        """A base with this effect, where it was fitted before with the same numerics."""
+        keys = (*base.keys, starts[0].effect.key)
+        rival = self.fitted.get(frozenset(keys))
         same = rival is not None and (rival.model.n_sub, rival.model.sharpness) == (problem.n_sub, problem.sharpness)
-        return rival if same else None
+        return rival if rival is not None and same and rival.keys == keys else None
 
-    def fit_all(self, problem: Problem, base: Rival, chosen: Sequence[list[Start]]) -> list[Rival]:
+    def fit_all(
+        self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float = np.inf
+    ) -> list[Rival]:
         """Fit rivals, best first; in worker processes where asked."""
         if self.n_jobs is None or self.n_jobs == 1:
-            out, best = [], base.fit.cost
+            out, best = [], min(base.fit.cost, best)
             for starts in chosen:
                 rival = fit_added(problem, base, starts, best)
                 if rival is not None:

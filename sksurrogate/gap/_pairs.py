@@ -31,7 +31,7 @@ def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
         Best first; no effect stands in more than :data:`MOST_WITH_ONE` of them.
     """
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
-    if len(keys) < 2:
+    if len(keys) < 2 or screen.columns is None:
         return []
     drop, a, b = _joint(screen)
     owner = np.array([keys.index(start.effect.key) for start in screen.starts])
@@ -56,7 +56,8 @@ def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
 
 def _joint(screen: Screen) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Drop of every pair of columns and their amplitudes, each (n_starts, n_starts)."""
-    g, H = screen.gram[0, 1:], screen.gram[1:, 1:]
+    G = screen.gram()
+    g, H = G[0, 1:], G[1:, 1:]
     h = np.maximum(np.diag(H), 1e-300)
     low, high = screen.low, screen.high
     with np.errstate(all="ignore"):

@@ -7,18 +7,19 @@ what a column then explains is its score, once for white noise and once for the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect, InputEffect, ParameterEffect, Probe, SensorEffect
+from sksurrogate.gap._hidden_path import hidden_paths
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores
 from sksurrogate.gap._shortlist import Shortlist, shortlist
 from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.disturbance import Noise
-from sksurrogate.kernels.output_error import linearise, settle_hidden
+from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.smoother import output_jacobian
 
 __all__ = ["Screen", "Start", "scaled", "screen"]
@@ -64,8 +65,13 @@ class Screen:
         Starting values whose columns the Gram holds.
     columns : ndarray (n_starts, n_outputs, n_samples), single precision, or None
         The columns over the noise, where they are not too large to keep.
-    gram : ndarray (1 + n_starts, 1 + n_starts)
-        Of the residual and the columns, white weights, initial states and fitted parameters projected out.
+    known : ndarray (1 + n_theta, n_outputs, n_samples)
+        The residual and the sensitivities of the fitted parameters, over the noise.
+    J_x : ndarray (n_outputs, n_states, n_samples)
+        Sensitivities of the initial states, over the noise.
+    precision, pull : ndarray (n_theta,)
+        Gaussian prior on the fitted parameters.
+    record_starts : ndarray (n_runs,)
     low, high : ndarray (n_starts,)
         Range in which the amplitude of a column stands for the effect.
     """
@@ -73,9 +79,20 @@ class Screen:
     starts: list[Start]
     raw: list[np.ndarray]
     columns: np.ndarray | None
-    gram: np.ndarray
+    known: np.ndarray
+    J_x: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
+    record_starts: np.ndarray
     low: np.ndarray
     high: np.ndarray
+
+    def gram(self) -> np.ndarray:
+        """Of the residual and the columns, initial states and fitted parameters projected out, (1 + n_starts, 1 + n_starts)."""
+        assert self.columns is not None
+        stack = np.concatenate([self.known.astype(np.float32), self.columns])
+        flat = project_starts(stack, self.J_x.astype(np.float32), self.record_starts).reshape(len(stack), -1)
+        return eliminate((flat @ flat.T).astype(float), len(self.precision), self.precision, self.pull)
 
 
 def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray) -> Probe:
@@ -128,12 +145,11 @@ class _Screener:
         model = problem.augmented((*base.effects, effect))
         fitted = np.repeat(base.fit.theta[:, None], starts.shape[1], axis=1)
         theta = np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
+        paths = [x] * starts.shape[1]
         hidden = isinstance(effect, HiddenEffect)
-        paths = (
-            [settle_hidden(model, theta[:, s], x, 5) for s in range(starts.shape[1])]
-            if hidden
-            else [x] * starts.shape[1]
-        )
+        if isinstance(effect, HiddenEffect):
+            z = hidden_paths(effect, model, starts, x)
+            paths = [np.concatenate([x, z[:, s]]) for s in range(starts.shape[1])]
         bound = model.bind(theta)
         out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
         if not isinstance(effect, SensorEffect):
@@ -203,33 +219,40 @@ def screen(
 
 def _screen(s: _Screener, columns: list[_Column], noise: Noise | None) -> Screen:
     problem, base = s.problem, s.base
-    if not columns:
-        return Screen([], [], None, np.zeros((1, 1)), np.zeros(0), np.zeros(0))
     r = (problem.record.y - s.lin.y)[None]
     P = s.lin.J_theta.transpose(1, 0, 2)
+    sd, few = problem.sd[None, :, None], 1 + len(P)
     precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
     pull = -precision * base.fit.theta
-    V = np.stack([c.column for c in columns])
-    stack, sd = np.concatenate([r, P, V]), problem.sd[None, :, None]
-    free = base.model.free_states
-    white = stack / sd
-    white = project_starts(white, s.lin.J_x[:, free] / problem.sd[:, None, None], problem.record.starts)
-    flat = white.reshape(len(white), -1)
-    reduced = eliminate(flat @ flat.T, len(P), precision, pull)
+    J_x = s.lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
+    known = np.concatenate([r, P]) / sd
     low, high = _range(columns)
-    drop, amplitude = scores(reduced[0, 1:], np.diag(reduced)[1:], low, high)
+    rest = known, J_x, precision, pull, problem.record.starts, low, high
+    if not columns:
+        return Screen([], [], None, *rest)
+    V = np.stack([c.column for c in columns]) / sd
+    white = project_starts(np.concatenate([known, V]), J_x, problem.record.starts)
+    flat = white.reshape(len(white), -1)
+    rows, diagonal = flat[:few] @ flat.T, np.einsum("kn,kn->k", flat, flat)
+    drop, amplitude = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
         try:
-            rows, diagonal = D.gram_rows(stack.transpose(1, 0, 2), noise, 1 + len(P))
+            found = D.gram_rows(np.concatenate([known, V]).transpose(1, 0, 2) * problem.sd[:, None, None], noise, few)
         except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
             pass
         else:
-            forced, _ = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
-    starts = _starts(columns, reduced, drop, amplitude, forced)
-    kept = None if base.effects or white[0].size * len(columns) > MOST_KEPT else (V / sd).astype(np.float32)
-    return Screen(starts, [c.theta for c in columns], kept, reduced, low, high)
+            forced, _ = scores(*eliminate_rows(*found, precision, pull), low, high)
+
+    def among(chosen: list[int]) -> np.ndarray:
+        """Gram of the residual and the chosen columns."""
+        part = flat[[*range(few), *(few + k for k in chosen)]]
+        return eliminate(part @ part.T, len(P), precision, pull)
+
+    starts = _starts(columns, among, drop, amplitude, forced)
+    kept = None if base.effects or V.size > MOST_KEPT else V.astype(np.float32)
+    return Screen(starts, [c.theta for c in columns], kept, *rest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,11 +288,15 @@ def _columns(
 
 
 def _starts(
-    columns: Sequence[_Column], G: np.ndarray, drop: np.ndarray, amplitude: np.ndarray, forced: np.ndarray
+    columns: Sequence[_Column],
+    among: Callable[[list[int]], np.ndarray],
+    drop: np.ndarray,
+    amplitude: np.ndarray,
+    forced: np.ndarray,
 ) -> list[Start]:
     """Where the fits start: the amplitude of the column where the effect is linear, both quadratures of a sine."""
-    pairs = _quadratures([c.effect for c in columns], [c.theta for c in columns], G)
-    small = _smallest(columns)
+    pairs = _quadratures([c.effect for c in columns], [c.theta for c in columns], among)
+    small, total = _smallest(columns), float(among([])[0, 0])
     out = []
     for k, c in enumerate(columns):
         theta, gained, pulled = c.theta.copy(), float(drop[k]), float(forced[k])
@@ -278,7 +305,7 @@ def _starts(
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
         elif (c.effect.linear or small[k]) and len(theta):
             theta[0] = scaled(c.effect, theta[0], amplitude[k])
-        out.append(Start(c.effect, theta, gained, pulled, float(G[0, 0] - gained), c.path))
+        out.append(Start(c.effect, theta, gained, pulled, total - gained, c.path))
     return out
 
 
@@ -293,7 +320,7 @@ def scaled(effect: BaseEffect, magnitude: float, amplitude: float) -> float:
 
 
 def _quadratures(
-    taken: Sequence[BaseEffect], values: Sequence[np.ndarray], G: np.ndarray
+    taken: Sequence[BaseEffect], values: Sequence[np.ndarray], among: Callable[[list[int]], np.ndarray]
 ) -> dict[int, tuple[np.ndarray, float]]:
     """Sine and cosine of one frequency fitted together: amplitude and phase of a periodic effect, and the drop."""
     out: dict[int, tuple[np.ndarray, float]] = {}
@@ -305,8 +332,8 @@ def _quadratures(
         a, b = values[k], values[k + 1]
         if a[phase] != 0 or b[phase] == 0 or not np.array_equal(np.delete(a, phase), np.delete(b, phase)):
             continue
-        two = [1 + k, 2 + k]
-        H, g = G[np.ix_(two, two)], G[0, two]
+        G = among([k, k + 1])
+        H, g = G[1:, 1:], G[0, 1:]
         sine, cosine = np.linalg.lstsq(H, g, rcond=1e-10)[0]
         theta = a.copy()
         theta[0] *= np.hypot(sine, cosine)

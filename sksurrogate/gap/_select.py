@@ -24,6 +24,9 @@ SMALLEST_SHARE = 1e-3
 FAR = 5.0
 #: Where a set of effects comes this near (free-run error over the noise), no other is looked for beside it.
 NEAR = 1.02
+#: Near the noise the screen expects of a rival nearly what its fit gains: with less than this share of what it must gain
+#: it is not fitted.
+SCREENED = 0.4
 #: Sets of effects that are kept beside the best one, far from the data.
 RUNNERS = 3
 #: Pairs that are fitted because the screen expects most of them.
@@ -158,7 +161,10 @@ class Search(Expander):
         """The best rival with one effect more, None where it does not pass."""
         assert self.null is not None
         self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
-        trial = self.ranked(self.expand(best, 8, 4, siblings=True), best)
+        hopeless = SCREENED * self.needed_gain(1) if passed and left(best) < NEAR else 0.0
+        trial = self.ranked(self.expand(best, 8, 4, siblings=True, least=hopeless), best)
+        if not trial and hopeless:
+            return None
         if trial and not self.passes(trial[0], best, passed):
             if passed and left(best) < 1.5:
                 return None
@@ -204,7 +210,11 @@ class Search(Expander):
         extra = 2.0 * (rival.log_likelihood - best.log_likelihood)
         if self.is_far(rival):
             extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
-        return extra > self.bar(max(rival.n_parameters - best.n_parameters, 1)) + EXTRA
+        return extra > self.needed_gain(rival.n_parameters - best.n_parameters)
+
+    def needed_gain(self, k: int) -> float:
+        """2 (L_rival - L_best) that a further effect of k parameters must reach."""
+        return self.bar(max(k, 1)) + EXTRA
 
     def beam(self, best: Rival) -> list[Rival]:
         """Other sets of this size worth one effect more.

@@ -61,7 +61,8 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     coarse, fine = search.searching(base), search.at(final)
     own = final.effects[i].key
     level = quick_likelihood(fine, final, [final.noise])
-    rivals = search.expand(base, 8, 2) if search.is_far(final) else search.expand(base, 24, 10, siblings=True)
+    few = search.is_far(final)
+    rivals = search.expand(base, 8, 2) if few else search.expand(base, 24, 10, siblings=True, best=final.fit.cost)
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
     same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
     reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
