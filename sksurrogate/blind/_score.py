@@ -35,9 +35,8 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         Plain data. ``right``: the verdict is the right one, every true effect is named up to twins, nothing false is
         named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the location
         accused is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each true
-        parameter lies in its interval. ``stated``: (probability, is it true) of each effect. ``shrink``, ``oracle``: by
-        which share the error on runs nobody fitted fell, without their noise. ``imitated``: said "explained" by other
-        names that predict as well as the truth.
+        parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on runs nobody fitted fell,
+        without their noise. ``imitated``: said "explained" by other names that predict as well as the truth.
     """
     row: dict[str, Any] = {**case.facts, "expected": ARMS[case.arm][1]}
     if "error" in answer:
@@ -57,9 +56,6 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         "false_names": false,
         "classes": [len(group) for group in classes],
         "accused": answer.get("where", {}).get("location"),
-        "stated": [
-            (e.get("probability"), any(t in g for t in truths)) for e, g in zip(answer["effects"], classes)
-        ],
         "noted": bool(answer.get("notes")),
         "predicted_shrink": _number(answer.get("shrink", {}).get("fraction")),
         "predicted_retuning": _number(answer.get("shrink", {}).get("retuning")),

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 import html
-import io
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind import _bars
 from sksurrogate.blind._cases import ARMS
+from sksurrogate.blind._pictures import embedded, missing_terms, overview
 from sksurrogate.exceptions import DataError
 
 __all__ = ["BlindResult"]
@@ -71,16 +71,17 @@ class BlindResult:
         list of dict
             by, cases, right, named (share of true effects named up to twins), false (cases with a false name), place,
             class (mean size), covered (share of 90 % intervals that hold the truth), shrink, oracle (medians), seconds
-            (median), calls (median), failed (no answer), region (mean F1), shape (median correlation of the missing term with the
-            true one).
+            (median), calls (median), failed (no answer), region (mean F1), edge (median error of a limit, in standard
+            deviations of its signal), moment (median error of a time, in lengths of the run), shape (median correlation
+            of the missing term with the true one).
         """
         order = [*ARMS] if by == "arm" else sorted({str(row.get(by)) for row in self.rows})
         groups = [(name, [row for row in self.rows if str(row.get(by)) == name]) for name in order]
         return [{by: name, **summary(rows)} for name, rows in groups if rows]
 
     def calibration(self, edges: Sequence[float] = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)) -> list[dict[str, Any]]:
-        """Stated probabilities against how often they were right: low, high, count, stated (mean), right (share)."""
-        stated = [(p, t) for row in self.rows for p, t in row.get("stated", []) if p is not None]
+        """Stated probabilities against how often the very name was true: low, high, count, stated (mean), right (share)."""
+        stated = [pair for row in self.rows if "error" not in row for pair in _bars.stated(row)]
         found = []
         for low, high in zip(edges[:-1], edges[1:]):
             inside = [(p, t) for p, t in stated if low <= p < high or (high == edges[-1] and p == high)]
@@ -99,32 +100,59 @@ class BlindResult:
                 groups.setdefault(label, []).append(row)
         return sorted(groups.items(), key=lambda item: -len(item[1]))
 
+    def bars(self) -> list[dict[str, Any]]:
+        """Figures beside the bars to be cleared: question, bar, figure, cases, low, high (90 %), cleared."""
+        return _bars.bars(self.rows)
+
+    def detection(self) -> list[dict[str, Any]]:
+        """Share of true effects in the class named over bins of the gap in units of the noise; arms with one effect."""
+        return _bars.detection(self.rows)
+
+    def unknown(self) -> list[dict[str, Any]]:
+        """Recall and precision of the answer "unknown", and its place."""
+        return _bars.unknown_scores(self.rows)
+
+    def experiments(self) -> list[dict[str, Any]]:
+        """What the suggested next experiment was worth, beside the first run recorded once more."""
+        return _bars.experiments(self.rows)
+
+    def misses(self) -> list[dict[str, Any]]:
+        """Every missed case, grouped by kind; right names at another place stand at the end."""
+        away = _bars.misplaced(self.rows)
+        return _bars.misses([*self.failures(), ("right, but another place accused", away)])
+
+    def kinds(self) -> list[dict[str, Any]]:
+        """Kinds of failures: failure, count, for example."""
+        return [{"failure": kind, "count": len(r), "for example": example(r[0])} for kind, r in self.failures()]
+
+    def sections(self) -> list[tuple[str, list[dict[str, Any]]]]:
+        """Titles and tables of the whole answer."""
+        found = [
+            ("By arm", self.scores()), ("Bars", self.bars()), ("Detection over the size of the gap", self.detection()),
+            ("Unknown", self.unknown()), ("Stated probabilities", self.calibration()),
+            ("The suggested next experiment", self.experiments()), ("Failures by kind", self.kinds()),
+        ]  # fmt: skip
+        return [(title, rows) for title, rows in found if rows]
+
     def to_markdown(self) -> str:
-        """Tables by arm, of calibration and of failures."""
-        parts = [f"{len(self.rows)} cases", table(self.scores()), "Stated probabilities", table(self.calibration())]
-        kinds = [
-            {"failure": label, "count": len(rows), "for example": example(rows[0])} for label, rows in self.failures()
-        ]
-        return "\n\n".join([*parts, "Failures by kind", table(kinds)]) + "\n"
+        """Tables: by arm, bars, detection, unknown, probabilities, experiments, failures."""
+        parts = [f"{title}\n\n{table(rows)}" for title, rows in self.sections()]
+        return "\n\n".join([f"{len(self.rows)} cases", *parts]) + "\n"
 
     def to_html(self, path: Any = None) -> str:
         """One self-contained page; written to ``path`` where given. Figures need the extra ``plot``."""
-        sections = [
-            ("By arm", self.scores()),
-            ("By excitation", self.scores("excitation")),
-            ("By plant", self.scores("plant")),
-            ("By sensors", self.scores("sensors")),
-            ("By number of runs", self.scores("n_runs")),
-            ("Stated probabilities", self.calibration()),
-            (
-                "Failures",
-                [{"failure": k, "count": len(r), "for example": example(r[0])} for k, r in self.failures()],
-            ),
-        ]
-        body = "".join(f"<h2>{title}</h2>{_html_table(rows)}" for title, rows in sections if rows)
-        figure = _figure(self)
-        picture = (
-            f'<img alt="scores by arm and size of the gap" src="data:image/png;base64,{figure}">' if figure else ""
+        more = [
+            ("By excitation", self.scores("excitation")), ("By plant", self.scores("plant")),
+            ("By sensors", self.scores("sensors")), ("By number of runs", self.scores("n_runs")),
+            ("By noise", self.scores("noise")), ("All missed cases", self.misses()),
+        ]  # fmt: skip
+        body = "".join(f"<h2>{title}</h2>{_html_table(rows)}" for title, rows in [*self.sections(), *more] if rows)
+        texts = ("share of right answers, detection, calibration, shrink", "missing terms as learned and as they are")
+        figures = (overview(self), missing_terms(self.rows))
+        picture = "".join(
+            f'<p><img alt="{text}" src="data:image/png;base64,{embedded(figure)}"></p>'
+            for text, figure in zip(texts, figures)
+            if figure is not None
         )
         page = (
             '<!doctype html><html lang="en"><meta charset="utf-8"><title>Check on withheld effects</title><style>'
@@ -186,6 +214,8 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "shrink": median(row["shrink"] for row in answered if row["arm"] not in SMALL),
         "oracle": median(row["oracle"] for row in answered if row["arm"] not in SMALL),
         "region": mean(row.get("region_f1") for row in answered),
+        "edge": median(row.get("edge_error") for row in answered),
+        "moment": median(row.get("time_error") for row in answered),
         "shape": median(row.get("shape") for row in answered),
         "seconds": median(row["seconds"] for row in answered),
         "calls": median(row["calls"] for row in answered),
@@ -253,44 +283,3 @@ def _html_table(rows: Sequence[Row]) -> str:
         for row in rows
     )
     return f"<table><tr>{head}</tr>{body}</table>"
-
-
-def _figure(result: BlindResult) -> str | None:
-    """Right answers by arm, and names against the size of the gap, as PNG in base64; None without matplotlib."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return None
-    figure = Figure(figsize=(10, 3.8), layout="constrained")
-    first, second, third = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))
-    scores = result.scores()
-    first.barh([row["arm"] for row in scores], [row["right"] for row in scores], color="#4878a8")
-    first.invert_yaxis()
-    first.set(xlim=(0, 1), xlabel="share of right answers")
-    for k, row in enumerate(scores):
-        first.text(0.02, k, f"{row['cases']}", va="center", color="white", fontsize=8)
-    _against_size(
-        second, [row for row in result.rows if row.get("truths") and row["expected"] in ("explained", "either")]
-    )
-    points = result.calibration()
-    third.plot([0, 1], [0, 1], color="#bbb")
-    third.plot([p["stated"] for p in points], [p["right"] for p in points], "o-", color="#b5482a")
-    third.set(xlabel="probability stated", ylabel="share true", xlim=(0, 1.03), ylim=(0, 1.03))
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=110)
-    return base64.b64encode(stream.getvalue()).decode()
-
-
-def _against_size(axes: Any, rows: Sequence[Row]) -> None:
-    """Share of effects named over bins of gap / noise."""
-    edges = np.array([0.0, 0.7, 1.5, 8.0, 15.0, 30.0, np.inf])
-    labels, heights = [], []
-    inside: Callable[[Row, float, float], bool] = lambda row, a, b: a <= row["gap_over_noise"] < b  # noqa: E731
-    for a, b in zip(edges[:-1], edges[1:]):
-        some = [row for row in rows if "error" not in row and inside(row, a, b)]
-        if some:
-            labels.append(f"{a:g}-{b:g}\n({len(some)})")
-            heights.append(sum(row["named"] for row in some) / sum(len(row["truths"]) for row in some))
-    axes.bar(labels, heights, color="#6a9a58")
-    axes.tick_params(axis="x", labelsize=7)
-    axes.set(ylim=(0, 1), xlabel="gap / noise (cases)", ylabel="share of true effects named")

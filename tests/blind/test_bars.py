@@ -1,0 +1,146 @@
+"""Tables from rows: shares with their intervals, bars, detection, unknown, experiments, misses; and the figures."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from sksurrogate.blind import ARMS, BlindResult
+from sksurrogate.blind._bars import bars, detection, experiments, place_up_to_twins, stated, unknown_scores, wilson
+from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms
+
+TRUE = ("coulomb_friction", "speed", "speed")
+
+
+def as_dict(key, **more):
+    return {"name": key[0], "location": key[1], "variable": key[2], "params": {}, **more}
+
+
+def made(arm, right=True, *, seed=0, gap=10.0, **more):
+    """A row; by default the right answer, at the right place."""
+    expected = ARMS[arm][1]
+    told = expected in ("explained", "either") and right
+    verdict = ("explained" if expected == "either" else expected) if right else "none"
+    return {
+        "arm": arm, "seed": seed, "plant": "dc_motor", "excitation": "steps", "n_runs": 6, "n_samples": 300, "n_states": 3,
+        "gap_over_noise": gap, "expected": expected, "verdict": verdict,
+        "truths": [] if expected == "none" else [as_dict(TRUE)],
+        "effects": [as_dict(TRUE, equivalents=[], probability=0.9)] if told else [],
+        "named": int(told), "false_names": 0, "classes": [1] if told else [], "covered": [True] * 9 + [False] if told else [],
+        "accused": "speed" if right and expected != "none" else None, "place": right, "shrink": 0.99 if told else 0.0,
+        "oracle": 0.995, "region_f1": None, "shape": None, "seconds": 2.0, "processor_seconds": 1.0, "calls": 100.0,
+        "right": right, **more,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("hits", "count"), [(0, 6), (49, 50), (7, 7), (30, 60)])
+def test_wilson_is_scipys(hits, count):
+    known = binomtest(hits, count).proportion_ci(0.90, method="wilson")
+    assert wilson(hits, count) == pytest.approx((known.low, known.high), abs=2e-4)
+    assert math.isnan(wilson(0, 0)[0])
+
+
+def test_bars_say_whether_they_are_cleared_and_whether_more_cases_would_tell():
+    rows = [made("effect", k >= 2, seed=k) for k in range(400)]
+    rows += [made("none", k > 0, seed=k) for k in range(5)] + [made("novel", k > 40, seed=k) for k in range(80)]
+    found = {line["question"]: line for line in bars(rows)}
+    one = found["one effect: named, nothing else"]
+    assert one["figure"] == 0.995 and one["cases"] == 400 and one["cleared"] == "yes"
+    assert found["outside the catalogue: unknown"]["cleared"] == "no"
+    assert found["no effect, white noise: false names"]["cleared"] == "yes, open"  # said nothing false, in 5 cases
+    assert found["90 % intervals that hold the truth"]["cleared"] == "yes"
+    assert found["shrink over that of the true effect refitted"]["figure"] == pytest.approx(0.99 / 0.995)
+    assert found["seconds, 2 to 4 states, 6 x 300 samples"]["figure"] == 2.0
+    assert "two effects: both named, nothing else" not in found  # not asked
+
+
+def test_rows_that_failed_count_as_misses_and_cases_not_drawn_do_not():
+    failed = {"arm": "effect", "seed": 1, "error": "TimeoutError: no answer", "right": False}
+    undrawn = {"arm": "effect", "seed": 2, "error": "not drawn: ...", "right": None}
+    result = BlindResult((made("effect"), failed, undrawn))
+    assert result.bars()[0]["figure"] == 0.5 and result.bars()[0]["cases"] == 2
+    assert result.misses()[0]["said"].startswith("TimeoutError")
+
+
+def test_the_place_counts_up_to_twins_of_the_true_effect_only():
+    twin = ("parameter_error", "friction", None)
+    row = made("effect", accused="friction")
+    assert not place_up_to_twins(row)
+    row["effects"] = [as_dict(twin, equivalents=[list(TRUE)])]
+    assert place_up_to_twins(row)
+    row["effects"] = [as_dict(twin, equivalents=[])]
+    assert not place_up_to_twins(row)
+
+
+def test_a_probability_belongs_to_the_very_name():
+    row = made("effect")
+    assert stated(row) == [(0.9, True)]
+    row["effects"] = [as_dict(("drift", "speed", None), equivalents=[list(TRUE)], probability=0.6)]
+    assert stated(row) == [(0.6, False)]
+    assert stated({**row, "verdict": "unknown"}) == []
+
+
+def test_detection_over_the_gap():
+    rows = [made("sizes", gap > 0.5, seed=k, gap=gap) for k, gap in enumerate(np.geomspace(0.1, 10, 60))]
+    points = detection([*rows, made("detuned", False), made("none")])
+    assert sum(p["cases"] for p in points) == 60
+    assert [p["named"] for p in points][:2] == [0.0, 0.0] and points[-1]["named"] == 1.0
+    assert all(p["low"] <= p["named"] <= p["high"] for p in points)
+
+
+def test_unknown_recall_and_precision():
+    rows = [made("novel", seed=k) for k in range(3)] + [made("outside", False)]
+    rows += [made("effect", False, verdict="unknown"), made("effect")]
+    recall, precision, place = (line["figure"] for line in unknown_scores(rows))
+    assert (recall, precision, place) == (0.75, 0.75, 0.75)
+
+
+def test_the_experiment_against_the_same_run_again():
+    assert experiments([made("effect")]) == []
+    tied = {
+        "experiment": "a run with a step in every input", "gain_expected": 20.0, "class_before": 3, "class_after": 1,
+        "class_repeated": 3, "truth_before": True, "truth_after": True, "truth_repeated": True, "lead_before": 0.5,
+        "lead_after": 18.0, "lead_repeated": 1.0,
+    }  # fmt: skip
+    none = {**dict.fromkeys(tied), "class_before": 2, "truth_before": True}
+    lines = {r["next experiment"]: r for r in experiments([made("weak", **tied), made("weak", **none)])}
+    assert lines["cases with tied names"]["suggested"] == 2
+    assert lines["an experiment was suggested and done"]["suggested"] == 1
+    after = lines["lead of the true effect after, nats (median)"]
+    assert (after["suggested"], after["same run again"]) == (18.0, 1.0)
+    alone = lines["share with the true effect named alone"]
+    assert (alone["suggested"], alone["same run again"]) == (1.0, 0.0)
+
+
+def test_misses_are_listed_by_kind_with_right_names_at_other_places_last():
+    rows = (made("novel", False, seed=5), made("effect", accused="current"), made("none"))
+    listed = BlindResult(rows).misses()
+    assert [line["kind"] for line in listed] == ["none where it should be unknown", "right, but another place accused"]
+    assert listed[0]["seed"] == "5" and listed[0]["truth"] == "coulomb_friction at speed in speed"
+
+
+def test_figures_are_drawn_from_rows(tmp_path):
+    pytest.importorskip("matplotlib")
+    curve = {
+        "location": "speed",
+        "variable": "speed",
+        "at": [0.0, 1.0, 2.0],
+        "true": [-1.0, 0.0, 1.0],
+        "value": [-1.1, 0.1, 1.0],
+    }
+    rows = [made("novel", curve=curve, shape=0.99, seed=k) for k in range(3)] + [made("effect"), made("weak", gap=1.0)]
+    result = BlindResult(tuple(rows))
+    assert len(overview(result).axes) == 4 and len(missing_terms(rows).axes) == 3
+    assert missing_terms([made("effect")]) is None and recorded_terms([]) is None
+    drawn = recorded_terms(
+        [
+            {
+                "recording": "balls",
+                "curve": {**curve, "documented": "drag", "low": [-1.2, 0, 0.9], "high": [-1, 0.2, 1.1]},
+            }
+        ]
+    )
+    assert drawn.axes[0].get_title() == "balls"
+    page = result.to_html()
+    assert page.count("data:image/png") == 2 and "All missed cases" not in page and "Bars" in page
