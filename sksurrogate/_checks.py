@@ -8,6 +8,7 @@ import numpy as np
 from sklearn.utils.validation import validate_data
 
 from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.rows import RowSource
 
 __all__ = ["checked"]
 
@@ -20,7 +21,8 @@ def checked(estimator: Any, X: Any, y: Any = _NOT_GIVEN, **checks: Any) -> Any:
     Parameters
     ----------
     estimator : estimator
-    X : array-like (n_samples, n_features)
+    X : array-like or RowSource (n_samples, n_features)
+        A source of rows, which some of our own estimators take, is only counted.
     y : array-like, optional
     **checks
         Of ``sklearn.utils.validation.validate_data``.
@@ -36,6 +38,9 @@ def checked(estimator: Any, X: Any, y: Any = _NOT_GIVEN, **checks: Any) -> Any:
     ValueError
         As scikit-learn says.
     """
+    if isinstance(X, RowSource):
+        estimator.n_features_in_ = X.shape[1]
+        return (X, y)
     try:
         return validate_data(estimator, X, y, **checks)
     except ValueError as error:

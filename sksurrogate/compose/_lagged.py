@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,28 @@ from sklearn.utils import get_tags
 from sksurrogate._dynamic import FAR
 from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.features._lag import lag_list, named_position
-from sksurrogate.runs import Runs
+from sksurrogate.kernels.rows import LagRows
+from sksurrogate.linear._base import BaseBlockedRegressor
+from sksurrogate.neural._fnn import FNNRegressor
+from sksurrogate.runs import Run, Runs
 
-__all__ = ["REPORTED", "barely_fitted", "diverged", "divergence", "fitted", "name_features", "stacked"]
+__all__ = [
+    "REPORTED",
+    "barely_fitted",
+    "diverged",
+    "divergence",
+    "fitted",
+    "lag_rows",
+    "name_features",
+    "stacked",
+    "takes_rows",
+]
 
 
 #: Training rows that are run freely after a fit.
 REPORTED = 65_536
+#: Numbers up to which a lag matrix is made whole.
+WHOLE = 2_000_000
 
 
 def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tuple[list[tuple[int, int]], list[str]]:
@@ -79,7 +95,7 @@ def stacked(parts: Sequence[np.ndarray]) -> np.ndarray:
     return np.stack(parts)
 
 
-def fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:
+def fitted(estimator: Any, Phi: np.ndarray | LagRows, target: np.ndarray) -> Any:
     """A fitted clone; a regressor of one output is fitted to each of several."""
     try:
         return clone(estimator).fit(Phi, target)
@@ -87,6 +103,24 @@ def fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:
         if target.ndim == 1 or get_tags(estimator).target_tags.multi_output:
             raise
     return MultiOutputRegressor(clone(estimator)).fit(Phi, target)
+
+
+def lag_rows(
+    runs: Sequence[Run], output_lags: Sequence[int], input_terms: Sequence[tuple[int, int]], n: int
+) -> tuple[LagRows, np.ndarray]:
+    """Features (past outputs lag by lag, then inputs) and outputs of rows with whole history; outputs 1-D where there is one."""
+    tables = [(np.asarray(run.y), run.X) for run in runs]
+    past = [(0, i, k) for k in output_lags for i in range(tables[0][0].shape[1])]
+    parts = [y[n:] for y, _ in tables]
+    target = parts[0] if len(parts) == 1 else np.concatenate(parts)  # of one run no copy
+    return LagRows(tables, [*past, *((1, j, k) for j, k in input_terms)], n), (
+        target[:, 0] if target.shape[1] == 1 else target
+    )
+
+
+def takes_rows(estimator: Any, rows: LagRows) -> bool:
+    """Whether the lag matrix need not be made: it is large, and the estimator goes over it block by block."""
+    return isinstance(estimator, (FNNRegressor, BaseBlockedRegressor)) and prod(rows.shape) > WHOLE
 
 
 def barely_fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:

@@ -15,14 +15,25 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.compose._feature_fit import FeatureModel
 from sksurrogate.compose._free_fit import shoot
-from sksurrogate.compose._lagged import REPORTED, barely_fitted, diverged, divergence, fitted, name_features, stacked
+from sksurrogate.compose._lagged import (
+    REPORTED,
+    barely_fitted,
+    diverged,
+    divergence,
+    fitted,
+    lag_rows,
+    name_features,
+    stacked,
+    takes_rows,
+)
 from sksurrogate.compose._linear_lags import fit_linear_lags
 from sksurrogate.compose._network import agrees, describe_network, write_network
 from sksurrogate.compose._stability import StabilityReport, growth_along
 from sksurrogate.exceptions import DataError, RunError
-from sksurrogate.features._lag import lag_columns, lag_list
+from sksurrogate.features._lag import lag_list
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.rollout import free_run, march
+from sksurrogate.kernels.rows import LagRows
 from sksurrogate.runs import Run, Runs
 
 __all__ = ["RecursivePredictor"]
@@ -174,9 +185,8 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
                 f"{label} {len(short)} rows (n_samples={len(short)}), but the longest lag {n} needs {n + 1}: give longer "
                 "runs or lower input_lags or output_lags."
             )
-        quick = None
-        if self.loss == "one_step":
-            quick = fit_linear_lags(self.estimator, runs, self.output_lags_, self.input_terms_, n)
+        wanted = self.loss == "one_step"
+        quick = fit_linear_lags(self.estimator, runs, self.output_lags_, self.input_terms_, n) if wanted else None
         if quick is not None:
             (self.estimator_, squares), self.compiled_ = quick, True
         else:
@@ -264,7 +274,8 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         target : ndarray (n_rows,) or (n_rows, n_outputs)
         """
         check_is_fitted(self, "estimator_")
-        return self._embedded(self._resolve(X, y, groups))
+        rows, target = self._rows(self._resolve(X, y, groups))
+        return rows[:], target
 
     def stability_report(self, X: Any, y0: Any = None, groups: Any = None) -> StabilityReport:
         """How disturbances of the outputs grow or fade along the free runs.
@@ -282,21 +293,20 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         predicted = self.predict(X, y0=y0, groups=groups).reshape(len(X), -1)
         runs = self._resolve(X, None, groups)
         shaped = [Run(run.label, run.start, run.stop, run.X, predicted[run.start : run.stop], run.t) for run in runs]
-        features = [self._features(run)[self.n_initial_ :] for run in shaped]
-        labels = [run.label for run in runs]
-        return growth_along(self._step, features, labels, self.output_lags_, len(self.y_mean_))
+        parts, labels = [self._rows([run])[0][:] for run in shaped], [run.label for run in runs]
+        return growth_along(self._step, parts, labels, self.output_lags_, len(self.y_mean_))
 
     def _fit_rows(self, runs: Runs) -> float:
         """Fit on the rows of the lag matrix, or on free runs; the sum of squared one-step errors."""
-        Phi, target = self._embedded(runs)
-        if self.loss == "shooting":
-            self._shoot(runs, Phi, target)
+        rows, target = self._rows(runs)
+        if self.loss == "one_step":
+            self.estimator_ = fitted(self.estimator, rows if takes_rows(self.estimator, rows) else rows[:], target)
         else:
-            self.estimator_ = fitted(self.estimator, Phi, target)
-        self.compiled_ = self._compiles(Phi)
+            self._shoot(runs, rows[:], target)
+        self.compiled_ = self._compiles(rows)
         target = target.reshape(len(target), -1)
-        blocks = [slice(k, k + BLOCK) for k in range(0, len(Phi), BLOCK)]
-        return sum(float(((self._step(Phi[rows]) - target[rows]) ** 2).sum()) for rows in blocks)
+        blocks = (slice(k, k + BLOCK) for k in range(0, len(rows), BLOCK))
+        return sum(float(((self._step(rows[block]) - target[block]) ** 2).sum()) for block in blocks)
 
     def _free_run_error(self, runs: Runs) -> float:
         """RMSE of free runs over the first training rows; inf where one diverges."""
@@ -312,24 +322,14 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
             return float("inf")
         return float(np.sqrt(np.mean(np.concatenate([f[n:] - y[n:] for f, y in zip(free, outputs)]) ** 2)))
 
-    def _features(self, run: Run) -> np.ndarray:
-        """All features of one run from measured outputs."""
-        assert run.y is not None
-        past = lag_columns(run.y, [(j, k) for k in self.output_lags_ for j in range(run.y.shape[1])])
-        return np.concatenate([past, lag_columns(run.X, self.input_terms_)], axis=1)
-
-    def _embedded(self, runs: Runs) -> tuple[np.ndarray, np.ndarray]:
-        """Rows with whole history and their targets."""
-        n = self.n_initial_
-        Phi = np.concatenate([self._features(run)[n:] for run in runs])
-        target = np.concatenate([run.y[n:] for run in runs])
-        return Phi, target[:, 0] if target.shape[1] == 1 else target
+    def _rows(self, runs: Sequence[Run]) -> tuple[LagRows, np.ndarray]:
+        return lag_rows(runs, self.output_lags_, self.input_terms_, self.n_initial_)
 
     def _step(self, phi: np.ndarray) -> np.ndarray:
         """One step of the fitted regressor, (n_rows, n_outputs)."""
         return np.asarray(self.estimator_.predict(phi)).reshape(len(phi), -1)
 
-    def _compiles(self, Phi: np.ndarray) -> bool:
+    def _compiles(self, Phi: np.ndarray | LagRows) -> bool:
         """Whether the regressor is the network that it looks like."""
         net = describe_network(self.estimator_)
         return net is not None and agrees(net, self.estimator_, Phi[:: max(len(Phi) // 16, 1)])

@@ -21,6 +21,7 @@ from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.export._jacobian import chained_slopes
 from sksurrogate.kernels.gram import Moments
+from sksurrogate.kernels.rows import RowSource
 
 __all__ = ["BaseBlockedRegressor", "Blocks", "warn_ill_conditioned"]
 
@@ -190,6 +191,7 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
         self._flat = y.ndim == 1
         self._n_outputs = 1 if self._flat else y.shape[1]
+        X = X[:] if self.features is not None and isinstance(X, RowSource) else X  # they may look at all rows
         Y = np.asarray(y, dtype=float).reshape(len(y), -1)
         if sample_weight is None:
             return X, Y, None

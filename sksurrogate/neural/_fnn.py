@@ -326,9 +326,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         self.solver_, self.activations_ = solver, activations
         return rows, self._plan(rows, solver), solver
 
-    def _checked(
-        self, X: Any, y: Any, sample_weight: Any, reset: bool
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def _checked(self, X: Any, y: Any, sample_weight: Any, reset: bool) -> tuple[Any, np.ndarray, np.ndarray | None]:
         """X, y with two axes, and weights or None."""
         X, y = checked(self, X, y, reset=reset, dtype=np.float64, multi_output=True, y_numeric=True)
         if reset:
@@ -341,7 +339,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         Y = np.asarray(y, dtype=float).reshape(len(X), -1)
         if self.prior is not None and self.closeness:
             # |y - f|^2 + c |y0 - f|^2 = (1 + c) |(y + c y0) / (1 + c) - f|^2 + what does not depend on f
-            known = np.asarray(self.prior(X), dtype=float)
+            known = np.asarray(self.prior(X[:]), dtype=float)
             if known.size != Y.size or not np.isfinite(known).all():
                 raise DataError(
                     f"prior(X) gave an array of shape {known.shape}, expected finite values in the shape {y.shape} of y."

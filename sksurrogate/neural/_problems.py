@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sksurrogate.kernels.least_squares import Evaluate, Separable
+from sksurrogate.kernels.rows import RowSource
 from sksurrogate.neural._network import ACTIVATIONS, Layers
 
 __all__ = ["BLOCK", "STEP", "Rows", "Smoothness", "normal_equations", "projected", "squares"]
@@ -124,7 +125,7 @@ class Rows:
 
     Attributes
     ----------
-    X, Y : ndarray (n_rows, n_inputs), (n_rows, n_outputs)
+    X, Y : ndarray or RowSource (n_rows, n_inputs), ndarray (n_rows, n_outputs)
         In the units of the user.
     weights : ndarray (n_rows,) or None
     mean, scale : ndarray (n_inputs,)
@@ -132,7 +133,7 @@ class Rows:
     smooth : Smoothness or None
     """
 
-    X: np.ndarray
+    X: np.ndarray | RowSource
     Y: np.ndarray
     weights: np.ndarray | None
     mean: np.ndarray
@@ -173,7 +174,7 @@ class Rows:
 
     def through(self, layers: Layers) -> Rows:
         """The same outputs, inputs replaced by what the layers make of the standardised ones."""
-        x = layers((self.X - self.mean) / self.scale)
+        x = layers((self.X[:] - self.mean) / self.scale)
         return replace(self, X=x, mean=np.zeros(x.shape[1]), scale=np.ones(x.shape[1]))
 
 

@@ -369,7 +369,7 @@ def draw_steps(plan: Plan, rows: Rows) -> Layers:
     """
     n_fixed = max(i for i, kind in enumerate(plan.activations) if kind == "binary_step") + 1
     weights, biases = [], []
-    value = (rows.X - rows.mean) / rows.scale
+    value = rows.part(slice(None))[0]
     for n_in, n_out, kind in zip(plan.sizes[:n_fixed], plan.sizes[1:], plan.activations):
         w = plan.rng.normal(size=(n_in, n_out))
         w /= np.linalg.norm(w, axis=0)

@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 
 from sksurrogate.kernels.least_squares import merge_rows, with_memory
+from sksurrogate.kernels.rows import RowSource
 from sksurrogate.neural._network import Layers
 from sksurrogate.neural._problems import BLOCK, Rows
 from sksurrogate.neural._settings import read_batch
@@ -77,19 +78,19 @@ class Trained:
     net: Any = field(default=None, repr=False)
 
 
-def prepare(X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None, linear_output: bool) -> Rows:
+def prepare(X: np.ndarray | RowSource, Y: np.ndarray, weights: np.ndarray | None, linear_output: bool) -> Rows:
     """Rows of weight zero left out, repeated ones merged, with the means and scales of inputs and outputs."""
     if weights is not None and not weights.all():
         kept = weights > 0
         X, Y, weights = X[kept], Y[kept], weights[kept]
     if len(X) <= MERGE:
-        X, Y, weights = merge_rows(X, Y, weights)
+        X, Y, weights = merge_rows(X[:], Y, weights)
     mean, scale = _moments(X, weights)
     shift, gain = _moments(Y, weights) if linear_output else (np.zeros(Y.shape[1]), np.ones(Y.shape[1]))
     return Rows(X, Y, weights, mean, scale, shift, gain)
 
 
-def _moments(values: np.ndarray, weights: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+def _moments(values: np.ndarray | RowSource, weights: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Weighted means and standard deviations of the columns, block by block; 1 for constant columns."""
     total = float(len(values)) if weights is None else float(weights.sum())
     mean, square = np.zeros(values.shape[1]), np.zeros(values.shape[1])

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from sklearn.neural_network import MLPRegressor
 
+from sksurrogate.compose import RecursivePredictor
 from sksurrogate.neural import FNNRegressor
 
 x = np.linspace(-1, 1, 50)[:, None]
@@ -168,6 +169,19 @@ def lagged(U, Y, n_lags=5):
     ].ravel()
 
 
+class FromRecords:
+    """The same fit from the runs themselves: no lag matrix is made."""
+
+    def __init__(self, U, Y, seed):
+        self.model = RecursivePredictor(FNNRegressor((3,), random_state=seed), 5, 5)
+        self.record = U.reshape(-1, 1), Y.reshape(-1), np.repeat(np.arange(len(U)), U.shape[1])
+
+    def fit(self, X, y):
+        U, Y, groups = self.record
+        self.model.fit(U, Y, groups=groups)
+        return self.model.estimator_
+
+
 def lag_model(big):
     U, Y = reactor(1000, 1005, 2) if big else reactor(8, 200, 0)
     at_u, at_y = (U.mean(), U.std()), (Y.mean(), Y.std())
@@ -179,6 +193,8 @@ def lag_model(big):
     tests = [rows(*reactor(20, U.shape[1], 3)), rows(*reactor(20, 200, 4))]
     peers = {"FNNRegressor((3,))": (lambda s: FNNRegressor((3,), random_state=s), 5)}
     if big:
+        own_units = (U - at_u[0]) / at_u[1], (Y - at_y[0]) / at_y[1]
+        peers["RecursivePredictor(FNNRegressor((3,)), 5, 5), from the runs"] = (lambda s: FromRecords(*own_units, s), 5)
         peers["MLPRegressor, lbfgs, 300 iterations"] = (lambda s: lbfgs(3, s, 300), 1)
         peers["torch Adam, 3000 mini-batches of 1000"] = (lambda s: TorchAdam(3, 3000, s, 1000), 1)
     else:
@@ -199,6 +215,14 @@ def lag_model(big):
     FNNRegressor((3,), random_state=0).fit(X, y)
     peak = tracemalloc.get_traced_memory()[1] / 2**20
     print(f"\nPeak above the lag matrix ({X.nbytes / 2**20:.0f} MiB) in FNNRegressor.fit: {peak:.1f} MiB.")
+    if big:
+        own = FromRecords(*own_units, 0)
+        tracemalloc.reset_peak()
+        before = tracemalloc.get_traced_memory()[0]
+        own.fit(None, None)
+        print(
+            f"Peak above the runs in RecursivePredictor.fit: {(tracemalloc.get_traced_memory()[1] - before) / 2**20:.1f} MiB."
+        )
 
 
 if __name__ == "__main__":
