@@ -286,6 +286,9 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
 
 def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None, labels: np.ndarray | None) -> None:
     """nan or inf is an error that names row, column and run."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(np.sum(values)):
+            return
     bad = ~np.isfinite(values)
     if labels is not None and np.issubdtype(labels.dtype, np.number):
         bad[labels == LEFT_OUT] = False
@@ -343,7 +346,9 @@ def _times(
         raise DataError(f"dt={dt!r} must be a positive number of time units.")
     if clock is None:
         step = 1.0 if dt is None else float(dt)
-        grid = step * np.arange(max(b - a for _, a, b in pieces))  # one for all runs
+        grid = np.arange(max(b - a for _, a, b in pieces), dtype=float)  # one for all runs
+        if step != 1.0:
+            grid *= step
         return step, [grid[: b - a] for _, a, b in pieces]
     steps = [np.diff(clock[a:b]) for _, a, b in pieces]
     joined = np.concatenate(steps) if steps else np.empty(0)

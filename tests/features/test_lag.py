@@ -84,3 +84,19 @@ def test_errors():
         LagEmbedding({}).fit(np.zeros((4, 1)))
     with pytest.raises(RunError, match="in two pieces"):
         LagEmbedding().fit(np.zeros((3, 1)), groups=[0, 1, 0])
+
+
+@pytest.mark.parametrize("fill", ["edge", "nan", 0.5])
+def test_large_matrices_in_blocks_and_threads(monkeypatch, fill):
+    X = np.random.default_rng(0).normal(size=(1001, 2))
+    lags = {0: [0, 3, 700], 1: [1, 40]}
+    for groups in (None, np.repeat(np.arange(91), 11), np.r_[np.full(4, -1), np.zeros(900), np.full(97, 2)]):
+        slow = LagEmbedding(lags, fill=fill).fit_transform(X, groups=groups)
+        with monkeypatch.context() as patch:
+            patch.setattr("sksurrogate.features._lag._ROWS", 64)
+            patch.setattr("sksurrogate.features._lag._MANY", 0)
+            for threads in (1, 3):
+                patch.setattr("sksurrogate.features._lag._openmp_effective_n_threads", lambda threads=threads: threads)
+                quick = LagEmbedding(lags, fill=fill).fit_transform(X, groups=groups)
+                np.testing.assert_array_equal(quick, slow)
+    assert LagEmbedding([5]).fit_transform(X)[5:, 0] == pytest.approx(X[:-5, 0])
