@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._plants import PLANTS
+
 __all__ = [
     "bars",
     "detection",
@@ -57,13 +59,19 @@ def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
 
 
 def place_up_to_twins(row: Row) -> bool:
-    """Whether the place accused is that of a true effect, or of a name that these data cannot tell from it."""
+    """Whether the place accused is that of a true effect, or an exact twin's.
+
+    That is the place of a name that these data cannot tell from a true effect, and for an input of a built-in plant that
+    pushes one balance and nothing else, that balance (or the other way round).
+    """
     truths = [(t["name"], t["location"], t["variable"]) for t in row["truths"]]
     places = {place for _, place, _ in truths}
     for effect in row["effects"]:
         group = [(effect["name"], effect["location"], effect["variable"]), *(tuple(e) for e in effect["equivalents"])]
         if any(truth in group for truth in truths):
             places |= {place for _, place, _ in group}
+    joined = PLANTS[row["plant"]].twin_places if row["plant"] in PLANTS else {}
+    places |= {b for a, b in joined.items() if a in places} | {a for a, b in joined.items() if b in places}
     return row["accused"] in places
 
 
@@ -106,7 +114,7 @@ def _named_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     return [
         _share("one effect: named, nothing else", [bool(r["right"]) for r in one], 0.98),
         _mean("one effect: mean size of the class", [n for r in _answered(one) for n in r["classes"]], 2.5),
-        _share("one effect: its place", ["error" not in r and place_up_to_twins(r) for r in one], 0.98),
+        _share("one effect: its place or an exact twin's", ["error" not in r and place_up_to_twins(r) for r in one], 0.98),
         _share("one effect in a region: named, nothing else", [bool(r["right"]) for r in _of(by, "region")], 0.98),
         _share("one effect from some time on: named, nothing else", [bool(r["right"]) for r in _of(by, "time")], 0.98),
         _share("two effects: both named, nothing else", [bool(r["right"]) for r in _of(by, "two")], 0.93),
@@ -136,7 +144,11 @@ def _unknown_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     plain = _of(by, "outside", "novel")
     return [
         _share("outside the catalogue: unknown", [bool(r["right"]) for r in plain], 0.97),
-        _share("outside the catalogue: its place", ["error" not in r and bool(r["place"]) for r in plain], 0.95),
+        _share(
+            "outside the catalogue: its place or an exact twin's",
+            ["error" not in r and place_up_to_twins(r) for r in plain],
+            0.95,
+        ),
         _share(
             "outside the catalogue, beside a disturbance: unknown",
             [bool(r["right"]) for r in _of(by, "outside_disturbed")],
@@ -263,7 +275,7 @@ def unknown_scores(rows: Sequence[Row]) -> list[dict[str, Any]]:
     for name, group, hit in (
         ("recall: said where it is due", due, [r["verdict"] == "unknown" for r in due]),
         ("precision: due where it is said", said, [r["expected"] == "unknown" for r in said]),
-        ("right place, where it is due", due, [bool(r["place"]) for r in due]),
+        ("right place or an exact twin's, where it is due", due, [place_up_to_twins(r) for r in due]),
     ):
         if group:
             low, high = wilson(sum(hit), len(hit))

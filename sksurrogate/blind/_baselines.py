@@ -1,29 +1,41 @@
 """Simpler ways to the same question, answered in the same form, for the same table.
 
-Each is a ``module:function`` for ``run_blind_check(diagnosis=...)``.
+Each is a ``module:function`` for ``run_blind_check(diagnosis=...)``. On the cases of a check that was done, some of each arm,
+resumable::
+
+    python -m sksurrogate.blind._baselines rows.jsonl baselines.jsonl --first 10 --jobs 2
 """
 
 from __future__ import annotations
 
+import argparse
+import json
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 from scipy.optimize import least_squares
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 from sklearn.preprocessing import StandardScaler
 
-from sksurrogate.blind._cases import Question
-from sksurrogate.blind._solve import predict
+from sksurrogate.blind._cases import Question, draw
+from sksurrogate.blind._score import score
+from sksurrogate.blind._solve import Solver, predict
+from sksurrogate.blind._table import stored_rows
 from sksurrogate.exceptions import require
 
-__all__ = ["gaussian_process", "retuning", "sparse_regression", "whiteness"]
+__all__ = ["gaussian_process", "main", "retuning", "run_baselines", "sparse_regression", "whiteness"]
+
+#: The functions of this module that answer questions.
+BASELINES = ("retuning", "sparse_regression", "whiteness", "gaussian_process")
 
 
 def retuning(question: Question) -> dict[str, Any]:
     """Re-tune all parameters of the simulator (free run, first rows as initial states) and name those that moved."""
-    begun = time.perf_counter()
+    begun = time.perf_counter(), time.process_time()
     simulator = question.simulator
     names = [name for name, value in simulator.params.items() if value]
     runs = _runs(question)
@@ -52,7 +64,7 @@ def retuning(question: Question) -> dict[str, Any]:
 
 def whiteness(question: Question) -> dict[str, Any]:
     """Portmanteau and cross-correlation tests of the free-run error: is there a gap, and in which output or input?"""
-    begun = time.perf_counter()
+    begun = time.perf_counter(), time.process_time()
     errors = []
     for U, y in _runs(question):
         errors.append((y - _free_run(question.simulator, U, _start(question.simulator, y))) / question.y.std(axis=0))
@@ -71,7 +83,7 @@ def whiteness(question: Question) -> dict[str, Any]:
 
 def sparse_regression(question: Question) -> dict[str, Any]:
     """Sparse regression (pysindy's STLSQ) of the residual of dx/dt on a polynomial library; measured states only."""
-    begun = time.perf_counter()
+    begun = time.perf_counter(), time.process_time()
     ps = require("pysindy", "bench")
     simulator = question.simulator
     states, inputs = list(simulator.states), list(simulator.inputs)
@@ -143,7 +155,7 @@ def _named(state: str, label: str) -> dict[str, Any]:
 
 def gaussian_process(question: Question) -> dict[str, Any]:
     """A Gaussian process from simulated outputs and inputs to the free-run error: a correction without a name."""
-    begun = time.perf_counter()
+    begun = time.perf_counter(), time.process_time()
     simulator, rng = question.simulator, np.random.default_rng(0)
     rows, errors = [], []
     for U, y in _runs(question):
@@ -216,9 +228,91 @@ def _derivative_gaps(question: Question, ps: Any) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(signals), np.concatenate(gaps)
 
 
-def _answer(verdict: str, effects: list[Any], where: dict[str, Any], predicted: Any, begun: float) -> dict[str, Any]:
+def _answer(
+    verdict: str, effects: list[Any], where: dict[str, Any], predicted: Any, begun: tuple[float, float]
+) -> dict[str, Any]:
     """An answer in the common form."""
     return {
         "verdict": verdict, "effects": effects, "where": where, "predicted": predicted,
-        "seconds": time.perf_counter() - begun,
+        "seconds": time.perf_counter() - begun[0], "processor_seconds": time.process_time() - begun[1],
     }  # fmt: skip
+
+
+def run_baselines(rows: Any, out: Any, *, first: int = 10, limit: float = 120.0, n_jobs: int | None = None) -> int:
+    """Ask the baselines the first cases of each arm of a check that was done.
+
+    Parameters
+    ----------
+    rows : path
+        Rows of the check (JSON lines).
+    out : path
+        Rows of the baselines; those there count, new ones are appended.
+    first : int, default=10
+        Cases of each arm.
+    limit : float, default=120
+        Seconds for one answer.
+    n_jobs : int, optional
+
+    Returns
+    -------
+    int
+        Number of new rows.
+    """
+    have = {(row["diagnosis"], row["arm"], row["seed"]) for row in stored_rows(out)}
+    cases: dict[str, list[int]] = {}
+    for row in stored_rows(rows):
+        some = cases.setdefault(row["arm"], [])
+        if row.get("right") is not None and len(some) < first:
+            some.append(row["seed"])
+    wanted = [(arm, seed) for arm, seeds in cases.items() for seed in seeds]
+    todo = []
+    for arm, seed in wanted:
+        left = [name for name in BASELINES if (_path(name), arm, seed) not in have]
+        if left:
+            todo.append((arm, seed, left, limit))
+    count = 0
+    for found in Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)(
+        delayed(_asked)(*t) for t in todo
+    ):
+        with open(out, "a", encoding="utf-8") as file:
+            file.writelines(json.dumps(row, default=float) + "\n" for row in found)
+        count += len(found)
+    return count
+
+
+def _path(name: str) -> str:
+    """A baseline as ``module:function``."""
+    return f"sksurrogate.blind._baselines:{name}"
+
+
+def _asked(arm: str, seed: int, names: Sequence[str], limit: float) -> list[dict[str, Any]]:
+    """Rows of some baselines on one case; the oracle is in the rows of the check."""
+    case = draw(arm, seed)
+    found = []
+    for name in names:
+        solver = _SOLVERS.setdefault(name, Solver(_path(name), limit))
+        row = score(case, solver.ask(case.question), oracle=False)
+        found.append({**row, "diagnosis": _path(name)})
+    return found
+
+
+#: Answering processes of a worker.
+_SOLVERS: dict[str, Solver] = {}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """``python -m sksurrogate.blind._baselines``."""
+    parser = argparse.ArgumentParser(description="the baselines on the cases of a check that was done")
+    parser.add_argument("rows", help="rows of the check")
+    parser.add_argument("out", help="rows of the baselines, appended to")
+    parser.add_argument("--first", type=int, default=10, help="cases of each arm (default 10)")
+    parser.add_argument("--limit", type=float, default=120.0, help="seconds for one answer (default 120)")
+    parser.add_argument("--jobs", type=int, default=None, help="cases abreast")
+    given = parser.parse_args(argv)
+    count = run_baselines(given.rows, given.out, first=given.first, limit=given.limit, n_jobs=given.jobs)
+    print(f"{count} new rows in {given.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

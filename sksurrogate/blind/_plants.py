@@ -115,6 +115,22 @@ class PlantSpec:
         """States in whose balance an effect can be missing."""
         return tuple(name for name in self.states if name not in self.kinematic)
 
+    @property
+    def twin_places(self) -> dict[str, str]:
+        """Input -> the one balance it pushes, where it pushes nothing else: a fault of one is a fault of the other."""
+        if self.output is not None:
+            return {}
+        start = np.array(self.start, dtype=float)
+        u = np.array([drive.middle for drive in self.drives])
+        rates = [np.array(self.rhs(0.0, start, row, self.params), dtype=float).ravel() for row in [u, *self._pushed(u)]]
+        moved = {name: np.flatnonzero(rate != rates[0]) for name, rate in zip(self.inputs, rates[1:])}
+        return {name: self.states[int(which[0])] for name, which in moved.items() if len(which) == 1}
+
+    def _pushed(self, u: np.ndarray) -> list[np.ndarray]:
+        """Inputs with one of them moved."""
+        steps = [drive.swing * 0.5 for drive in self.drives]
+        return [u + step * (np.arange(len(u)) == j) for j, step in enumerate(steps)]
+
     def simulator(
         self, params: Mapping[str, float] | None = None, outputs: Sequence[str] | None = None, *, counting: bool = False
     ) -> ODESimulator:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._documented import documented_curve
 from sksurrogate.blind._solve import missing
 from sksurrogate.blind._truths import remaining
 from sksurrogate.datasets import fetch_ball_drops, fetch_cascaded_tanks, fetch_heat_exchanger, fetch_silverbox
@@ -195,7 +196,7 @@ def run_recorded(
     -------
     list of dict
         recording, verdict, named, place, right, before, retuned, after (test RMSE of each test record), unit, published,
-        seconds.
+        seconds, missing_term, and in the second pass curve: the learned term over the documented one.
     """
     chosen = names if names is not None else [*RECORDINGS, *fetch_ball_drops(data_home).names]
     rows = []
@@ -231,14 +232,14 @@ def _diagnosed(recording: Recording, withhold: bool) -> dict[str, Any]:
         right = report.verdict == "unknown" and report.where.location in recording.places
     else:
         right = hit
-    start = diagnoser.initial_states_[0]
+    start, term = diagnoser.initial_states_[0], missing(report.missing_term)
     return {
         "recording": recording.name + (" (withheld)" if left is not None else ""), "verdict": report.verdict,
         "named": ", ".join(f"{n} at {p}" + (f" in {v}" if v else "") for n, p, v in names) or "-",
         "class": len(every), "place": report.where.location, "right": right, "before": _errors(recording, recording.simulator, start),
         "after": _errors(recording, diagnoser.augmented_, start), "unit": recording.unit, "published": recording.published,
         "sentence": report.sentence, "seconds": seconds,
-        "retuned": _retuned(recording), "missing_term": missing(report.missing_term),
+        "retuned": _retuned(recording), "missing_term": term, "curve": documented_curve(recording, term) if left is not None else None,
     }  # fmt: skip
 
 

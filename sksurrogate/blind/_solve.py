@@ -26,6 +26,9 @@ __all__ = ["Solver", "ask_gap_diagnoser"]
 #: Which function of the other process answers.
 DEFAULT = "sksurrogate.blind._solve:ask_gap_diagnoser"
 
+#: A process answers this many questions; then a fresh one takes over, so that memory does not grow.
+FRESH = 40
+
 
 def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
     """The package's own diagnosis, as plain data."""
@@ -74,7 +77,8 @@ def missing(term: Any) -> dict[str, Any] | None:
     """The shape of what is missing."""
     if term is None:
         return None
-    curves = [{"variable": c.variable, "at": c.at, "value": c.value, "explained": c.explained} for c in term.curves]
+    keys = ("variable", "at", "value", "low", "high", "explained")
+    curves = [{key: getattr(curve, key) for key in keys} for curve in term.curves]
     return {"location": term.location, "kind": term.kind, "curves": curves, "candidates": list(term.candidates)}
 
 
@@ -113,10 +117,14 @@ class Solver:
         self.function = function
         self.limit = limit
         self._process: subprocess.Popen[bytes] | None = None
+        self._asked = 0
 
     def ask(self, question: Question) -> dict[str, Any]:
         """The answer; ``{"error": ...}`` where the diagnosis fails, dies or takes too long."""
+        if self._asked >= FRESH:
+            self.close()
         process = self._started()
+        self._asked += 1
         assert process.stdin is not None and process.stdout is not None
         try:
             send(process.stdin, pickle.dumps(question))
@@ -131,6 +139,7 @@ class Solver:
         if self._process is None or self._process.poll() is not None:
             paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
             threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+            self._asked = 0
             self._process = subprocess.Popen(
                 [sys.executable, "-c", "from sksurrogate.blind._solve import main; main()", self.function],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tempfile.gettempdir(),

@@ -69,11 +69,11 @@ class BlindResult:
         Returns
         -------
         list of dict
-            by, cases, right, named (share of true effects named up to twins), false (cases with a false name), place,
-            class (mean size), covered (share of 90 % intervals that hold the truth), shrink, oracle (medians), seconds
-            (median), calls (median), failed (no answer), region (mean F1), edge (median error of a limit, in standard
-            deviations of its signal), moment (median error of a time, in lengths of the run), shape (median correlation
-            of the missing term with the true one).
+            by, cases, right, named (share of true effects named up to twins), false (cases explained with a false name),
+            place (up to exact twins), own place, class (mean size), covered (share of 90 % intervals that hold the truth),
+            shrink, oracle (medians), seconds (median), calls (median), failed (no answer), region (mean F1), edge (median
+            error of a limit, in standard deviations of its signal), moment (median error of a time, in lengths of the
+            run), shape (median correlation of the missing term with the true one).
         """
         order = [*ARMS] if by == "arm" else sorted({str(row.get(by)) for row in self.rows})
         groups = [(name, [row for row in self.rows if str(row.get(by)) == name]) for name in order]
@@ -207,8 +207,9 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "cases": len(rows),
         "right": mean(bool(row.get("right")) for row in rows if row.get("right") is not None),
         "named": sum(row["named"] for row in sought) / n_truths if n_truths else float("nan"),
-        "false": mean(row["false_names"] > 0 for row in answered),
-        "place": mean(row["place"] for row in answered),
+        "false": mean(row["false_names"] > 0 and row["verdict"] == "explained" for row in answered),
+        "place": mean(_bars.place_up_to_twins(row) if row["expected"] != "none" else row["place"] for row in answered),
+        "own place": mean(row["place"] for row in answered),
         "class": mean(size for row in answered for size in row["classes"]),
         "covered": mean(value for row in answered for value in row["covered"]),
         "shrink": median(row["shrink"] for row in answered if row["arm"] not in SMALL),

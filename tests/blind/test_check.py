@@ -55,6 +55,10 @@ def dies(question):
     os._exit(3)
 
 
+def tells_its_number(question):
+    return {"number": os.getpid()}
+
+
 def sleeps(question):
     time.sleep(60)
 
@@ -306,3 +310,32 @@ def test_a_simulator_of_your_own(solver):
         plant_of(own(), input_ranges={"g": (0, 1)})
     with pytest.raises(SimulatorError, match="x0_spread has 1 values"):
         plant_of(own(), input_ranges={"f": (0, 1)}, x0_spread=[0.1])
+
+
+def test_baselines_answer_the_cases_of_a_check_that_was_done(tmp_path, monkeypatch):
+    from sksurrogate.blind import _baselines
+
+    monkeypatch.setattr(_baselines, "BASELINES", ("whiteness",))
+    rows, out = tmp_path / "rows.jsonl", tmp_path / "baselines.jsonl"
+    done = [
+        {"arm": "none", "seed": 1, "right": True},
+        {"arm": "none", "seed": 2, "right": None},
+        {"arm": "none", "seed": 3, "right": True},
+    ]
+    rows.write_text("".join(json.dumps(row) + "\n" for row in done))
+    assert _baselines.main([str(rows), str(out), "--first", "1"]) == 0
+    assert _baselines.run_baselines(rows, out, first=2) == 1  # the first is there, the second could not be drawn
+    found = BlindResult.load(out).rows
+    assert [row["seed"] for row in found] == [1, 3] and all(row["diagnosis"].endswith(":whiteness") for row in found)
+    assert all(row["verdict"] in ("none", "unknown") and row["processor_seconds"] >= 0 for row in found)
+
+
+def test_an_answering_process_is_replaced_in_time(monkeypatch):
+    """Memory that a diagnosis does not give back cannot grow over a long check."""
+    from sksurrogate.blind import _solve
+
+    monkeypatch.setattr(_solve, "FRESH", 2)
+    question = drawn("none").question
+    with Solver(f"{HERE}:tells_its_number") as one:
+        numbers = [one.ask(question)["number"] for _ in range(5)]
+    assert numbers[0] == numbers[1] != numbers[2] == numbers[3] != numbers[4]
