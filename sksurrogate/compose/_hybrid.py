@@ -13,10 +13,11 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
 from sksurrogate._columns import by_name
-from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
+from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection, ends_linear
+from sksurrogate.compose._hybrid_force import ForceCorrection
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
 from sksurrogate.compose._hybrid_output import Free, OutputCorrection
-from sksurrogate.exceptions import SimulationDiverged
+from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.export import Graph, to_casadi, to_onnx
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import Runs, resolve_runs
@@ -39,15 +40,18 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         deviations, inputs, and the simulator's own output. Default for "output": the mean of five small tanh nets with
         a linear part, trained through the free run, judged on runs left out; for "static" and "series": ridge on
         polynomials, chosen on runs left out.
-        For "dynamics" and "input": transformers and a linear model; default: monomials, degree chosen on runs left out.
+        For "dynamics" and "input": features are the states (measured or not) and inputs ("input": the inputs alone), the
+        target is the term; transformers with a linear model are fitted through the free run, any other regressor to the
+        term that a smoother finds along the runs. Default: monomials, degree chosen on runs left out.
     form : {"output", "static", "series", "dynamics", "input"}, default="output"
         "output": past deviations are features, as in the paper. "static": only inputs (with their lags) and the
         simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
         "dynamics": a term of states and inputs is added to dx/dt (or the next states of a step). "input": a term of the
         inputs is added to them. The last two need a simulator with ``rhs`` or ``step``.
     loss : {"one_step", "shooting"}, optional
-        Whether the correction is fitted one step ahead or through its own free run. Default: "one_step" for
-        a residual of yours outside the plant, else "shooting".
+        Whether the correction is fitted one step ahead or through its own free run ("shooting": residuals whose slopes
+        are known; a ValueError says so for others). Default: "shooting" for the default residual and, inside the
+        plant, for transformers with a linear model, else "one_step".
     n_lags : int, default=5
         Past deviations and inputs.
     states : list of str, optional
@@ -329,7 +333,12 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     def _correction(self) -> Any:
         loss = self.loss if self.loss is not None else self._default_loss()
         if self.form in ("dynamics", "input"):
-            return DynamicsCorrection(
+            own = self.residual is not None and not ends_linear(self.residual)
+            if own and not hasattr(self.residual, "predict"):
+                raise DataError(
+                    f"residual={self.residual!r} is no regressor: it has no method predict. Give a regressor, or a pipeline that ends in one."
+                )
+            return (ForceCorrection if own else DynamicsCorrection)(
                 self.simulator_, self.residual, self.form, loss, self.states, self.fade, self.shrinkage
             )
         return OutputCorrection(
@@ -338,7 +347,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
 
     def _default_loss(self) -> str:
         inside = self.form in ("dynamics", "input")
-        return "shooting" if self.residual is None or inside else "one_step"
+        slopes = self.residual is None or (inside and ends_linear(self.residual))
+        return "shooting" if slopes else "one_step"
 
     def _free(self, X: Any, y0: Any, groups: Any, spread: bool) -> tuple[Runs, Free, list]:
         """Runs, their free runs, and the rows these start from."""

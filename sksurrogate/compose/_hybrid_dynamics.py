@@ -16,11 +16,13 @@ from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.output_error import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
+from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._free_run import free_run
+from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant, describe
 
-__all__ = ["DynamicsCorrection"]
+__all__ = ["DynamicsCorrection", "ends_linear"]
 
 #: Most functions that a default basis may have.
 MOST_FUNCTIONS = 40
@@ -54,20 +56,8 @@ class DynamicsCorrection:
 
     def fit(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any = None) -> DynamicsCorrection:
         """Fit on runs; ``before``: a fitted correction to start from."""
-        self.n_outputs = measured[0].shape[1]
-        plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
-        if plant.access == "trajectory":
-            raise SimulatorError(
-                f'form="{self.form}" needs a simulator with rhs or step and states; {type(self.simulator).__name__} gives '
-                'trajectories only: use form="output", "static" or "series".'
-            )
-        times = [plant.dt * np.arange(len(U)) for U in inputs]
-        record = Record.from_runs(inputs, measured, times, plant.dt)
-        with np.errstate(all="ignore"):
-            starts = np.repeat(plant.x0[None], len(inputs), axis=0)
-            model, guess = prepared(plant, record, [], np.zeros(0), starts, False, True)
-        self.noise = noise_of_differences(record.y, record.starts)
-        z = record.u if self.form == "input" else np.concatenate([guess, record.u])
+        plant, model, guess = self._prepare(inputs, measured)
+        z = model.record.u if self.form == "input" else np.concatenate([guess, model.record.u])
         self.domain = Domain.of(z.T, self.fade)
         everything = list(range(len(inputs)))
         judges = everything[1::4] if len(everything) >= 4 else everything
@@ -84,19 +74,39 @@ class DynamicsCorrection:
                 best, chosen = error, basis
                 self.terms = self.terms if self.terms is not None else model
         self._learn(plant, model, guess, chosen, everything, before)
+        self._judge(plant, inputs, measured)
+        self.fitted = self._filled()
+        return self
+
+    def _prepare(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> tuple[Plant, FitModel, np.ndarray]:
+        """The plant, its model over the record, and a trajectory (n_states, n_samples) to start from."""
+        self.n_outputs = measured[0].shape[1]
+        plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+        if plant.access == "trajectory":
+            raise SimulatorError(
+                f'form="{self.form}" needs a simulator with rhs or step and states; {type(self.simulator).__name__} gives '
+                'trajectories only: use form="output", "static" or "series".'
+            )
+        times = [plant.dt * np.arange(len(U)) for U in inputs]
+        record = Record.from_runs(inputs, measured, times, plant.dt)
+        with np.errstate(all="ignore"):
+            starts = np.repeat(plant.x0[None], len(inputs), axis=0)
+            model, guess = prepared(plant, record, [], np.zeros(0), starts, False, True)
+        self.noise = noise_of_differences(record.y, record.starts)
+        return plant, model, guess
+
+    def _judge(self, plant: Plant, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:
+        """What the free runs leave, and how large the gap is without the correction."""
         free = self.run(inputs, [y[:1] for y in measured])
         self.rmse = np.sqrt(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2, axis=0))
         alone = [np.asarray(self.simulator.simulate(U, x0=self._start(plant, y[:1]))) for U, y in zip(inputs, measured)]
         self.reach = np.sqrt(
             np.mean(np.concatenate([a.reshape(y.shape) - y for a, y in zip(alone, measured)]) ** 2, axis=0)
         )
-        self.fitted = self._filled()
-        return self
 
     def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True) -> Free:
         """Free runs from the first row (None: the simulator's own start), each with its own number of samples."""
         plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
-        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
         lengths = np.array([len(U) for U in inputs])
         outputs: list[Any] = [None] * len(inputs)
         weights: list[Any] = [None] * len(inputs)
@@ -104,9 +114,9 @@ class DynamicsCorrection:
             chosen = [int(r) for r in np.flatnonzero(lengths == length)]
             U = np.stack([inputs[r] for r in chosen])
             X0 = np.stack([self._start(plant, first[r]) for r in chosen])
-            X = self._states(plant, rate, U, X0)
+            X = self._rolled(plant, U, X0)
             t = plant.dt * np.arange(length)
-            Y = self.terms.plant.inner.output(t, X.transpose(2, 0, 1), U.transpose(2, 0, 1)).transpose(1, 2, 0)
+            Y = self._inner.output(t, X.transpose(2, 0, 1), U.transpose(2, 0, 1)).transpose(1, 2, 0)
             z = U if self.form == "input" else np.concatenate([X, U], axis=2)
             w = self.domain.weight(z.reshape(-1, z.shape[2])).reshape(len(chosen), length)
             for k, r in enumerate(chosen):
@@ -119,7 +129,6 @@ class DynamicsCorrection:
     def one_step(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> list[np.ndarray]:
         """One step ahead from measured outputs, where these are all the states; else from the free run's states."""
         plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
-        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
         places = self._whole_state(plant)
         out = []
         for U, y in zip(inputs, measured):
@@ -127,7 +136,7 @@ class DynamicsCorrection:
             x[:, places] = y
             pairs = np.stack([U[:-1], U[1:]], axis=1)
             part = np.full(y.shape, np.nan)
-            part[1:] = self._states(plant, rate, pairs, x[:-1])[:, 1][:, places]
+            part[1:] = self._rolled(plant, pairs, x[:-1])[:, 1][:, places]
             out.append(part)
         return out
 
@@ -137,8 +146,14 @@ class DynamicsCorrection:
         return rate(t, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
 
     # ---- parts ------------------------------------------------------------------------------------------------------
-    def _states(self, plant: Plant, rate: Any, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
-        """(n_runs, n_samples, n_states)."""
+    @property
+    def _inner(self) -> PlantModel:
+        """The simulator on columns of states."""
+        return self.terms.plant.inner
+
+    def _rolled(self, plant: Plant, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
+        """States of free runs of equal length, (n_runs, n_samples, n_states)."""
+        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
         t = plant.dt * np.arange(U.shape[1])
         if plant.access == "rhs":
             method = str(getattr(self.simulator, "method", "auto"))
@@ -181,15 +196,19 @@ class DynamicsCorrection:
     def _bases(self, z: np.ndarray) -> list[Basis]:
         """Candidates for the functions that the term is made of."""
         if self.residual is not None:
-            steps = [step for _, step in getattr(self.residual, "steps", None) or [("model", self.residual)]]
-            if not hasattr(steps[-1], "fit_intercept"):
-                raise DataError(
-                    f'residual={self.residual!r}: form="{self.form}" wants transformers and a linear model at the end, '
-                    "for example make_pipeline(PolynomialFeatures(2, include_bias=False), Ridge())."
-                )
-            return [Basis(z.T, 1, clone(self.residual)[:-1] if len(steps) > 1 else None)]
+            many = len(getattr(self.residual, "steps", ())) > 1
+            return [Basis(z.T, 1, clone(self.residual)[:-1] if many else None)]
         found = [Basis(z.T, degree) for degree in (1, 2, 3, 4)]
         return [basis for basis in found if basis.size <= MOST_FUNCTIONS] or found[:1]
+
+    def _size(self, plant: Plant, model: FitModel, guess: np.ndarray, targets: tuple[int, ...]) -> np.ndarray:
+        """Unit of every term: the spread of the derivative (of the step, of the input) that it is added to."""
+        if self.form == "input":
+            size = np.std(model.record.u, axis=1)[list(targets)]
+        else:
+            size = np.std(np.diff(guess, axis=1), axis=1)[list(targets)]
+            size = size / plant.dt if plant.access == "rhs" else size
+        return np.where(size > 0, size, 1.0)
 
     def _learn(self, plant: Plant, model: Any, guess: np.ndarray, basis: Basis, runs: list[int], before: Any) -> None:
         """Coefficients of one basis on some of the runs: one step ahead where all states are measured, then shooting."""
@@ -198,12 +217,7 @@ class DynamicsCorrection:
         inner = type(model)(model.inner, [], record, model.n_sub, model.scale, model.stiff)
         x = guess[:, rows]
         targets = self._targets(plant, model.inner)
-        if self.form == "input":
-            size = np.std(model.record.u, axis=1)[list(targets)]
-        else:
-            size = np.std(np.diff(guess, axis=1), axis=1)[list(targets)]
-            size = size / plant.dt if plant.access == "rhs" else size
-        term = TermModel(inner, basis, targets, np.where(size > 0, size, 1.0), self.form == "input")
+        term = TermModel(inner, basis, targets, self._size(plant, model, guess, targets), self.form == "input")
         theta = np.zeros(term.n_theta)
         if before is not None and isinstance(before, DynamicsCorrection) and len(before.theta) == len(theta):
             theta = before.theta * np.repeat(before.terms.size / term.size, basis.size)
@@ -262,3 +276,9 @@ class DynamicsCorrection:
             last = fitted.steps[-1][1]
         last.coef_, last.intercept_ = coef[:, 1:], coef[:, 0]
         return fitted
+
+
+def ends_linear(residual: Any) -> bool:
+    """Whether a regressor is a linear model, or a pipeline with one at its end."""
+    steps = getattr(residual, "steps", None) or [("model", residual)]
+    return hasattr(steps[-1][1], "fit_intercept")

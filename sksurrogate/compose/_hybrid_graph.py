@@ -8,6 +8,7 @@ import numpy as np
 
 from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
+from sksurrogate.compose._hybrid_force import ForceCorrection
 from sksurrogate.compose._hybrid_output import OutputCorrection
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.exceptions import SimulatorError
@@ -24,7 +25,11 @@ def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: in
     if isinstance(correction, DynamicsCorrection):
         plant = describe(correction.simulator)
         x, u = graph.input("x", len(plant.states)), graph.input("u", len(plant.inputs))
-        graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, _Corrected(correction), x, u, n_sub)
+        if isinstance(correction, ForceCorrection):
+            both = graph.concat(u, _force(graph, correction, u if correction.form == "input" else graph.concat(x, u)))
+            graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, _Forced(correction), x, both, n_sub)
+        else:
+            graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, _Corrected(correction), x, u, n_sub)
         graph.initial, graph.dt = plant.x0.copy(), plant.dt
         return graph
     n, o, n_states = correction.n_lags, correction.n_outputs, _n_states(correction.simulator)
@@ -110,6 +115,42 @@ def _faded(graph: Graph, domain: Domain, phi: int, value: int) -> int:
     ratio = graph.binary("div", beyond, graph.constant(max(domain.fade, 1e-12)))
     weight = graph.unary("exp", graph.binary("mul", graph.binary("mul", ratio, ratio), graph.constant(-1.0)))
     return graph.binary("mul", value, weight)
+
+
+def _force(graph: Graph, correction: ForceCorrection, z: int) -> int:
+    """The learned force at features z, held over a sample."""
+    domain, held = correction.domain, z
+    if np.isfinite(domain.fade):
+        room = 0.1 * (domain.high - domain.low)
+        held = graph.clipped(z, domain.low - room, domain.high + room)
+    return _faded(graph, domain, z, add_estimator(graph, correction.fitted, held))
+
+
+class _Forced:
+    """The simulator with forces as further inputs, on single points of any kind of number."""
+
+    def __init__(self, correction: ForceCorrection):
+        plant, simulator = describe(correction.simulator), correction.simulator
+        self.params, self.dt, self.hold = dict(plant.params), plant.dt, plant.hold
+        self.states, self.outputs = plant.states, plant.outputs
+        n, targets, inside = len(plant.inputs), correction.targets, correction.form == "input"
+
+        def moved(function: Any, t: Any, x: Any, both: Any, p: Any, *extra: Any) -> list[Any]:
+            u = list(both[:n])
+            if inside:
+                for k, value in zip(targets, both[n:]):
+                    u[k] = u[k] + value
+            out = list(function(t, x, np.array(u, dtype=object), p, *extra))
+            for k, value in zip(() if inside else targets, both[n:]):
+                out[k] = out[k] + value
+            return out
+
+        if plant.access == "rhs":
+            self.rhs = lambda t, x, u, p: moved(simulator.rhs, t, x, u, p)
+        else:
+            self.step = lambda t, x, u, p, dt: moved(simulator.step, t, x, u, p, dt)
+        if plant.output_states is None:
+            self.output = lambda t, x, u, p: simulator.output(t, x, np.array(list(u)[:n], dtype=object), p)
 
 
 class _Corrected:

@@ -74,6 +74,7 @@ def smooth(
     scale: np.ndarray,
     *,
     rigid: np.ndarray | None = None,
+    share: np.ndarray | None = None,
     max_iterations: int = 12,
     floor: float = 1e-4,
 ) -> Smoothed:
@@ -91,6 +92,8 @@ def smooth(
     scale : ndarray (n_states,)
     rigid : ndarray of bool (n_states,), optional
         Rows that are known to hold (dq/dt = v): their allowance stays at the floor.
+    share : ndarray (n_states, n_samples), optional
+        What the allowance of a balance is multiplied by in a sample; 1 by default.
     floor : float
         Smallest allowance, in units of ``scale``.
 
@@ -103,6 +106,7 @@ def smooth(
     inner, later = np.ones(n_samples, bool), np.ones(n_samples, bool)
     inner[ends], later[starts] = False, False
     stiff = np.zeros(n, bool) if rigid is None else rigid
+    part = np.ones((n, 1)) if share is None else share
     q = np.where(stiff, floor, 0.1) * scale
     anchor = x.copy()
     last = np.inf
@@ -115,19 +119,19 @@ def smooth(
         d = np.zeros_like(x)
         d[:, :-1] = after[:, :-1] - x[:, 1:]
         d[:, ends] = 0.0
-        best = Smoothed(x, d, np.sqrt(np.sum(d**2, axis=1) / max(inner.sum(), 1)), A)
-        Q = 1.0 / q**2
+        best = Smoothed(x, d, np.sqrt(np.sum((d / part) ** 2, axis=1) / max(inner.sum(), 1)), A)
+        Q = np.broadcast_to((1.0 / (q[:, None] * part) ** 2).T, (n_samples, n))  # of the step that leaves a sample
         At = np.where(inner[:, None, None], A.transpose(2, 0, 1), 0.0)
         Ct = C.transpose(2, 0, 1) / sd[:, None]
         tie = 1e-8 / scale**2
-        diagonal = Ct.transpose(0, 2, 1) @ Ct + (At.transpose(0, 2, 1) * Q) @ At
+        diagonal = Ct.transpose(0, 2, 1) @ Ct + (At.transpose(0, 2, 1) * Q[:, None]) @ At
         index = np.arange(n)
-        diagonal[:, index, index] += tie + np.where(later[:, None], Q, 0.0)
+        diagonal[:, index, index] += tie + np.where(later[:, None], np.roll(Q, 1, axis=0), 0.0)
         right = (Ct.transpose(0, 2, 1) @ ((y - g) / sd[:, None]).T[:, :, None])[:, :, 0] + tie * (anchor - x).T
-        right -= (At.transpose(0, 2, 1) @ (d * Q[:, None]).T[:, :, None])[:, :, 0]
-        right[1:] += np.where(later[1:, None], (d * Q[:, None]).T[:-1], 0.0)
+        right -= (At.transpose(0, 2, 1) @ (d.T * Q)[:, :, None])[:, :, 0]
+        right[1:] += np.where(later[1:, None], (d.T * Q)[:-1], 0.0)
         try:
-            step = BlockTridiagonal(diagonal, -Q[:, None] * At).solve(right[None])[0].T
+            step = BlockTridiagonal(diagonal, -Q[:, :, None] * At).solve(right[None])[0].T
         except np.linalg.LinAlgError:
             break
         x = x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])
