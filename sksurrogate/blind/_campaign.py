@@ -15,6 +15,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 from sksurrogate.blind._cases import ARMS, draw
 from sksurrogate.blind._follow import followed
 from sksurrogate.blind._own import plant_of
+from sksurrogate.blind._retune import beyond_retuning
 from sksurrogate.blind._score import score
 from sksurrogate.blind._seal import close_seal
 from sksurrogate.blind._solve import DEFAULT, Solver
@@ -210,6 +211,8 @@ def run_case(
     if look is not None:
         look(case, answer)
     row = score(case, answer)
+    if arm == "detuned":
+        row["gap_beyond_retuning"] = beyond_retuning(case)
     if np.random.default_rng([case.facts["seed"], 18]).random() < follow_up:
         row |= followed(case, answer, row, solver.ask)
     return {**row, "diagnosis": diagnosis, "sha256": seal.sha256, "whole_seconds": time.perf_counter() - begun}

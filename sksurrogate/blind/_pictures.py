@@ -108,7 +108,7 @@ def _shrink(axes: Any, rows: Sequence[Row]) -> None:
         x, y = ([max(1 - row[key], 1e-4) for row in part] for key in ("oracle", "shrink"))
         axes.plot(x, np.minimum(y, 2.0), "o", color=colour, markersize=3, alpha=0.6, label=f"{label} ({len(part)})")
     axes.set(xlabel="gap left by the true effect, refitted", ylabel="gap left by the diagnosis")
-    axes.legend(fontsize=8, loc="upper left", frameon=False)
+    axes.legend(fontsize=8, loc="lower right", frameon=False)
 
 
 def missing_terms(rows: Sequence[Row], most: int = 12) -> Any:

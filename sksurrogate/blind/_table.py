@@ -231,12 +231,14 @@ def failure(row: Row) -> str | None:
     if row["right"]:
         return None
     expected, said = row["expected"], row["verdict"]
-    if expected in ("none", "either"):
+    if expected == "none":
         return "a name where there is nothing" if row["effects"] else f"{said} where there is nothing"
     if expected == "unknown":
         if row.get("imitated"):
             return "unknown effect imitated by names that predict it"
         return f"{said} where it should be unknown"
+    if row.get("gap_beyond_retuning", 4.0) < 4.0 and not row["named"]:
+        return "an effect that re-tuning imitates"
     if row["named"] == len(row["truths"]):
         return "right names and a false one beside them" if row["false_names"] else f"right names, but said {said}"
     if row["named"]:

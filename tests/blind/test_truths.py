@@ -1,13 +1,16 @@
 """The check's own equations: against closed forms, against the nominal simulators, against the catalogue's equations."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sksurrogate.blind import draw
 from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
+from sksurrogate.blind._retune import beyond_retuning
 from sksurrogate.blind._truths import KINDS, NOVEL, Truth, remaining, twins_of
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 
@@ -170,3 +173,20 @@ def test_the_equations_are_not_the_catalogues():
         assert not re.search(
             r"from sksurrogate\.(effects|kernels)|import sksurrogate\.(effects|kernels)", path.read_text()
         )
+
+
+def test_what_retuning_can_imitate_leaves_no_gap():
+    """A linear loss in the reactor is another flow and another feed; a quantized sensor is nothing of the kind."""
+    plant = PLANTS["reactor"]
+    case = draw("none", 5, plant=plant)
+    U = case.question.X.reshape(len(case.starts), -1, 1)
+    gaps = {}
+    for truth in (
+        Truth("linear_loss", "concentration", "concentration", {"coefficient": 0.02 * plant.params["flow"]}),
+        Truth("sensor_quantization", "concentration", None, {"step": 0.3 * float(case.scale[0])}),
+    ):
+        y = march(plant, U, case.starts, [truth], substeps=12).outputs
+        nominal = march(plant, U, case.starts, substeps=12).outputs
+        alone = float(np.sqrt(np.mean(((y - nominal) / case.noise) ** 2)))
+        gaps[truth.name] = beyond_retuning(replace(case, truths=(truth,))) / alone
+    assert gaps["linear_loss"] < 0.02 and gaps["sensor_quantization"] > 0.9
