@@ -14,7 +14,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.compose._feature_fit import FeatureModel
-from sksurrogate.compose._free_fit import shoot
 from sksurrogate.compose._lagged import (
     REPORTED,
     barely_fitted,
@@ -28,6 +27,7 @@ from sksurrogate.compose._lagged import (
 )
 from sksurrogate.compose._linear_lags import fit_linear_lags
 from sksurrogate.compose._network import agrees, describe_network, write_network
+from sksurrogate.compose._penalty import shoot_with
 from sksurrogate.compose._stability import StabilityReport, growth_along
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features._lag import lag_list
@@ -62,9 +62,11 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         Steps of a free run in the shooting loss before it starts again from measured outputs; None: whole runs.
     init : {"mean", "steady"} or array (n_initial, n_outputs), default="mean"
         First rows where ``predict`` gets no ``y0``: mean of the training outputs, or the model's rest at the first input.
-    alpha : float, optional
+    alpha : float or "auto", optional
         Penalty of the shooting loss ``sum e^2 + alpha * sum w^2``, with errors, features and so weights in units of the
-        training data's spread; None: 0.1 for networks and features, 0 for linear models. Choose it by runs left out.
+        training data's spread; None: 0.1 for networks and features, 0 for linear models. "auto" (networks): the largest
+        within one standard error of the best on halves of the runs left out, none with which the first rows are no
+        longer forgotten; some 20 fits.
     stability : float, default=0
         Weight of a second demand of the shooting loss: free runs that begin one spread off must be back on the data in
         the second half of the run (or horizon), so that the model forgets where it began.
@@ -82,8 +84,8 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         Rows of ``y0``: the longest lag.
     one_step_rmse_, free_run_rmse_ : float
         On the training runs; the second, on at most 65 536 rows of them, is inf where a run diverges.
-    shooting_loss_ : float
-        With ``loss="shooting"``.
+    shooting_loss_, alpha_ : float
+        With ``loss="shooting"``: the loss, and for networks the penalty.
     compiled_ : bool
         Whether the regressor is run as plain arrays (see Notes).
     feature_names_ : list of str
@@ -124,7 +126,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         "loss": [StrOptions({"one_step", "shooting"})],
         "horizon": [Interval(Integral, 1, None, closed="left"), None],
         "init": [StrOptions({"mean", "steady"}), "array-like"],
-        "alpha": [Interval(Real, 0, None, closed="left"), None],
+        "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"}), None],
         "stability": [Interval(Real, 0, None, closed="left")],
         "n_starts": [Interval(Integral, 1, None, closed="left")],
         "random_state": ["random_state"],
@@ -140,7 +142,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         loss: str = "one_step",
         horizon: int | None = None,
         init: Any = "mean",
-        alpha: float | None = None,
+        alpha: float | str | None = None,
         stability: float = 0.0,
         n_starts: int = 2,
         random_state: Any = None,
@@ -368,23 +370,19 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         if model is None or not self._compiles(Phi) or not write_network(self.estimator_, model.net):
             self._shoot_features(runs, Phi, target)
             return
-        alpha = self.alpha if self.alpha is not None else (0.1 if model.net.activations else 0.0)
-        model, self.shooting_loss_ = shoot(
-            model,
-            runs,
-            n_first=self.n_initial_,
-            horizon=self.horizon,
-            alpha=alpha,
-            stability=self.stability,
-            n_starts=self.n_starts,
-            random_state=check_random_state(self.random_state),
-        )
+        settings = {"n_first": self.n_initial_, "horizon": self.horizon, "stability": self.stability}
+        settings |= {"n_starts": self.n_starts, "random_state": check_random_state(self.random_state)}
+        model, self.shooting_loss_, self.alpha_ = shoot_with(self.alpha, model, list(runs), **settings)
         write_network(self.estimator_, model.net)
 
     def _shoot_features(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
         """Fit on free runs where features lead into a linear model."""
         self.estimator_ = fitted(self.estimator, Phi, target)
         model = FeatureModel(self.estimator_, Phi)
+        if isinstance(self.alpha, str):
+            raise DataError(
+                'alpha="auto" is for networks and linear models; behind features give a number (None: 0.1).'
+            )
         if not model.fits:
             raise DataError(
                 f'loss="shooting" needs slopes of the estimator, and {type(self.estimator_).__name__} gives none: use a '
