@@ -10,7 +10,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.export._dynamic import add_derivative_model, add_filter, add_state_model, runge_kutta
-from sksurrogate.export._features import FEATURE_MAPS, add_features
+from sksurrogate.export._features import FEATURE_MAPS, add_features, add_free_basis
 from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
 
@@ -27,7 +27,7 @@ def to_graph(model: Any, n_sub: int = 4) -> Graph:
     ----------
     model : fitted estimator or simulator
         Linear models, ``MLPRegressor``, ``FNNRegressor``, ``StandardScaler``, ``MinMaxScaler``, ``PolynomialFeatures``,
-        the feature maps (splines, steps, waves, bumps) and pipelines of them: input "x", output "y".
+        the feature maps (splines, steps, waves, bumps), ``NonlinearBasisRegressor`` and pipelines of them: input "x", output "y".
         :class:`RecursivePredictor`, :class:`StateSpaceRegressor`, :class:`DerivativeRegressor`, :class:`LaggedLinearRegressor`,
         :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
     n_sub : int, default=4
@@ -105,6 +105,8 @@ def add_estimator(graph: Graph, model: Any, x: int) -> int:
         return _monomials(graph, x, model.powers_)
     if kind in FEATURE_MAPS:
         return add_features(graph, model, x)
+    if kind == "NonlinearBasisRegressor":
+        return add_free_basis(graph, model, x)
     if getattr(model, "features_", None) is not None:
         x = add_estimator(graph, model.features_, x)
     if hasattr(model, "coefs_") and hasattr(model, "intercepts_"):
@@ -115,7 +117,7 @@ def add_estimator(graph: Graph, model: Any, x: int) -> int:
             return graph.affine(x, coef.T, np.ravel(model.intercept_))
     raise SurrogateError(
         f"{kind} cannot be exported: it is none of the models that are written as fixed formulas here. Linear models, PLS, "
-        "MLPRegressor, FNNRegressor, scalers, PCA, PolynomialFeatures, the feature maps of sksurrogate.features and pipelines "
+        "MLPRegressor, FNNRegressor, scalers, PCA, PolynomialFeatures, the feature maps of sksurrogate.features, NonlinearBasisRegressor and pipelines "
         "of them can; for CasADi or ONNX of other models see skl2onnx, or fit one of these to its predictions."
     )
 

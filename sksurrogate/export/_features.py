@@ -7,7 +7,7 @@ maxima and one matrix are needed, exact on any knots and without cancellation.
 
 from __future__ import annotations
 
-from math import factorial
+from math import comb, factorial
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.export._graph import Graph
 
-__all__ = ["FEATURE_MAPS", "add_features"]
+__all__ = ["FEATURE_MAPS", "add_features", "add_free_basis"]
 
 FEATURE_MAPS = ("SplineFeatures", "HeavisideFeatures", "FourierFeatures", "GaussianFeatures")
 #: Stands for "no bound" where a generated text could not hold infinity.
@@ -147,3 +147,50 @@ def _radial(graph: Graph, model: Any, x: int) -> int:
         squares = graph.binary("mul", z, z)
         total = squares if j == 0 else graph.binary("add", total, squares)
     return _bell(graph, total)
+
+
+def add_free_basis(graph: Graph, model: Any, x: int) -> int:
+    """The prediction of a :class:`~sksurrogate.linear.NonlinearBasisRegressor`: functions with fitted places and widths."""
+    x = graph.scaled(x, model._mean, model._scale)
+    basis, omega = model._basis, model._omega
+    if hasattr(basis, "ramps"):
+        functions = _free_knots(graph, basis, omega.reshape(basis.n_inputs, basis.n_basis), x)
+    else:
+        centres, log_widths = omega.reshape(2, basis.n_basis, basis.n_inputs)
+        functions = -1
+        for i in range(basis.n_inputs):
+            z = graph.scaled(graph.take(x, [i] * basis.n_basis), centres[:, i], np.exp(log_widths[:, i]))
+            one = _bell(graph, graph.binary("mul", z, z)) if basis.degree < 0 else _cardinal(graph, basis.degree, z)
+            functions = one if i == 0 else graph.binary("mul", functions, one)
+    return graph.affine(functions, model._theta[:-1], model._theta[-1])
+
+
+def _power(graph: Graph, x: int, p: int) -> int:
+    """x^p."""
+    out = x
+    for _ in range(p - 1):
+        out = graph.binary("mul", out, x)
+    return out
+
+
+def _cardinal(graph: Graph, p: int, z: int) -> int:
+    """The cardinal spline of degree p and height 1, as a sum of truncated powers."""
+    half, total = 0.5 * (p + 1), -1
+    height = sum((-1) ** k * comb(p + 1, k) * (half - k) ** p for k in range(p + 2) if k < half)
+    for k in range(p + 2):
+        ramp = graph.unary("relu", graph.binary("add", z, graph.constant(half - k)))
+        part = graph.binary("mul", _power(graph, ramp, p), graph.constant((-1) ** k * comb(p + 1, k) / height))
+        total = part if k == 0 else graph.binary("add", total, part)
+    inside = graph.unary("relu", graph.unary("sign", graph.binary("sub", graph.constant(half), graph.unary("abs", z))))
+    return graph.binary("mul", total, inside)
+
+
+def _free_knots(graph: Graph, basis: Any, knots: np.ndarray, x: int) -> int:
+    """Powers of every input, then truncated powers at its knots."""
+    powers = [_power(graph, x, k) for k in range(1, basis.degree + 1)]
+    n = basis.n_basis
+    ramps = [
+        graph.unary("relu", graph.binary("sub", graph.take(x, [i] * n), graph.constant(row)))
+        for i, row in enumerate(knots)
+    ]
+    return graph.concat(*powers, *(_power(graph, ramp, basis.degree) for ramp in ramps))

@@ -1,5 +1,8 @@
 """More models that leave the house, and those that must not leave in silence with another meaning."""
 
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 from sklearn.base import clone
@@ -13,8 +16,9 @@ from sklearn.preprocessing import MaxAbsScaler, MinMaxScaler, PolynomialFeatures
 from sksurrogate.compose import DerivativeRegressor, StateSpaceRegressor
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.export import to_graph
-from sksurrogate.linear import LaggedLinearRegressor
+from sksurrogate.export import to_c, to_casadi, to_graph, to_onnx
+from sksurrogate.linear import LaggedLinearRegressor, NonlinearBasisRegressor
+from sksurrogate.neural import FNNRegressor
 from sksurrogate.physics import ControlSimulator, ODESimulator
 
 RNG = np.random.default_rng(0)
@@ -41,6 +45,81 @@ def test_static_models_equal_predict(model, y):
     np.testing.assert_allclose(
         np.stack([graph(x=row)["y"] for row in new]), model.predict(new).reshape(10, -1), atol=1e-11
     )
+
+
+def _of_numpy(model, rows, tmp_path):
+    graph = to_graph(model)
+    return [graph(x=row)["y"] for row in rows]
+
+
+def _of_casadi(model, rows, tmp_path):
+    pytest.importorskip("casadi")
+    return np.array(to_casadi(model)(rows.T)).T
+
+
+def _of_onnx(model, rows, tmp_path):
+    pytest.importorskip("onnx")
+    runtime = pytest.importorskip("onnxruntime")
+    to_onnx(model, tmp_path / "model.onnx")
+    session = runtime.InferenceSession(str(tmp_path / "model.onnx"), providers=["CPUExecutionProvider"])
+    return session.run(["y"], {"x": rows})[0]
+
+
+def _of_c(model, rows, tmp_path):
+    casadi, compiler = pytest.importorskip("casadi"), shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    to_c(model, tmp_path / "model.c")
+    subprocess.run(
+        [compiler, "-O2", "-fPIC", "-shared", "-o", tmp_path / "model.so", tmp_path / "model.c", "-lm"], check=True
+    )
+    function = casadi.external(to_casadi(model).name(), str(tmp_path / "model.so"))
+    return np.stack([np.array(function(casadi.DM(row))).ravel() for row in rows])
+
+
+EVERYWHERE = pytest.mark.parametrize(
+    "run", [_of_numpy, _of_casadi, _of_onnx, _of_c], ids=["numpy", "casadi", "onnx", "C"]
+)
+
+
+@EVERYWHERE
+@pytest.mark.parametrize("y", [Y + 60.0, Y[:, 0] + 60.0], ids=["two outputs", "one output"])
+def test_networks_equal_predict_everywhere(run, y, tmp_path):
+    model = FNNRegressor((5,), alpha=1e-12, random_state=0).fit(X, y)
+    expected = model.predict(X[:20]).reshape(20, -1)
+    np.testing.assert_allclose(run(model, X[:20], tmp_path), expected, rtol=1e-12)
+
+
+@EVERYWHERE
+def test_a_network_whose_weights_nearly_cancel_is_off_by_their_rounding_at_most(run, tmp_path):
+    model = FNNRegressor((5,), random_state=0).fit(X, Y)
+    model.coefs_[-1][:] *= 1e6  # the same as what training to the last digit may end with
+    rows = X[:20]
+    hidden = np.tanh(rows @ model.coefs_[0] + model.intercepts_[0])
+    expected = hidden @ model.coefs_[-1] + model.intercepts_[-1]
+    bound = 50 * np.finfo(float).eps * (np.abs(hidden) @ np.abs(model.coefs_[-1]) + np.abs(model.intercepts_[-1]))
+    assert np.all(np.abs(np.asarray(run(model, rows, tmp_path)) - expected) < bound)
+
+
+@EVERYWHERE
+@pytest.mark.parametrize("y", [Y, Y[:, 0]], ids=["two outputs", "one output"])
+@pytest.mark.parametrize(
+    ("basis", "degree"), [("gaussian", 3), ("spline", 1), ("spline", 3), ("knots", 1), ("knots", 3)]
+)
+def test_free_places_and_widths_equal_predict_everywhere(run, basis, degree, y, tmp_path):
+    model = NonlinearBasisRegressor(basis, 3, degree=degree, n_starts=1, max_iter=20, random_state=0).fit(X, y)
+    rows = np.concatenate([X[:20], 3.0 * X[:5]])  # beyond the data too
+    expected = model.predict(rows).reshape(len(rows), -1)
+    # truncated powers cancel by themselves: 1e-10
+    np.testing.assert_allclose(run(model, rows, tmp_path), expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+
+
+def test_slopes_of_free_places_and_widths_are_those_of_the_model():
+    for basis in ("gaussian", "spline", "knots"):
+        model = NonlinearBasisRegressor(basis, 3, n_starts=1, max_iter=20, random_state=0).fit(X, Y)
+        graph, slopes = to_graph(model), model.jacobian(X[:5])
+        for row, slope in zip(X[:5], slopes):
+            np.testing.assert_allclose(graph.jacobian(x=row)["y", "x"], slope, rtol=1e-9, atol=1e-9)
 
 
 def test_coefficients_behind_a_link_are_refused():
