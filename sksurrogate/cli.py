@@ -82,6 +82,8 @@ def _blind(arguments: argparse.Namespace) -> int:
     from sksurrogate.blind import run_blind_check
 
     own: dict[str, Any] = {}
+    if arguments.html and not Path(arguments.html).absolute().parent.is_dir():
+        raise DataError(f"--html {arguments.html}: there is no such folder.")
     if arguments.simulator:
         if not arguments.data:
             raise DataError("--simulator needs --data CSV: the recorded inputs that the check repeats.")
@@ -96,7 +98,13 @@ def _blind(arguments: argparse.Namespace) -> int:
     if arguments.html:
         result.to_html(arguments.html)
         print(f"page: {arguments.html}")
-    return 0
+    if result.complete:
+        return 0
+    way_on = (
+        f"the same command goes on with {arguments.resume}" if arguments.resume else "with --resume FILE it could go on"
+    )
+    print(f"sksurrogate: interrupted after {len(result.rows)} cases; {way_on}", file=sys.stderr)
+    return 130
 
 
 def load_simulator(reference: str) -> Any:

@@ -81,12 +81,12 @@ def run_blind_check(
     Returns
     -------
     BlindResult
-        Rows, table, page.
+        Rows, table, page; of the cases done so far after an interrupt.
 
     Raises
     ------
     SurrogateError
-        An arm is unknown, or the simulator cannot be used.
+        An arm is unknown, an option is out of range, or the simulator cannot be used.
 
     Examples
     --------
@@ -94,6 +94,7 @@ def run_blind_check(
     >>> result = run_blind_check(1, "none", seed=3)  # doctest: +SKIP
     """
     names = _arms(arms)
+    _options(cases, n_jobs, follow_up, resume)
     module, _, function = diagnosis.partition(":")
     if not all(part.isidentifier() for part in [*module.split("."), function]):
         raise SurrogateError(
@@ -111,12 +112,30 @@ def run_blind_check(
         known = {(row["arm"], row["seed"]) for row in rows}
         todo = [(arm, s) for arm, k in wanted if (arm, s := _entropy(seed, k)) not in known]
     jobs = ((arm, entropy, plant, runs, diagnosis, limit, follow_up, verbose) for arm, entropy in todo)
-    for row in _answered(jobs, n_jobs):
-        rows.append(row)
-        _store(resume, row)
-        if verbose:
-            print(f"[blind] {line(row)}", flush=True)
-    return BlindResult(tuple(row for row in rows if row["arm"] in names))
+    complete = True
+    try:
+        for row in _answered(jobs, n_jobs):
+            rows.append(row)
+            _store(resume, row)
+            if verbose:
+                print(f"[blind] {line(row)}", flush=True)
+    except KeyboardInterrupt:
+        complete = False
+        if not rows:
+            raise
+    return BlindResult(tuple(row for row in rows if row["arm"] in names), complete)
+
+
+def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any) -> None:
+    """Refuse what cannot be done before anything is drawn."""
+    if not (isinstance(cases, (int, np.integer)) and cases >= 1):
+        raise SurrogateError(f"cases={cases!r}: expected a whole number of at least 1.")
+    if n_jobs == 0:
+        raise SurrogateError("n_jobs=0: expected 1 or more cases abreast, or -1 for all cores.")
+    if not 0 <= follow_up <= 1:
+        raise SurrogateError(f"follow_up={follow_up!r}: expected a share between 0 and 1.")
+    if resume is not None and not Path(resume).absolute().parent.is_dir():
+        raise SurrogateError(f"resume={str(resume)!r}: there is no folder {str(Path(resume).absolute().parent)!r}.")
 
 
 def _entropy(seed: int, k: int) -> int:

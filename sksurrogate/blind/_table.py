@@ -32,6 +32,8 @@ class BlindResult:
     ----------
     rows : tuple of dict
         See :func:`sksurrogate.blind._score.score`.
+    complete : bool
+        False after an interrupt.
 
     Examples
     --------
@@ -41,6 +43,7 @@ class BlindResult:
     """
 
     rows: tuple[Row, ...]
+    complete: bool = True
 
     @classmethod
     def load(cls, path: Any) -> BlindResult:

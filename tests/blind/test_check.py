@@ -241,6 +241,14 @@ def test_arms_and_files_that_are_not_there_say_so(tmp_path):
         run_blind_check(1, "nune")
     with pytest.raises(SurrogateError, match=r"diagnosis='my/answer.py:f': write module:function"):
         run_blind_check(1, "none", diagnosis="my/answer.py:f")
+    for wrong, said in (
+        ({"cases": 0}, "cases=0: expected a whole number"),
+        ({"n_jobs": 0}, "n_jobs=0: expected 1 or more"),
+        ({"follow_up": 3}, "follow_up=3: expected a share"),
+        ({"resume": tmp_path / "no" / "rows.jsonl"}, "there is no folder"),
+    ):
+        with pytest.raises(SurrogateError, match=said):
+            run_blind_check(**{"cases": 1, "arms": "none", **wrong})
     with pytest.raises(DataError, match="there is no such file"):
         BlindResult.load(tmp_path / "none.jsonl")
 
@@ -275,6 +283,7 @@ def test_the_command_line(tmp_path, capsys, monkeypatch):
         == 0
     )
     assert "| none | 1 | 1 |" in capsys.readouterr().out and page.exists() and len(rows.read_text().splitlines()) == 1
+    assert main(["blind", "--html", str(tmp_path / "no" / "page.html")]) == 2
     assert main(["blind", "--arms", "nothing"]) == 2
     assert "arms: ['nothing'] unknown" in capsys.readouterr().err
 
@@ -339,3 +348,20 @@ def test_an_answering_process_is_replaced_in_time(monkeypatch):
     with Solver(f"{HERE}:tells_its_number") as one:
         numbers = [one.ask(question)["number"] for _ in range(5)]
     assert numbers[0] == numbers[1] != numbers[2] == numbers[3] != numbers[4]
+
+
+def test_an_interrupt_keeps_what_is_there(tmp_path, monkeypatch, capsys):
+    from sksurrogate.blind import _campaign
+    from sksurrogate.cli import main
+
+    row = {"arm": "none", "seed": 1, "error": "ValueError: broke", "right": False}
+
+    def answered(jobs, n_jobs):
+        yield row
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_campaign, "_answered", answered)
+    file = tmp_path / "rows.jsonl"
+    assert main(["blind", "--cases", "3", "--arms", "none", "--resume", str(file)]) == 130
+    assert "interrupted after 1 cases; the same command goes on" in capsys.readouterr().err
+    assert not run_blind_check(3, "none").complete and len(BlindResult.load(file).rows) == 1
