@@ -96,6 +96,10 @@ class BaseEffect(BaseEstimator):
         """
         return [tuple(parameter.null for parameter in self.parameters)]
 
+    def evident(self, probe: Probe) -> list[tuple[float, ...]]:
+        """Starting values that the measurements show whatever the model says: always fitted; mostly none."""
+        return []
+
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
         """Values near a fit from which to fit again, for effects whose prediction jumps with them; mostly none."""
         return []

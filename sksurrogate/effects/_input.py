@@ -32,6 +32,8 @@ __all__ = [
 
 #: Steps smaller than this share of the signal round nothing that can be seen.
 COARSEST, FINEST = 1.0, 24.0
+#: Largest value over the range of a signal, beyond which no finer steps are tried.
+FARTHEST = 4.0
 
 
 def quantize(u: np.ndarray, step: Any) -> np.ndarray:
@@ -53,12 +55,13 @@ def times(probe: Probe) -> list[tuple[float, ...]]:
 
 
 def step_sizes(signal: np.ndarray) -> list[tuple[float, ...]]:
-    """Steps of a quantisation to try: 1 to 24 steps to the largest value.
+    """Steps of a quantisation to try: 1 to 24 steps to the largest value, more where the signal moves about an offset.
 
     Close together: a step that is off shifts the rounding of large values by a whole step.
     """
     largest = float(np.max(np.abs(signal), initial=0.0))
-    counts = np.r_[np.arange(COARSEST, 10.0, 0.2), np.arange(10.0, FINEST, 0.4)]
+    offset = min(largest / max(float(np.ptp(signal)), 1e-300), FARTHEST) if signal.size else 1.0
+    counts = np.r_[np.arange(COARSEST, 10.0, 0.2), np.arange(10.0, FINEST * max(offset, 1.0), 0.4)]
     return [(largest / float(count),) for count in counts] if largest > 0 else []
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
 from sksurrogate.effects._input import levels_inside, neighbouring_steps, quantize, step_sizes, times
+from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.physics._simulator import Plant
 
@@ -312,6 +313,10 @@ class SensorQuantization(SensorEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """From one step to 24 steps to the largest reading."""
         return step_sizes(probe.x)
+
+    def evident(self, probe: Probe) -> list[tuple[float, ...]]:
+        """The step whose multiples the readings crowd at."""
+        return [(step,) for step in lattice_steps(probe.x)]
 
     def soft(
         self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any], width: float

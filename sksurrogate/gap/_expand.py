@@ -80,10 +80,12 @@ class Expander:
         siblings: bool = False,
         least: float = 0.0,
         best: float = np.inf,
+        thorough: bool = True,
     ) -> list[Rival]:
         """Fit the candidates that the screen puts first, and expects at least so much of; with the siblings of the best.
 
-        A fit that cannot come near the cost ``best`` is abandoned.
+        A fit that cannot come near the cost ``best`` is abandoned. Far from the data a ``thorough`` screen looks at every
+        starting value.
         """
         problem = self.searching(base)
         taken = set(base.keys)
@@ -93,8 +95,8 @@ class Expander:
             base = Rival(
                 base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
             )
-        starts = self.screened(problem, candidates, base, guess, among is None)
-        starts = [start for start in starts if max(start.white, start.forced) >= least]
+        starts = self.screened(problem, candidates, base, guess, among is None, thorough)
+        starts = [start for start in starts if start.evident or max(start.white, start.forced) >= least]
         chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
         again = [rival for c in chosen if (rival := self.known(problem, base, c)) is not None]
@@ -138,15 +140,21 @@ class Expander:
         return found
 
     def screened(
-        self, problem: Problem, candidates: Sequence[BaseEffect], base: Rival, guess: np.ndarray, whole: bool
+        self,
+        problem: Problem,
+        candidates: Sequence[BaseEffect],
+        base: Rival,
+        guess: np.ndarray,
+        whole: bool,
+        thorough: bool,
     ) -> list[Start]:
         """The screen of a base; one of all candidates is made once."""
         if not whole:
             return screen(problem, candidates, base, guess, base.noise).starts
-        key = (base.keys, problem.n_sub, problem.sharpness, base.noise is None)
+        near = bool(base.effects) and (base.fit.cost < SHORTLIST * self.n_values or not thorough)
+        key = (base.keys, problem.n_sub, problem.sharpness, base.noise is None, near)
         cost, known = self.screens.get(key, (np.inf, None))
         if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
-            near = bool(base.effects) and base.fit.cost < SHORTLIST * self.n_values
             known = screen(problem, candidates, base, guess, base.noise, first=self.first_screen if near else None)
             self.screens[key] = base.fit.cost, known
             for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:

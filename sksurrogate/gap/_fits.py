@@ -48,14 +48,15 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
     for start in starts:
         by_key.setdefault(start.effect.key, []).append(start)
     for group in by_key.values():
-        group.sort(key=lambda s: -s.white)
-    order_white = sorted(by_key, key=lambda key: -by_key[key][0].white)
+        group.sort(key=lambda s: (not s.evident, -s.white))
+    order_white = sorted(by_key, key=lambda key: -max(s.white for s in by_key[key]))
     order_forced = sorted(by_key, key=lambda key: -max(s.forced for s in by_key[key]))
     least = max(min(s.left for s in starts), 1.0 * n_values)
     hopeful = [
         key for rank, key in enumerate(order_white[:n_white]) if rank < 6 or by_key[key][0].left < HOPELESS * least
     ]
-    chosen = list(dict.fromkeys([*hopeful, *order_forced[:n_forced]]))
+    evident = [key for key in by_key if by_key[key][0].evident]
+    chosen = list(dict.fromkeys([*evident, *hopeful, *order_forced[:n_forced]]))
     out = []
     for key in chosen:
         group = by_key[key]

@@ -21,7 +21,7 @@ from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, S
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares
-from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
+from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, of_input_alone, places
 from sksurrogate.gap._verdict import (
     FAR,
     _of,
@@ -43,6 +43,8 @@ _NAN = float("nan")
 CERTIFICATE = 0.15
 #: A free run this near to the noise has no gap that a correction could learn.
 WITHIN_NOISE = 1.05
+#: White noise is at most so many times what differences of the outputs show.
+MOST_NOISE = 1.1
 #: What is known of the shrink after an early interrupt.
 NO_SHRINK = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
 
@@ -160,10 +162,14 @@ class Questions:
         found.shrink = measure(found.held, self.floor(), self.problem.plant.outputs, self.seed)
 
     def floor(self) -> np.ndarray:
-        """Sensor noise: that of the final fit, or of the latent force where a fit is wrong."""
+        """Sensor noise: of the final fit and of the latent force the larger, and no more than the outputs' differences show.
+
+        A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
+        """
         final, latent = self.final, self.found.latent
-        sigma = final.noise.sigma if final.noise is not None else self.problem.sd
-        return np.minimum(sigma, latent.noise.sigma) if latent is not None else sigma
+        fits = [rival.noise.sigma for rival in (final, latent) if rival is not None and rival.noise is not None]
+        most = MOST_NOISE * self.problem.sd
+        return np.max([np.minimum(sigma, most) for sigma in fits] or [self.problem.sd], axis=0)
 
     def _retuning_counts(self) -> bool:
         """Whether the free parameters at other values than the nominal ones are worth their number."""
@@ -199,6 +205,8 @@ class Questions:
             rows = range(*final.model.slice_of(i).indices(len(final.fit.theta)))
             names = [p.name for p in effect.parameters]
             slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
+            twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.keys]
+            richer = [k for k in self.search.richer.get(effect.key, []) if k not in final.keys]
             out.append(
                 EffectEstimate(
                     effect.name,
@@ -208,14 +216,8 @@ class Questions:
                     dict(zip(names, (float(v) for v in effect.canonical(tuple(best.theta_of(i)))))),
                     {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
                     chances[i],
-                    [
-                        (str(k[0]), str(k[1]), k[2])
-                        for k in dict.fromkeys(
-                            [*(t.effects[-1].key for t in slot.twins), *self.search.richer.get(effect.key, [])]
-                        )
-                        if k not in final.keys
-                    ],
-                    why(final, slot, found.experiment),
+                    [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
+                    why(final, slot, found.experiment, sorted({k[0] for k in richer})),
                 )
             )
         if not out and verdict == "explained":
@@ -235,7 +237,9 @@ class Questions:
             location = effects[0].location
             kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
         elif verdict == "unknown" and found.places:
-            location, kind = accused(found.places)
+            location, kind = accused(
+                found.places, lambda b, u: of_input_alone(self.problem, self.null_force(), b, u, self.seed)
+            )
         if found.shrink is None or found.latent is None or found.held is None:
             return Where(location, kind)
         return Where(
@@ -346,10 +350,18 @@ def certified(shrink: Shrink) -> bool:
     return not np.isfinite(shrink.fraction) or shrink.fraction > CERTIFICATE
 
 
-def accused(found: list[Place]) -> tuple[str, str]:
-    """The place with most evidence; a state where a balance explains as much as an input or sensor."""
+def accused(found: list[Place], alone: Callable[[str, str], bool]) -> tuple[str, str]:
+    """The place with most evidence; a state where a balance explains as much as an input or sensor.
+
+    An input and the one balance that it pushes are the same place to the data, but for what tells the force:
+    ``alone(balance, input)`` is true where the input alone does.
+    """
     best = found[0]
     for place in found:
         if place.kind == "state" and place.log_likelihood > best.log_likelihood - 3.0:
+            for other in found:
+                same = abs(other.log_likelihood - place.log_likelihood) < 1e-9
+                if other.kind == "input" and same and alone(place.location, other.location):
+                    return other.location, other.kind
             return place.location, place.kind
     return best.location, best.kind

@@ -43,6 +43,8 @@ class Start:
         Sum of squares, in units of the noise, that the screen expects to be left.
     x : ndarray (n_states, n_samples)
         Smoothed trajectory, hidden states included.
+    evident : bool
+        Whether the measurements show it whatever the model says.
     """
 
     effect: BaseEffect
@@ -51,6 +53,7 @@ class Start:
     forced: float
     left: float
     x: np.ndarray
+    evident: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +231,7 @@ def _screen(s: _Screener, columns: list[_Column], noise: Noise | None) -> Screen
     known = np.concatenate([r, P]) / sd
     low, high = _range(columns)
     rest = known, J_x, precision, pull, problem.record.starts, low, high
-    if not columns:
+    if not columns or not np.isfinite(known).all():  # a base that cannot be linearised along the measured path
         return Screen([], [], None, *rest)
     V = np.stack([c.column for c in columns]) / sd
     white = project_starts(np.concatenate([known, V]), J_x, problem.record.starts)
@@ -263,6 +266,7 @@ class _Column:
     theta: np.ndarray
     column: np.ndarray
     path: np.ndarray
+    evident: bool
 
 
 def _columns(
@@ -271,10 +275,12 @@ def _columns(
     """All candidates at all their starting values, those with one shape, or those of a short list."""
     found = []
     for effect in candidates:
-        if chosen is not None:
-            starts = chosen.get(effect.key, [])
-        else:
-            starts = effect.starts(probe_of(s.problem, effect, s.smoothed.x, s.problem.rate))
+        evident, starts = [], [] if chosen is None else chosen.get(effect.key, [])
+        if chosen is None or effect.kind == "output":
+            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate)
+            evident = effect.evident(probe)
+            starts = effect.starts(probe) if chosen is None else starts
+        starts = list(dict.fromkeys([*evident, *starts]))
         if shape:
             starts = list(dict.fromkeys((start[0], *shape) for start in starts))
         if not starts:
@@ -283,7 +289,7 @@ def _columns(
         out, paths = s.columns(effect, theta)
         for k in range(theta.shape[1]):
             if np.all(np.isfinite(out[:, k])) and np.any(out[:, k]):
-                found.append(_Column(effect, theta[:, k], out[:, k], paths[k]))
+                found.append(_Column(effect, theta[:, k], out[:, k], paths[k], k < len(evident) and not shape))
     return found
 
 
@@ -305,7 +311,7 @@ def _starts(
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
         elif (c.effect.linear or small[k]) and len(theta):
             theta[0] = scaled(c.effect, theta[0], amplitude[k])
-        out.append(Start(c.effect, theta, gained, pulled, total - gained, c.path))
+        out.append(Start(c.effect, theta, gained, pulled, total - gained, c.path, c.evident))
     return out
 
 

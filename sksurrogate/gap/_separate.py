@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import estimate_noise, quick_likelihood
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment, Table
-from sksurrogate.gap._select import EQUAL, Search
+from sksurrogate.gap._select import EQUAL, NESTED, Search
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
@@ -21,6 +22,8 @@ __all__ = ["Slot", "equivalents", "next_experiment"]
 NEAR, MOST_JUDGED = 40.0, 8
 #: Initial states are pushed by this share of their size for sensitivities.
 PUSH = 1e-4
+#: Nats of log likelihood that settle between two rivals.
+ENOUGH = 3.0
 #: Outputs closer than this share of the noise are the same prediction.
 SAME = 0.02
 
@@ -62,7 +65,11 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     own = final.effects[i].key
     level = quick_likelihood(fine, final, [final.noise])
     few = search.is_far(final)
-    rivals = search.expand(base, 8, 2) if few else search.expand(base, 24, 10, siblings=True, best=final.fit.cost)
+    rivals = (
+        search.expand(base, 8, 2, thorough=False)
+        if few
+        else search.expand(base, 24, 10, siblings=True, best=final.fit.cost)
+    )
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
     same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
     reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
@@ -82,11 +89,19 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
         same = bool(np.sqrt(np.mean(((rival.fit.y - final.fit.y) / sd) ** 2)) < SAME)
         # A form with more parameters that these do not pay for (Akaike) is the simpler one with a limit never reached.
         extra = len(rival.effects[-1].parameters) - size
-        nested = extra > 0 and (same or value - level < extra)
-        if not nested:
+        if extra > 0 and (same or value - level < extra):
+            if richer(rival.effects[-1], final.effects[i]):
+                search.richer.setdefault(final.effects[i].key, []).append(rival.effects[-1].key)
+        else:
             twins.append(rival)
             identical.append(same)
     return Slot(i, twins, identical)
+
+
+def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
+    """Whether an effect is a richer form of a simple one: at its place, in its variable."""
+    same = effect.location == simple.location and simple.variable in (effect.variable, None)
+    return same and simple.name in NESTED.get(effect.name, ())
 
 
 def _with_own_noise(
@@ -192,49 +207,64 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
     sd = np.concatenate([final.noise.sigma, 0.01 * problem.scale[hidden]])
     # Initial states are fitted to the new run: what they can imitate separates nothing.
     starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / PUSH
-    rows = []
+    apart: dict[str, np.ndarray] = {}
     for e, experiment in enumerate(experiments):
-        apart = [first[:m, e] - other[:m, e] for other in others]
-        rows.append(_gain(experiment.name, apart, starts[:m, :, e], sd[:m], names))
+        differences = [first[:m, e] - other[:m, e] for other in others]
+        apart[experiment.name] = _separations(differences, starts[:m, :, e], sd[:m])
     for h, state in enumerate(extra):
         seen = [*range(m), m + h]
-        apart = [first[seen, 0] - other[seen, 0] for other in others]
-        rows.append(_gain(f"a sensor for {state}, inputs as they were", apart, starts[seen][:, :, 0], sd[seen], names))
-    rows = [row for row in rows if np.isfinite(row["gain"])]
-    rows.sort(key=lambda row: -row["gain"])
-    if not rows:
+        differences = [first[seen, 0] - other[seen, 0] for other in others]
+        apart[f"a sensor for {state}, inputs as they were"] = _separations(differences, starts[seen][:, :, 0], sd[seen])
+    apart = {name: value for name, value in apart.items() if np.isfinite(value).any()}
+    if not apart:
         return None
+    return _suggestion(apart, names)
+
+
+def _separations(differences: Sequence[np.ndarray], starts: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Nats that part the final effect from every tied rival, initial states fitted to each; nan where a run breaks.
+
+    ``differences`` of predictions (n_outputs, n_samples), ``starts`` what the initial states move (n_outputs, n_states,
+    n_samples).
+    """
+    J = (starts / sd[:, None, None]).transpose(0, 2, 1).reshape(-1, starts.shape[1])
+    out = np.full(len(differences), np.nan)
+    for k, difference in enumerate(differences):
+        d = (difference / sd[:, None]).reshape(-1)
+        if np.all(np.isfinite(d)) and np.all(np.isfinite(J)):
+            d = d - J @ np.linalg.lstsq(J, d, rcond=1e-8)[0]
+            out[k] = 0.5 * float(d @ d)
+    return out
+
+
+def _suggestion(apart: dict[str, np.ndarray], names: Sequence[str]) -> NextExperiment:
+    """The experiment that parts the final effect best from the tied rival that is hardest to tell; twins that none parts
+    are left out where another can be told."""
+    most = np.nanmax(np.where(np.isfinite(list(apart.values())), list(apart.values()), -1.0), axis=0)
+    told = np.flatnonzero(most >= ENOUGH) if np.any(most >= ENOUGH) else np.arange(len(most))
+    rows: list[dict[str, Any]] = []
+    for experiment, values in apart.items():
+        known = [int(k) for k in told if np.isfinite(values[k])]
+        hardest = min(known, key=lambda k: values[k], default=None)
+        if hardest is not None:
+            between = f"{names[0]} and {names[1 + hardest]}"
+            rows.append({"experiment": experiment, "gain": float(values[hardest]), "between": between})
+    rows.sort(key=lambda row: -row["gain"])
     best = rows[0]
-    if best["gain"] < 3.0:
+    if best["gain"] < ENOUGH:
         sentence = (
             f"No variation of the inputs tried here separates {', '.join(names)}: they predict the same. "
             "Only another sensor or knowledge of the plant can decide."
         )
-    else:
-        gain = f"{best['gain']:.0f}" if best["gain"] < 1000 else "more than 1000"
-        sentence = f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats (3 are enough)."
+        return NextExperiment(sentence, Table(tuple(rows)))
+    gain = f"{best['gain']:.0f}" if best["gain"] < 1000 else "more than 1000"
+    sentence = (
+        f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats (3 are enough)."
+    )
+    same = [names[1 + k] for k in range(len(most)) if k not in told]
+    if same:
+        sentence += f" Nothing tried here tells {', '.join(same)} from {names[0]}."
     return NextExperiment(sentence, Table(tuple(rows)))
-
-
-def _gain(
-    name: str, apart: Sequence[np.ndarray], starts: np.ndarray, sd: np.ndarray, names: Sequence[str]
-) -> dict[str, Any]:
-    """Smallest separation of the final effect from a tied rival, initial states fitted to each.
-
-    ``apart`` holds differences of predictions (n_outputs, n_samples), ``starts`` what the initial states move
-    (n_outputs, n_states, n_samples).
-    """
-    best: tuple[float, str] = (np.inf, "")
-    J = (starts / sd[:, None, None]).transpose(0, 2, 1).reshape(-1, starts.shape[1])
-    for difference, label in zip(apart, names[1:]):
-        d = (difference / sd[:, None]).reshape(-1)
-        if not (np.all(np.isfinite(d)) and np.all(np.isfinite(J))):
-            continue
-        d = d - J @ np.linalg.lstsq(J, d, rcond=1e-8)[0]
-        value = 0.5 * float(d @ d)
-        if value < best[0]:
-            best = (value, f"{names[0]} and {label}")
-    return {"experiment": name, "gain": best[0] if np.isfinite(best[0]) else np.nan, "between": best[1]}
 
 
 def _name(effect) -> str:
@@ -242,15 +272,17 @@ def _name(effect) -> str:
     return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "")
 
 
-def why(final: Rival, slot: Slot, experiment: NextExperiment | None) -> str:
-    """The sentence that says when tied effects part."""
+def why(final: Rival, slot: Slot, experiment: NextExperiment | None, richer: Sequence[str] = ()) -> str:
+    """The sentence that says when tied effects part; ``richer``: forms that contain the named one and fit no better."""
+    if not slot.twins and richer:
+        return f"Only richer forms ({', '.join(richer)}) explain these data as well; nothing in the data needs them."
     if not slot.twins:
         return "No other effect of the catalogue explains these data as well."
     others = ", ".join(_name(r.effects[-1]) for r in slot.twins[:4]) + (" and more" if len(slot.twins) > 4 else "")
     how = "predict the same" if all(slot.identical) else "explain these data equally well"
     part = "they part in none of the experiments tried here"
     if experiment is not None:
-        good = [row for row in experiment.options if row["gain"] >= 3.0]
+        good = [row for row in experiment.options if row["gain"] >= ENOUGH]
         if good:
             part = f"they part with {good[0]['experiment']}"
     return f"{_name(final.effects[slot.index])} and {others} {how} on the range that was reached; {part}."

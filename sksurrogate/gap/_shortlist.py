@@ -49,6 +49,8 @@ def shortlist(
     dict
         Starting values by the effect's key.
     """
+    if not (np.isfinite(lin.J_theta).all() and np.isfinite(lin.J_x).all() and np.isfinite(lin.y).all()):
+        return {}
     sd = problem.sd[None, :, None]
     r = (problem.record.y - lin.y)[None]
     P = lin.J_theta.transpose(1, 0, 2)

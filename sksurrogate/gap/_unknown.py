@@ -14,10 +14,13 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 
-__all__ = ["LatentForce", "input_push", "latent_force", "law_of", "places", "repeatable"]
+__all__ = ["LatentForce", "input_push", "latent_force", "law_of", "of_input_alone", "places", "repeatable"]
 
 #: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
 SMALLEST_FORCE = 2e-3
+
+#: R2 from which a force counts as a law of one input, and by how much all states and inputs must tell it better.
+LAW_OF_INPUT, AS_WELL = 0.3, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +157,19 @@ def _forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, 
             total += float(np.sum((w[test] - w[train].mean()) ** 2))
         out[b] = 1.0 - error / total if total > 0 else 0.0
     return out
+
+
+def of_input_alone(problem: Problem, latent: LatentForce, balance: str, name: str, random_state: int) -> bool:
+    """Whether one input, now and a few samples ago, tells the force in a balance as well as all states and inputs do."""
+    b, i = problem.balances.index(balance), problem.plant.inputs.index(name)
+    record, u = problem.record, problem.record.u[i]
+    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
+    past = [u[np.arange(len(u)) - np.minimum(age, k)] for k in (1, 3)]
+    own = np.stack([u, *(u - v for v in past), np.sign(u - past[0])], axis=1)
+    force, size = latent.force[[b]], latent.size[[b]]
+    alone = float(_forest(record, force, size, own, random_state)[0])
+    everything, _ = features(problem, latent.x)
+    return alone > max(LAW_OF_INPUT, float(_forest(record, force, size, everything, random_state)[0]) - AS_WELL)
 
 
 @dataclass(frozen=True)

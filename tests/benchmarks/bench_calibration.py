@@ -186,7 +186,9 @@ def main() -> None:
     except ImportError:
         pass
     base = rows[0][1]
-    print("| fit of 5 parameters, 4 x 500, 1 % noise | processor ms | times ours | largest error |\n|---|---:|---:|---:|")
+    print(
+        "| fit of 5 parameters, 4 x 500, 1 % noise | processor ms | times ours | largest error |\n|---|---:|---:|---:|"
+    )
     for name, seconds, theta in rows:
         print(f"| {name} | {1e3 * seconds:.1f} | {seconds / base:.1f} | {np.max(np.abs(theta - true)):.4f} |")
 

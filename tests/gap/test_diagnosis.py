@@ -95,6 +95,22 @@ def test_an_effect_outside_the_catalogue_is_unknown_and_placed():
     assert report.missing_term is not None and report.missing_term.curves
 
 
+def test_a_missing_law_of_the_input_alone_is_placed_at_the_input_and_one_of_a_state_in_its_balance():
+    few = ["sensor_bias", "input_gain", "periodic_disturbance"]
+    stuck = diagnose(lambda q, v, u: 0.0, actuator=lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.8, 0), effects=few)
+    assert (stuck.report_.verdict, stuck.report_.where.location) == ("unknown", "force")
+    bent = diagnose(lambda q, v, u: -6 * np.abs(v) * v, effects=few)
+    assert (bent.report_.verdict, bent.report_.where.location) == ("unknown", "velocity")
+
+
+def test_richer_forms_that_predict_the_same_stay_in_the_class():
+    report = diagnose(
+        lambda q, v, u: -0.3 * np.tanh(100 * v), effects=["coulomb_friction", "stribeck_friction", "linear_loss"]
+    ).report_
+    assert report.effects[0].name == "coulomb_friction"
+    assert ("stribeck_friction", "velocity", "velocity") in report.effects[0].equivalents
+
+
 def test_detuned_parameters_are_not_mistaken_for_an_effect():
     report = diagnose(lambda q, v, u: -8 * q**3, oscillator(k=9.5, c=0.57), free_params="all").report_
     assert [e.name for e in report.effects] == ["cubic_stiffness"]

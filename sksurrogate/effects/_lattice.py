@@ -1,0 +1,69 @@
+"""The step of a quantizer, seen in its readings alone: they crowd at the multiples of one number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["lattice_steps"]
+
+#: Bins over the range of the readings, at least, and most bins with the empty ones.
+BINS, MOST_BINS = 2000, 1 << 19
+#: Least ``mean cos(2 pi y / step)`` of a lattice; share of the best from which a coarser step wins.
+LEAST, AS_CLEAR = 0.35, 0.97
+
+#: Steps that the readings must span: fewer are seen in many a smooth signal.
+LEVELS = 1.7
+
+
+def coherence(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """``mean cos(2 pi y / step)``: 1 on the multiples of a step, about 0 for a smooth signal of a range beyond it."""
+    return np.mean(np.cos(2 * np.pi * readings[:, None] / step), axis=0)
+
+
+def lattice_steps(readings: np.ndarray) -> list[float]:
+    """Steps whose multiples the readings crowd at, clearest first; none for readings that do not.
+
+    White noise of deviation s after the rounding leaves a coherence of ``exp(-2 pi^2 s^2 / step^2)``.
+
+    Parameters
+    ----------
+    readings : ndarray (n_samples,)
+
+    Returns
+    -------
+    list of float
+        At most one step: the coarsest of those that are about as clear as the clearest.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y = 20.0 + np.cumsum(np.random.default_rng(0).normal(size=2000)) / 30
+    >>> steps = lattice_steps(0.25 * np.round(y / 0.25))
+    >>> bool(abs(steps[0] - 0.25) < 1e-4)
+    True
+    >>> lattice_steps(y)
+    []
+    """
+    readings = np.asarray(readings, dtype=float)
+    low, spread = float(readings.min()), float(np.ptp(readings))
+    if spread <= 1e-12 * max(abs(low), 1e-300) or len(readings) < 20:
+        return []
+    # Frequencies 1/step by one transform of the histogram, whose span is padded to resolve the phase at the largest reading.
+    largest = float(np.max(np.abs(readings)))
+    span = max(8.0 * largest, 2.0 * spread)
+    bins = min(1 << int(np.ceil(np.log2(BINS * span / spread))), MOST_BINS)
+    width = span / bins
+    counts = np.bincount(((readings - low) / width).astype(int), minlength=bins)[:bins]
+    frequency = np.fft.rfftfreq(bins, width)
+    first = low + width / 2
+    score = np.real(np.fft.rfft(counts) * np.exp(-2j * np.pi * frequency * first)) / len(readings)
+    usable = (frequency > LEVELS / spread) & (frequency < 0.1 / width)  # ten bins to a step
+    if not usable.any() or score[usable].max() < LEAST:
+        return []
+    clear = np.flatnonzero(usable & (score > AS_CLEAR * score[usable].max()))
+    chosen = clear[0] + int(np.argmax(score[clear[0] : clear[0] + 16]))
+    step = 1.0 / frequency[chosen]
+    for narrow in (1.0, 0.1, 0.01):  # the top of the peak
+        near = 1.0 / (1.0 / step + narrow * np.linspace(-1.0, 1.0, 21) / span)
+        step = float(near[np.argmax(coherence(readings, near))])
+    return [step] if coherence(readings, np.array([step]))[0] > LEAST else []

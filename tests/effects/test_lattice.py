@@ -1,0 +1,37 @@
+"""The step of a quantizer from its readings alone: found whatever the model, and not where there is none."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects._lattice import lattice_steps
+
+
+def signal(seed, n=1200):
+    rng = np.random.default_rng(seed)
+    t = np.arange(n)
+    return sum(rng.normal() * np.sin(w * t + rng.uniform(0, 6)) for w in rng.uniform(0.005, 0.2, 6)), rng
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("offset", [0.0, 40.0, -300.0])
+def test_the_step_is_found_so_that_its_multiples_are_the_readings(seed, offset):
+    """Far from 0 the multiples of a slightly different step are the same few readings, nearly."""
+    y, rng = signal(seed)
+    step = float(np.ptp(y)) / rng.uniform(4, 25)
+    for noise in (0.0, 0.05):
+        rounded = step * np.round((offset + y) / step)
+        (found,) = lattice_steps(rounded + noise * step * rng.normal(size=len(y)))
+        assert abs(found - step) < 0.03 * step
+        assert np.max(np.abs(rounded - found * np.round(rounded / found))) < 0.2 * step
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_smooth_signal_has_none(seed):
+    y, rng = signal(seed)
+    assert lattice_steps(5.0 + y) == []
+    assert lattice_steps(y + 0.02 * np.std(y) * rng.normal(size=len(y))) == []
+
+
+def test_a_constant_signal_and_a_short_one_have_none():
+    assert lattice_steps(np.full(100, 3.0)) == []
+    assert lattice_steps(np.arange(5.0)) == []
