@@ -19,8 +19,10 @@ from collections.abc import Callable
 from typing import Any, BinaryIO
 
 import numpy as np
+from joblib.externals.loky.backend.reduction import dumps
 
 from sksurrogate.blind._cases import Question
+from sksurrogate.exceptions import SimulatorError
 
 __all__ = ["Solver", "ask_gap_diagnoser"]
 
@@ -128,7 +130,7 @@ class Solver:
         self._asked += 1
         assert process.stdin is not None and process.stdout is not None
         try:
-            send(process.stdin, pickle.dumps(question))
+            send(process.stdin, _packed(question))
             answer: dict[str, Any] = json.loads(receive(process.stdout, time.monotonic() + self.limit))
         except (OSError, EOFError, TimeoutError) as error:
             self.close()
@@ -163,6 +165,17 @@ class Solver:
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def _packed(question: Question) -> bytes:
+    """A question as bytes; what is defined in a script or in a file that no import finds goes along by value."""
+    try:
+        return bytes(dumps(question))
+    except (TypeError, AttributeError, pickle.PicklingError) as error:
+        raise SimulatorError(
+            f"simulator={question.simulator!r} cannot be sent to the diagnosing process ({error}): use plain functions or "
+            "classes, without open files, locks or handles."
+        ) from error
 
 
 def send(stream: BinaryIO | Any, message: bytes) -> None:

@@ -365,3 +365,21 @@ def test_an_interrupt_keeps_what_is_there(tmp_path, monkeypatch, capsys):
     assert main(["blind", "--cases", "3", "--arms", "none", "--resume", str(file)]) == 130
     assert "interrupted after 1 cases; the same command goes on" in capsys.readouterr().err
     assert not run_blind_check(3, "none").complete and len(BlindResult.load(file).rows) == 1
+
+
+def test_a_simulator_from_a_file_that_no_import_finds(tmp_path, solver):
+    """As the command line loads it; and one that holds a lock is refused in words."""
+    from sksurrogate.cli import load_simulator
+
+    head = "from sksurrogate.physics import ODESimulator\n"
+    rhs = "def rhs(t, x, u, p):\n    return [p['b'] * u[0] - x[0]]\n"
+    more = "dict(states=['x'], inputs=['u'], outputs=['x'], params={'b': 1.0}, dt=0.1)"
+    file = tmp_path / "a_plant_of_mine.py"
+    file.write_text(head + rhs + f"one = ODESimulator(rhs, **{more})\nimport threading\nrhs.lock = threading.Lock()\n")
+    question = replace(drawn("none").question, simulator=load_simulator(f"{file}:one"))
+    with pytest.raises(SimulatorError, match="cannot be sent to the diagnosing process"):
+        solver.ask(question)
+    file.write_text(head + rhs + f"one = ODESimulator(rhs, **{more})\n")
+    simulator = load_simulator(f"{file}:one")
+    own = replace(question, simulator=simulator, X_test=np.ones((1, 5, 1)), x0_test=np.zeros((1, 1)))
+    assert len(solver.ask(own)["predicted"][0]) == 5
