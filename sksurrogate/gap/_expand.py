@@ -185,7 +185,10 @@ class Expander:
         return found
 
     def known(self, problem: Problem, base: Rival, starts: list[Start]) -> Rival | None:
-        """A base with this effect, where it was fitted before with the same numerics."""
+        """A base with this effect, where it was fitted before with the same numerics; not far from the data, where another
+        start may lead elsewhere."""
+        if base.effects and base.fit.cost > SHORTLIST * self.n_values:
+            return None
         keys = (*base.keys, starts[0].effect.key)
         rival = self.fitted.get(frozenset(keys))
         same = rival is not None and (rival.model.n_sub, rival.model.sharpness) == (problem.n_sub, problem.sharpness)

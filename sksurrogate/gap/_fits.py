@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sksurrogate.effects._effect import HiddenEffect
 from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._problem import Problem, Rival, fit_last, scanned
 from sksurrogate.gap._screen import Start
@@ -60,7 +61,7 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
     out = []
     for key in chosen:
         group = by_key[key]
-        n = 1 if group[0].effect.linear and len(group[0].effect.parameters) == 1 else 2
+        n = 1 if group[0].effect.linear and not isinstance(group[0].effect, HiddenEffect) else 2
         picked = group[:n]
         first = max(group, key=lambda s: s.forced)
         if not group[0].effect.linear and all(first is not p for p in picked):

@@ -173,7 +173,7 @@ class Search(Expander):
         nearest = max(trial, key=self.score, default=None)
         near = nearest is not None and nearest.noise is not None and left(nearest) < NEAR
         for base in () if near else self.beam(best):
-            trial.extend(self.ranked(self.expand(base, 6, 3, thorough=False), base))
+            trial.extend(self.ranked(self.expand(base, 6, 3), base))
         if not trial:
             return None
         trial.sort(key=self.order(trial), reverse=True)
@@ -239,7 +239,7 @@ class Search(Expander):
                 if base is None:
                     continue
                 counts = (6, 3) if left(rival) < NEAR else (12, 6)
-                trial = self.ranked(self.expand(base, *counts, thorough=False), base)
+                trial = self.ranked(self.expand(base, *counts), base)
                 if not trial:
                     continue
                 worth = self.order([trial[0], rival])
