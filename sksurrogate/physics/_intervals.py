@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 from scipy.stats import t as student
+
+from sksurrogate.physics._memory import memory
 
 __all__ = ["Knowledge", "known"]
 
 #: A direction of the parameters whose singular value is below this share of the largest is not fixed by the data.
 _WEAK = 1e-6
-#: Longest memory of what is left, in samples, that widens the intervals.
-_MEMORY = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +61,17 @@ def known(
     size = np.maximum(sd, 1e-300)
     J_theta = np.where(fixed[:, None], 0.0, J_theta * unit[:, None])
     edges = np.r_[starts, residual.shape[1]]
-    blocks, used = [], 0
+    blocks, owns, used = [], [], 0
     for a, b in zip(edges[:-1], edges[1:]):
         both = np.concatenate([J_theta[:, :, a:b], J_x[:, :, a:b]], axis=1) / size[:, None, None]
         rows = both.transpose(0, 2, 1).reshape(-1, both.shape[1])  # output by output, in time order
-        shared, own = rows[:, :k], rows[:, k:]
+        shared, own, U = rows[:, :k], rows[:, k:], np.zeros((len(rows), 0))
         if own.shape[1]:
             U, s, _ = np.linalg.svd(own, full_matrices=False)
             U = U[:, s > 1e-10 * max(s[0], 1e-300)]
             shared = shared - U @ (U.T @ shared)
             used += U.shape[1]
+        owns.append(U)
         blocks.append(shared.reshape(n_outputs, b - a, k))
     if not k:
         return Knowledge(np.zeros((0, 0)), np.zeros(0), np.zeros(0, bool), np.zeros((0, 0)))
@@ -84,54 +84,40 @@ def known(
     loose = np.sqrt(np.sum(null**2, axis=0)) > 1e-3 if len(null) else np.zeros(k, bool)
     freedom = max(residual.size - used - int(np.sum(~weak)), 1)
     inverse = Vt.T / np.where(weak, np.inf, s)
-    scatter = inverse @ (inverse.T @ _remembered(blocks, residual / size[:, None], edges) @ inverse) @ inverse.T
-    covariance = scatter * np.outer(unit, unit) * (residual.size / freedom)
-    width = float(student.ppf(0.5 + confidence / 2, freedom)) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    middle, slowest = _remembered(
+        blocks, residual / size[:, None], edges, inverse[:, ~weak], owns, residual.size / freedom
+    )
+    covariance = inverse @ (inverse.T @ middle @ inverse) @ inverse.T * np.outer(unit, unit)
+    # noise with a memory counts for fewer samples when its size is judged
+    width = float(student.ppf(0.5 + confidence / 2, max(freedom / slowest, min(freedom, 3.0)))) * np.sqrt(
+        np.maximum(np.diag(covariance), 0.0)
+    )
     return Knowledge(
         np.full_like(covariance, np.nan) if len(null) else covariance, np.where(loose, np.inf, width), loose, null
     )
 
 
-def _remembered(blocks: list[np.ndarray], residual: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """``J' R J`` with R the covariance of the residual: its size and its memory in time, output by output.
+def _remembered(
+    blocks: list[np.ndarray], residual: np.ndarray, edges: np.ndarray, fixed: np.ndarray, own: list[np.ndarray], spread: float
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """``J' R J`` with R the covariance of the noise: its size and its memory in time, output by output.
 
-    The memory of every output is an autoregression whose order the information criterion of Schwarz chooses.
+    Also by how many samples, at most, one independent sample is worth. ``fixed`` (k, n_known): the directions of the
+    parameters that the data fix; ``own``: bases of what every run's initial state does to all outputs; ``spread``:
+    residual size over degrees of freedom.
     """
     total = np.zeros((blocks[0].shape[2],) * 2)
+    slowest = 1.0
     for j, left in enumerate(residual):
-        rho = float(np.mean(left**2)) * _memory([left[a:b] for a, b in zip(edges[:-1], edges[1:])])
+        pieces = [left[a:b] for a, b in zip(edges[:-1], edges[1:])]
+        starts = [U.reshape(len(residual), len(block[j]), U.shape[1])[j] for U, block in zip(own, blocks)]
+        cov = memory(pieces, [block[j] @ fixed for block in blocks], starts)
+        cov = np.array([spread * float(np.mean(left**2))]) if cov is None else cov
+        slowest = max(slowest, 2.0 * float(np.sum(cov)) / max(float(cov[0]), 1e-300) - 1.0)
         for block in blocks:
             J = block[j]
-            total += rho[0] * (J.T @ J)
-            for lag in range(1, min(len(rho), len(J) - 1)):
+            total += cov[0] * (J.T @ J)
+            for lag in range(1, min(len(cov), len(J) - 1)):
                 cross = J[lag:].T @ J[:-lag]
-                total += rho[lag] * (cross + cross.T)
-    return total
-
-
-def _memory(pieces: list[np.ndarray]) -> np.ndarray:
-    """Autocorrelation (n_lags,) of the fitted autoregression; [1] for white residuals."""
-    n = sum(len(piece) for piece in pieces)
-    most = min(_MEMORY, n // 20)
-    power = sum(float(piece @ piece) for piece in pieces)
-    if most < 1 or not power > 0:
-        return np.ones(1)
-    r = np.array([sum(float(p[lag:] @ p[: len(p) - lag]) for p in pieces if len(p) > lag) for lag in range(most + 1)])
-    r = r / power
-    if np.max(np.abs(r[1:])) < 2.0 / np.sqrt(n):
-        return np.ones(1)
-    best, chosen = 0.0, np.zeros(0)
-    for order in range(1, most + 1):
-        a = solve_toeplitz(r[:order], r[1 : order + 1])
-        left = 1.0 - float(a @ r[1 : order + 1])
-        score = n * np.log(max(left, 1e-12)) + order * np.log(n)
-        if score < best:
-            best, chosen = score, a
-    if not len(chosen):
-        return np.ones(1)
-    p, lags = len(chosen), min(20 * _MEMORY, n // 4)
-    rho = np.zeros(lags + p + 1)
-    rho[: p + 1] = r[: p + 1]
-    for lag in range(p + 1, len(rho)):
-        rho[lag] = chosen @ rho[lag - p : lag][::-1]
-    return rho[:lags]
+                total += cov[lag] * (cross + cross.T)
+    return total, slowest
