@@ -9,7 +9,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk
+from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, nominal
 from sksurrogate.gap._pairs import best_pairs
 from sksurrogate.gap._problem import Problem, Rival, scanned
 from sksurrogate.gap._screen import Screen, Start, screen
@@ -104,6 +104,16 @@ class Expander:
         rivals = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
         self.remember(rivals)
         return rivals + self.siblings(rivals, base) if siblings and rivals else rivals
+
+    def from_nominal(self, null: Rival, n_white: int, n_forced: int) -> list[Rival]:
+        """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
+        base = nominal(self.problem, null)
+        if base is None:
+            return []
+        starts = screen(self.problem, self.candidates, base, self.x, base.noise).starts
+        rivals = self.fit_all(self.problem, base, best_starts(starts, n_white, n_forced, self.n_values))
+        self.remember(rivals)
+        return rivals
 
     def guess(self, base: Rival) -> np.ndarray:
         """Trajectory to start the smoother from: measured where nothing was added, with the hidden states of the base."""

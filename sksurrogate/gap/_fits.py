@@ -12,7 +12,7 @@ from sksurrogate.gap._problem import Problem, Rival, fit_last, scanned
 from sksurrogate.gap._screen import Start
 from sksurrogate.kernels.output_error import Fit
 
-__all__ = ["best_starts", "distinct", "fit_added", "fit_chunk", "mean_start", "numerics_matter", "open_null"]
+__all__ = ["best_starts", "distinct", "fit_added", "fit_chunk", "mean_start", "nominal", "numerics_matter", "open_null"]
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
 HOPELESS = 40.0
@@ -84,6 +84,12 @@ def open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Rival:
     y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
     cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
     return Rival((), model, Fit(theta, x, y, cost, 0, False, None))
+
+
+def nominal(problem: Problem, null: Rival) -> Rival | None:
+    """The null with its free parameters back at their nominal values; None where that has no free run."""
+    fit = frozen_fit(problem, null, np.zeros(len(null.fit.theta)))
+    return None if fit is None else Rival((), null.model, fit, null.noise, curvature=null.curvature)
 
 
 def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:

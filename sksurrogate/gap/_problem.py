@@ -213,6 +213,15 @@ class Problem:
                 out[n + i] = 1e-3  # the rival is the same number: the free one stands still
         return out
 
+    def retuning_cost(self, rival: Rival) -> float:
+        """``sum (log ratio / PRIOR)^2`` of the free parameters: how unlikely their values are, in units of -2 log p.
+
+        Gaussian, unlike the prior of the fits: these must not pull at a parameter that is far off.
+        """
+        ratios = rival.fit.theta[rival.n_parameters :]
+        moved = [v for name, v in zip(self.free, ratios) if self.plant.params[name] != 0]
+        return float(np.sum(np.square(moved))) / PRIOR**2
+
     # ---- likelihood -------------------------------------------------------------------------------------------------
     def linearised(self, rival: Rival) -> Linearised:
         """Sensitivities at the solution."""

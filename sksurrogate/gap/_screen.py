@@ -309,7 +309,7 @@ def _starts(
         if k in pairs:
             theta, gained = pairs[k]
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
-        elif (c.effect.linear or small[k]) and len(theta):
+        elif (c.effect.linear or small[k]) and len(theta) and not c.evident:
             theta[0] = scaled(c.effect, theta[0], amplitude[k])
         out.append(Start(c.effect, theta, gained, pulled, total - gained, c.path, c.evident))
     return out

@@ -47,6 +47,8 @@ NESTED = {
 NESTED_SHARE = 5e-4
 #: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
+#: Re-tuning that costs this much (-2 log of the prior) may imitate an effect.
+FAR_RETUNED = 6.0
 #: Samples of a structural error that count as one.
 CORRELATED = 10.0
 #: Most effects named at once.
@@ -75,14 +77,18 @@ class Search(Expander):
     def bar(self, k: int) -> float:
         return bar(k, len(self.candidates), self.n_values)
 
+    def evidence(self, rival: Rival) -> float:
+        """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""
+        return rival.log_likelihood - 0.5 * self.problem.retuning_cost(rival)
+
     def gain(self, rival: Rival) -> float:
         """2 (L_rival - L_null)."""
         assert self.null is not None
-        return 2.0 * (rival.log_likelihood - self.null.log_likelihood)
+        return 2.0 * (self.evidence(rival) - self.evidence(self.null))
 
     def score(self, rival: Rival) -> float:
-        """Log likelihood less ``k/2 ln N``: a form with more parameters must earn them."""
-        return rival.log_likelihood - 0.5 * rival.n_parameters * np.log(self.n_values)
+        """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""
+        return self.evidence(rival) - 0.5 * rival.n_parameters * np.log(self.n_values)
 
     def size_score(self, rival: Rival) -> float:
         """Evidence by size: white errors with one independent value in :data:`CORRELATED`, less ``k/2 ln N``.
@@ -130,7 +136,7 @@ class Search(Expander):
     def run(self) -> Rival:
         """The whole search; returns the final rival (the null where nothing passes)."""
         null = self.null or self.fit_null()
-        self.first_round = self.ranked(self.expand(null, 16, 6, siblings=True), null)
+        self.first_round = self.ranked(self.singles(null), null)
         if not self.first_round:
             return null
         if self.gain(self.first_round[0]) > self.bar(self.first_round[0].n_parameters):
@@ -156,6 +162,18 @@ class Search(Expander):
         if self.final is not None:
             self.final = self.simplify(self.final, far=True) if self.is_far(self.final) else self.merge(self.final)
         return self.final or null
+
+    def singles(self, null: Rival) -> list[Rival]:
+        """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
+        rivals = self.expand(null, 16, 6, siblings=True)
+        if self.problem.retuning_cost(null) < FAR_RETUNED:
+            return rivals
+        best: dict = {}
+        for rival in [*rivals, *self.from_nominal(null, 16, 6)]:
+            worth = rival.fit.cost + self.problem.retuning_cost(rival)
+            if rival.keys not in best or worth < best[rival.keys][0]:
+                best[rival.keys] = worth, rival
+        return [rival for _, rival in best.values()]
 
     def one_more(self, best: Rival, passed: bool) -> Rival | None:
         """The best rival with one effect more, None where it does not pass."""
@@ -207,7 +225,7 @@ class Search(Expander):
         removed = best.fit.cost - rival.fit.cost
         if removed < SMALLEST_SHARE * (self.null.fit.cost - self.n_values):
             return False
-        extra = 2.0 * (rival.log_likelihood - best.log_likelihood)
+        extra = 2.0 * (self.evidence(rival) - self.evidence(best))
         if self.is_far(rival):
             extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
         return extra > self.needed_gain(rival.n_parameters - best.n_parameters)

@@ -63,13 +63,16 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     assert final.noise is not None
     coarse, fine = search.searching(base), search.at(final)
     own = final.effects[i].key
-    level = quick_likelihood(fine, final, [final.noise])
+    level = quick_likelihood(fine, final, [final.noise]) - 0.5 * fine.retuning_cost(final)
     few = search.is_far(final)
     rivals = (
         search.expand(base, 8, 2, thorough=False)
         if few
         else search.expand(base, 24, 10, siblings=True, best=final.fit.cost)
     )
+    if len(final.effects) == 1:  # those of the search may have begun at other re-tuned parameters
+        nearest = {rival.keys: rival for rival in sorted([*rivals, *search.first_round], key=lambda r: -r.fit.cost)}
+        rivals = list(nearest.values())
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
     same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
     reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
@@ -80,7 +83,7 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
         if not same_numerics:
             again = fine.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, max_steps=8, settled=True)
             rival = again or rival
-        found.append((quick_likelihood(fine, rival, [final.noise]), rival))
+        found.append((quick_likelihood(fine, rival, [final.noise]) - 0.5 * fine.retuning_cost(rival), rival))
     found = _with_own_noise(fine, final, level, found)
     sd = final.noise.sigma[:, None]
     twins, identical = [], []
@@ -115,7 +118,7 @@ def _with_own_noise(
         missing = 2.0 * (level - value)
         if EQUAL < missing <= NEAR and rank < MOST_JUDGED:
             estimate_noise(problem, rival, final.noise, final.curvature, max_iterations=8)
-            value = max(value, rival.log_likelihood)
+            value = max(value, rival.log_likelihood - 0.5 * problem.retuning_cost(rival))
         if 2.0 * (level - value) <= EQUAL:
             judged.append((value, rival))
     return sorted(judged, key=lambda item: -item[0])

@@ -118,6 +118,16 @@ def test_detuned_parameters_are_not_mistaken_for_an_effect():
     assert by_name["k"]["low"] < 9.0 < by_name["k"]["high"]
 
 
+def test_a_far_retuning_that_imitates_an_effect_does_not_hide_it():
+    """A loss of a speed is the damping, exactly: 0.5 beside 0.6 is no re-tuning that anyone would believe."""
+    report = diagnose(lambda q, v, u: -0.5 * v, oscillator(k=9.4), free_params=["k", "c"]).report_
+    (named,) = report.effects
+    members = {(named.name, named.location), *(key[:2] for key in named.equivalents)}
+    assert ("linear_loss", "velocity") in members
+    moved = {row["parameter"]: row["value"] for row in report.retuned}
+    assert abs(moved["c"] - 0.6) < 0.05
+
+
 def test_retuning_alone_is_reported_as_parameter_error():
     report = diagnose(lambda q, v, u: 0.0 * q, oscillator(k=9.9), free_params=["k"]).report_
     assert report.verdict == "explained"
