@@ -111,7 +111,8 @@ def _answered(rows: Iterable[Row]) -> list[Row]:
 def _named_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     """Names, classes and places."""
     one, weak = _of(by, "effect"), _of(by, "weak")
-    seen = [r for r in _of(by, "detuned") if r.get("gap_beyond_retuning", math.inf) >= 4.0]
+    known = all("gap_beyond_retuning" in r for r in _of(by, "detuned"))
+    seen = [r for r in _of(by, "detuned") if known and r["gap_beyond_retuning"] >= 4.0]
     return [
         _share("one effect: named, nothing else", [bool(r["right"]) for r in one], 0.98),
         _mean("one effect: mean size of the class", [n for r in _answered(one) for n in r["classes"]], 2.5),

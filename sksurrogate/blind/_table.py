@@ -159,8 +159,8 @@ class BlindResult:
         )
         page = (
             '<!doctype html><html lang="en"><meta charset="utf-8"><title>Check on withheld effects</title><style>'
-            "body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#222}"
-            "table{border-collapse:collapse;margin:.6em 0}td,th{padding:.25em .7em;border-bottom:1px solid #ddd;"
+            "body{font:15px/1.45 system-ui,sans-serif;max-width:1300px;margin:2em auto;padding:0 1em;color:#222}"
+            "table{border-collapse:collapse;margin:.6em 0;display:block;overflow-x:auto;font-size:13px}td,th{padding:.2em .5em;border-bottom:1px solid #ddd;"
             "text-align:right;vertical-align:top}td:first-child,th:first-child,td.t{text-align:left}img{max-width:100%}"
             f"</style><h1>Check on withheld effects</h1><p>{len(self.rows)} cases.</p>{picture}{body}</html>\n"
         )
