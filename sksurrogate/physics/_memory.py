@@ -14,6 +14,8 @@ __all__ = ["memory"]
 _LONGEST = 20
 #: Up to so many rows and so high an order the likelihood is restricted: beyond, what the fit swallows is next to nothing.
 _MOST_ROWS, _MOST_ORDER = 20_000, 4
+#: Partial autocorrelations come no nearer to 1, where the memory would have no end.
+_NEAREST = 0.995
 #: With so many rows for each column a white residual is believed to be one.
 _PLENTY = 50
 
@@ -55,19 +57,27 @@ def memory(pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequ
         return None
 
     def cost(partial: np.ndarray) -> float:
-        return _restricted(_coefficients(partial), pieces, shared, own)[0]
+        try:
+            return _restricted(_coefficients(partial), pieces, shared, own)[0]
+        except np.linalg.LinAlgError:  # a memory without end
+            return np.inf
 
     if order < 2:
-        found = minimize_scalar(lambda p: cost(np.array([p])), bounds=(-0.9, 0.995), method="bounded")
+        found = minimize_scalar(lambda p: cost(np.array([p])), bounds=(-0.9, _NEAREST), method="bounded")
         if order == 0 and not cost(np.zeros(1)) - found.fun > 0.5 * np.log(n):
             return None
         a = np.array([found.x])
     else:
-        start = np.arctanh(np.clip(_partial(r, order), -0.98, 0.98))
+        start = np.arctanh(np.clip(_partial(r, order), -0.98, 0.98) / _NEAREST)
         best = minimize(
-            lambda z: cost(np.tanh(z)), start, method="Nelder-Mead", options={"maxfev": 60 * order, "xatol": 1e-3}
+            lambda z: cost(_NEAREST * np.tanh(z)),
+            start,
+            method="Nelder-Mead",
+            options={"maxfev": 60 * order, "xatol": 1e-3},
         )
-        a = _coefficients(np.tanh(best.x))
+        if not np.isfinite(best.fun):
+            return power / n * _continued(solve_toeplitz(r[:order], r[1 : order + 1]), r, lags)
+        a = _coefficients(_NEAREST * np.tanh(best.x))
     variance = _restricted(a, pieces, shared, own)[1]
     rho = _correlations(a)
     return variance / float(1.0 - a @ rho[1:]) * _continued(a, rho, lags)
