@@ -189,7 +189,8 @@ class Questions:
         found, final, null = self.found, self.final, self.search.null
         if found.shrink is None or found.latent is None or found.law is None or null is None:
             return "unknown"  # interrupted: nothing is certified yet
-        return decide(facts_of(final, null, found.shrink, found.latent, found.law, found.retuned))
+        most = MOST_NOISE * self.problem.sd
+        return decide(facts_of(final, found.shrink, found.latent, found.law, found.retuned, most))
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found

@@ -101,13 +101,15 @@ def stand_ins(facts: Facts) -> bool:
     return beyond and (facts.names >= 3 or (facts.names == 2 and facts.law > LAW_BY_TWO))
 
 
-def facts_of(final: Rival, null: Rival, shrink: Shrink, latent: LatentForce, law: np.ndarray, retuned: bool) -> Facts:
-    """Collect them."""
+def facts_of(
+    final: Rival, shrink: Shrink, latent: LatentForce, law: np.ndarray, retuned: bool, most_noise: np.ndarray
+) -> Facts:
+    """Collect them; where nothing is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed."""
     left_over = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
     return Facts(
         bool(final.effects),
         float(left_over),
-        left(final),
+        left(final) if final.effects or retuned else left(final, most_noise),
         float(np.max(law, initial=0.0)),
         float(np.max(latent.size, initial=0.0)),
         retuned,
