@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.blind._choose import Setting, as_truth, choose, disturbance, fine, make_setting, sized
 from sksurrogate.blind._excite import coloured, initial_states, inputs
+from sksurrogate.blind._gap import gap_beyond
 from sksurrogate.blind._march import Course, march
 from sksurrogate.blind._plants import PLANTS, PlantSpec
 from sksurrogate.blind._truths import KINDS, Truth, remaining
@@ -38,6 +39,9 @@ ARMS: dict[str, tuple[str, str]] = {
 
 #: Gap over noise, where it is not 5 to 50.
 GAPS = {"weak": (0.4, 1.5), "sizes": (0.1, 10.0)}
+
+#: Least and largest gap over noise that initial states cannot close, where it is not 4 and more.
+REAL_GAPS = {"weak": (0.3, 1.6), "sizes": (0.0, 12.0)}
 
 #: Attempts at a drawing.
 ATTEMPTS = 60
@@ -100,6 +104,8 @@ class Case:
         Standard deviation of the white sensor noise.
     starts : ndarray (n_runs, n_states)
         True initial states of the recorded runs.
+    unit : ndarray (n_plant_outputs,)
+        Noise of each output of the plant, infinite for those not measured.
 
     Examples
     --------
@@ -119,6 +125,7 @@ class Case:
     plant: PlantSpec
     noise: np.ndarray
     starts: np.ndarray
+    unit: np.ndarray
 
 
 def draw(arm: str, entropy: int | None = None, *, plant: PlantSpec | None = None, runs: Any = None) -> Case:
@@ -195,7 +202,30 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
         return None
     if arm == "unexcited" and gap > 0.02:
         return None
+    if effects and arm != "unexcited":
+        gap, least = _real_gaps(setting, effects, course)
+        low, high = REAL_GAPS.get(arm, (4.0, np.inf))
+        if not low <= least <= gap <= high:
+            return None
     return _case(rng, arm, seed, setting, tuple(effects), course, gap)
+
+
+def _real_gaps(setting: Setting, effects: list[Truth], course: Course) -> tuple[float, float]:
+    """The gap over the noise that initial states cannot close: of all effects, and of the one that is missed least."""
+    plant = setting.plant
+    outputs = march(plant, course.inputs, setting.X0, effects, substeps=fine(effects)).outputs
+    unit = _unit(setting)
+    gap = gap_beyond(plant, course.inputs, setting.X0, outputs, unit)
+    others = [[one for one in effects if one is not left_out] for left_out in effects] if len(effects) > 1 else []
+    alone = [gap_beyond(plant, course.inputs, setting.X0, outputs, unit, truths=rest) for rest in others]
+    return gap, min([gap, *alone])
+
+
+def _unit(setting: Setting) -> np.ndarray:
+    """Noise of each output, infinite for those not measured."""
+    unit = np.full(len(setting.plant.outputs), np.inf)
+    unit[setting.read] = setting.noise * setting.scale[setting.read]
+    return unit
 
 
 def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truths: tuple[Truth, ...], course: Course,
@@ -239,5 +269,15 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
     }  # fmt: skip
     states = course.states.reshape(n_runs * n_samples, -1)
     return Case(
-        arm, question, truths, facts, test, setting.scale[read], states, plant, noise, course.states[:, 0].copy()
+        arm,
+        question,
+        truths,
+        facts,
+        test,
+        setting.scale[read],
+        states,
+        plant,
+        noise,
+        course.states[:, 0].copy(),
+        _unit(setting),
     )
