@@ -390,9 +390,18 @@ class SensorEffect(BaseEffect):
         return y
 
     def soft(
-        self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any], width: float
+        self,
+        y: np.ndarray,
+        v: np.ndarray | None,
+        t: np.ndarray,
+        theta: Sequence[Any],
+        width: float,
+        readings: np.ndarray | None = None,
     ) -> np.ndarray:
-        """The reading in a fit: jumps are spread over ``width`` of their distance; by default :meth:`read`."""
+        """The reading in a fit: jumps are spread over ``width`` of their distance; by default :meth:`read`.
+
+        ``readings`` (n_samples,) are the measured ones, for sensors that do not tell where within a step a value lies.
+        """
         return self.read(y, v, t, theta)
 
     def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:

@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 #: Steps smaller than this share of the signal round nothing that can be seen.
-COARSEST, FINEST = 1.0, 24.0
+COARSEST, FINEST = 1.0, 40.0
 #: Largest value over the range of a signal, beyond which no finer steps are tried.
 FARTHEST = 4.0
 
@@ -55,7 +55,7 @@ def times(probe: Probe) -> list[tuple[float, ...]]:
 
 
 def step_sizes(signal: np.ndarray) -> list[tuple[float, ...]]:
-    """Steps of a quantisation to try: 1 to 24 steps to the largest value, more where the signal moves about an offset.
+    """Steps of a quantisation to try: 1 to 40 steps to the largest value, more where the signal moves about an offset.
 
     Close together: a step that is off shifts the rounding of large values by a whole step.
     """
@@ -288,7 +288,7 @@ class InputQuantization(InputEffect):
         return pointwise(lambda value: quantize(value, theta[0]), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """From one step to 24 steps to the largest input."""
+        """From one step to 40 steps to the largest input."""
         return step_sizes(probe.x)
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:

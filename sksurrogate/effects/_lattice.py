@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-__all__ = ["lattice_steps"]
+__all__ = ["lattice_steps", "shows_steps"]
 
 #: Bins over the range of the readings, at least, and most bins with the empty ones.
 BINS, MOST_BINS = 2000, 1 << 19
 #: Least ``mean cos(2 pi y / step)`` of a lattice; share of the best from which a coarser step wins.
 LEAST, AS_CLEAR = 0.35, 0.97
 
+#: Least coherence at which every reading shows its level: white noise of a sixth of a step leaves as much.
+SHOWN = 0.58
 #: Steps that the readings must span: fewer are seen in many a smooth signal.
 LEVELS = 1.7
 
@@ -18,6 +22,20 @@ LEVELS = 1.7
 def coherence(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
     """``mean cos(2 pi y / step)``: 1 on the multiples of a step, about 0 for a smooth signal of a range beyond it."""
     return np.mean(np.cos(2 * np.pi * readings[:, None] / step), axis=0)
+
+
+def shows_steps(readings: np.ndarray, step: Any) -> np.ndarray:
+    """Whether nearly every reading (n_samples,) is nearest to its own multiple of a step: (n_columns, 1) or (1,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y = np.linspace(0.0, 9.0, 500)
+    >>> [bool(shows_steps(np.round(y), np.array([step]))[0]) for step in (1.0, 0.7)]
+    [True, False]
+    """
+    step = np.atleast_1d(np.asarray(step, dtype=float))
+    return np.mean(np.cos(2 * np.pi * readings / step), axis=-1, keepdims=True) > SHOWN
 
 
 def lattice_steps(readings: np.ndarray) -> list[float]:

@@ -368,7 +368,7 @@ class BoundModel:
             else:
                 other = raw[a.plant.outputs.index(effect.variable)] if effect.variable else None
                 given = (y[place], other, record.t, self._parameters[i])
-                y[place] = effect.read(*given) if sharp else effect.soft(*given, 1.0 / a.sharpness)
+                y[place] = effect.read(*given) if sharp else effect.soft(*given, 1.0 / a.sharpness, record.y[place])
         return y
 
     def _path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:

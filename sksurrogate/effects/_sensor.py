@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
 from sksurrogate.effects._input import levels_inside, neighbouring_steps, quantize, step_sizes, times
-from sksurrogate.effects._lattice import lattice_steps
+from sksurrogate.effects._lattice import lattice_steps, shows_steps
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.physics._simulator import Plant
 
@@ -311,7 +311,7 @@ class SensorQuantization(SensorEffect):
         return quantize(y, theta[0])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """From one step to 24 steps to the largest reading."""
+        """From one step to 40 steps to the largest reading."""
         return step_sizes(probe.x)
 
     def evident(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -319,13 +319,30 @@ class SensorQuantization(SensorEffect):
         return [(step,) for step in lattice_steps(probe.x)]
 
     def soft(
-        self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any], width: float
+        self,
+        y: np.ndarray,
+        v: np.ndarray | None,
+        t: np.ndarray,
+        theta: Sequence[Any],
+        width: float,
+        readings: np.ndarray | None = None,
     ) -> np.ndarray:
-        """A staircase with steep flanks: with jumps, a fit sees no slope and rivals win by what happens to flip."""
+        """The level that was read, plus how far the output lies outside its interval, where readings show the steps.
+
+        The likelihood is that of interval-censored readings: a value just beside a threshold is no error of a whole step.
+        Otherwise a staircase with steep flanks: with jumps, a fit sees no slope and rivals win by what happens to flip.
+        """
         step = np.abs(theta[0])
-        ratio = y / np.where(step > 0, step, 1.0)
+        some = np.where(step > 0, step, 1.0)
+        ratio = y / some
         whole = np.floor(ratio)
-        return np.where(step > 0, step * (whole + np.clip((ratio - whole - 0.5) / width + 0.5, 0.0, 1.0)), y)
+        stairs = np.where(step > 0, step * (whole + np.clip((ratio - whole - 0.5) / width + 0.5, 0.0, 1.0)), y)
+        if readings is None:
+            return stairs
+        level = np.round(readings / some)
+        beyond = ratio - level
+        soft = width * (np.logaddexp(0.0, (beyond - 0.5) / width) - np.logaddexp(0.0, (-beyond - 0.5) / width))
+        return np.where((step > 0) & shows_steps(readings, some), step * (level + soft), stairs)
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
         """Steps up to 4 % off."""

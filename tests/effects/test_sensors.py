@@ -183,3 +183,23 @@ def test_a_simulator_reads_whole_steps(oscillator, force):
 
     y = AugmentedSimulator(oscillator, [CATALOGUE["sensor_quantization"]("q")], [(0.05,)]).simulate(force)
     np.testing.assert_allclose(y / 0.05, np.round(y / 0.05), atol=1e-9)
+
+
+def test_readings_that_show_their_steps_are_interval_censored():
+    """Within its interval a value is no error, outside it is one as large as the way back, never of a whole step."""
+    effect, step = CATALOGUE["sensor_quantization"]("q"), 0.5
+    true = np.linspace(-2.0, 2.0, 2001)
+    readings = step * np.round(true / step)
+    fits = effect.soft(true[None], None, None, (np.array([[step]]),), 0.02, readings)
+    np.testing.assert_allclose(fits[0], readings, atol=0.02 * step)
+    beyond = effect.soft(true[None] + 0.06, None, None, (np.array([[step]]),), 0.02, readings)[0] - readings
+    excess = np.maximum(true + 0.06 - readings - step / 2, 0.0)
+    np.testing.assert_allclose(beyond, excess, atol=0.02 * step)
+    assert excess.max() > 0.05
+
+
+def test_readings_without_steps_are_fitted_by_the_staircase():
+    effect, y = CATALOGUE["sensor_quantization"]("q"), np.linspace(-2, 2, 4001)
+    noisy = y + 0.3 * np.random.default_rng(0).normal(size=y.shape)
+    given = (y[None], None, None, (np.array([[0.6]]),), 0.02)
+    np.testing.assert_array_equal(effect.soft(*given, noisy), effect.soft(*given))
