@@ -17,7 +17,7 @@ __all__ = ["gap_beyond"]
 #: Gauss-Newton steps (shorter after one that does not help), and relative steps of the differences.
 STEPS, PUSH = 12, 1e-4
 #: Relative gain that ends the search, and steps of the integrator in a sample.
-ENOUGH, SUBSTEPS = 0.01, 6
+ENOUGH, SUBSTEPS = 0.05, 4
 
 
 def gap_beyond(
@@ -60,13 +60,13 @@ def gap_beyond(
         spread = path.reshape(-1, path.shape[-1]).std(axis=0) + 1e-9
     moves = len(values) if retune else 0
     step, starts, share, X0 = np.zeros_like(values), np.zeros_like(X0), 1.0, X0.copy()
+    measured = float(np.mean(np.isfinite(unit)))
     for _ in range(STEPS):
         tried, X0_tried = values + share * step * reach, X0 + share * starts * spread
         with np.errstate(all="ignore"):
             followed = _pushed(plant, U, X0_tried, truths, tried, PUSH * reach[:moves], PUSH * spread)
         followed = (followed / unit).reshape(len(followed), n_runs, -1)
         r = (outputs / unit).reshape(n_runs, -1) - followed[0]
-        measured = float(np.mean(np.isfinite(unit)))
         left = float(np.sqrt(np.mean(r**2) / measured)) if np.isfinite(r).all() else np.inf
         if not left < best:
             if not np.isfinite(best):
@@ -78,7 +78,9 @@ def gap_beyond(
         best, values, X0, share = left, tried, X0_tried, 1.0
         J = (followed[1:] - followed[0]) / PUSH
         step = np.zeros_like(values)
-        step[:moves], starts = _step(r, J[:moves], J[moves:])
+        step[:moves], starts, rest = _step(r, J[:moves], J[moves:])
+        if best - np.sqrt(rest / measured) < ENOUGH * best:
+            return best
     return best
 
 
@@ -103,8 +105,11 @@ def _pushed(
     return course.outputs.reshape(times, n_runs, U.shape[1], -1)
 
 
-def _step(r: np.ndarray, J: np.ndarray, J_start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares in the shared parameters and in the initial state of each run: (n_moved,), (n_runs, n_states)."""
+def _step(r: np.ndarray, J: np.ndarray, J_start: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least squares in the shared parameters and in the initial state of each run: (n_moved,), (n_runs, n_states).
+
+    Also the mean square that they would leave.
+    """
     rest, columns, bases = [], [], []
     for k in range(len(r)):
         A, B = J_start[:, k].T, J[:, k].T
@@ -114,5 +119,7 @@ def _step(r: np.ndarray, J: np.ndarray, J_start: np.ndarray) -> tuple[np.ndarray
         rest.append(both[:, 0])
         columns.append(both[:, 1:])
         bases.append(basis)
-    step = np.linalg.lstsq(np.concatenate(columns), np.concatenate(rest), rcond=1e-10)[0] if len(J) else np.zeros(0)
-    return step, np.stack([basis[:, 0] - basis[:, 1:] @ step for basis in bases])
+    A, b = np.concatenate(columns), np.concatenate(rest)
+    step = np.linalg.lstsq(A, b, rcond=1e-10)[0] if len(J) else np.zeros(0)
+    left = float(np.mean((b - A @ step) ** 2))
+    return step, np.stack([basis[:, 0] - basis[:, 1:] @ step for basis in bases]), left

@@ -150,9 +150,19 @@ class _Machine:
         share = np.clip(np.asarray(t) / self.dt - k, 0.0, 1.0)
         return held + share * (self.U[row, np.minimum(k + 1, last), j] - held)
 
+    def all_commanded(self, t: float, middle: float) -> np.ndarray:
+        """All inputs at one time for all runs, (n_inputs, n_runs)."""
+        last = self.U.shape[1] - 1
+        k = min(max(int(middle / self.dt + 1e-9), 0), last)
+        held = self.U[:, k].T
+        if self.plant.hold == "zoh":
+            return held
+        share = min(max(t / self.dt - k, 0.0), 1.0)
+        return held + share * (self.U[:, min(k + 1, last)].T - held)
+
     def inputs(self, t: float, middle: float, k: int, z: np.ndarray) -> np.ndarray:
         """All inputs as the plant feels them, (n_inputs, n_runs)."""
-        u = np.stack([self.commanded(j, t, middle) for j in range(self.U.shape[2])])
+        u = self.all_commanded(t, middle)
         if not self.actuators:
             return u
         felt = u.copy()
