@@ -9,16 +9,19 @@ import numpy as np
 from sklearn.ensemble import ExtraTreesRegressor
 
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.kernels.banded import first_order_scan
+from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import output_jacobian
 
 __all__ = ["LatentForce", "input_push", "latent_force", "law_of", "of_input_alone", "places", "repeatable"]
 
 #: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
 SMALLEST_FORCE = 2e-3
 
+#: A force that moves the outputs by less than this share of what all forces do is numerics, whatever law it follows.
+LEAST_MOVED = 0.15
 #: R2 from which a force counts as a law of one input, and by how much all states and inputs must tell it better.
 LAW_OF_INPUT, AS_WELL = 0.3, 0.02
 
@@ -126,7 +129,24 @@ def law_of(problem: Problem, latent: LatentForce, random_state: int, path: np.nd
     The larger of two: from the smoothed states as they are, and with the past of the free run ``path`` beside them.
     """
     Z, _ = features(problem, latent.x)
-    return repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
+    law = repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
+    moved = np.sum(moved_by(problem, latent) ** 2, axis=(1, 2))
+    return np.where(moved >= LEAST_MOVED**2 * np.sum(moved), law, 0.0)
+
+
+def moved_by(problem: Problem, latent: LatentForce) -> np.ndarray:
+    """What each force moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
+    record, rival, n = problem.record, latent.rival, len(latent.A)
+    rows = [problem.plant.states.index(name) for name in problem.balances]
+    push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, rows] * latent.force
+    b = np.zeros_like(push)
+    b[:, :, 1:] = push[:, :, :-1]
+    b[:, :, record.starts] = 0.0
+    with np.errstate(all="ignore"):
+        states = solve_recursion(recursion_band(latent.A, record.starts), b)
+        _, C = output_jacobian(rival.model.bind(rival.fit.theta[:, None]), rival.fit.x, rival.model.scale)
+        moved = np.einsum("oit,ibt->bot", C, states) / problem.sd[:, None]
+    return np.nan_to_num(moved, posinf=0.0, neginf=0.0)
 
 
 def repeatable(
