@@ -15,7 +15,8 @@ from sklearn.utils.parallel import _get_threadpool_controller
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from sksurrogate._checks import checked
-from sksurrogate.kernels.least_squares import Separable, levenberg_marquardt, merge_rows, several_starts
+from sksurrogate.kernels.least_squares import levenberg_marquardt, merge_rows, several_starts
+from sksurrogate.kernels.separable import Separable
 
 __all__ = ["NonlinearBasisRegressor"]
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.kernels.least_squares import Evaluate, Separable
+from sksurrogate.kernels.least_squares import Evaluate
 from sksurrogate.kernels.rows import RowSource
+from sksurrogate.kernels.separable import Separable
 from sksurrogate.neural._network import ACTIVATIONS, Layers
+from sksurrogate.neural._shallow import Shallow
 
 __all__ = ["BLOCK", "STEP", "Rows", "Smoothness", "normal_equations", "projected", "squares"]
 
@@ -77,7 +79,7 @@ def projected(
     weights: np.ndarray | None,
     alpha: float,
     smooth: Smoothness | None = None,
-) -> Separable:
+) -> Separable | Shallow:
     """Least squares over the hidden layers, the linear output layer eliminated (variable projection).
 
     ``weights`` (n_rows,) multiply the squares; ``alpha`` multiplies the sum of the squared weights (not of biases).
@@ -109,7 +111,7 @@ def projected(
 
     n_omega = sum(w.size + b.size for w, b in zip(hidden.weights, hidden.biases))
     ridge = np.append(np.full(n_basis - 1, alpha), 0.0) if alpha else None
-    return Separable(
+    exact = Separable(
         basis,
         tangent,
         Y,
@@ -117,6 +119,7 @@ def projected(
         ridge=ridge,
         ridge_omega=alpha * hidden.is_weight if alpha else None,
     )
+    return Shallow(hidden, x, exact) if len(hidden.weights) == 1 and smooth is None else exact
 
 
 @dataclass(frozen=True)

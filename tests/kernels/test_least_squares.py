@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, least_squares
 
-from sksurrogate.kernels.least_squares import Separable, dense, levenberg_marquardt, several_starts, with_memory
+from sksurrogate.kernels.least_squares import dense, levenberg_marquardt, several_starts, with_memory
+from sksurrogate.kernels.separable import Separable
 
 
 def exponentials(t):
