@@ -312,8 +312,7 @@ def _pieces(labels: np.ndarray | None, n_samples: int, min_rows: int) -> list[tu
         stops = np.r_[starts[1:], n_samples]
         pieces = []
         seen: dict[Any, tuple[int, int]] = {}
-        for a, b in zip(starts.tolist(), stops.tolist()):
-            label = labels[a].item() if hasattr(labels[a], "item") else labels[a]
+        for label, a, b in zip(labels[starts].tolist(), starts.tolist(), stops.tolist()):
             if label == LEFT_OUT and not isinstance(label, str):
                 continue
             if label in seen:

@@ -67,31 +67,71 @@ def lag_columns(
     """
     if out is None:
         out = np.empty((len(values), len(columns)), order="F")
-    _shift(values, columns, out)
-    for i, (column, lag) in enumerate(columns):
-        out[: min(lag, len(values)), i] = values[0, column] if fill == "edge" else (np.nan if fill == "nan" else fill)
+    _shift(values, columns, np.zeros(1, int), _edges(values[:1], fill), out)
     return out
 
 
-def _shift(values: np.ndarray, columns: Sequence[tuple[int, int]], out: np.ndarray) -> None:
-    """``out[t, i] = values[t - lag_i, column_i]`` where there is one, in blocks of rows and as many threads as OpenMP has."""
-    n, longest = len(values), max((lag for _, lag in columns), default=0)
+def _edges(first_rows: np.ndarray, fill: str | float) -> np.ndarray:
+    """What stands before each run, (n_runs, n_columns)."""
+    if fill == "edge":
+        return first_rows
+    return np.full(first_rows.shape, np.nan if fill == "nan" else fill, dtype=float)
 
-    def block(first: int) -> None:
-        last, begin = min(first + _ROWS, n), max(first - longest, 0)
-        near = np.ascontiguousarray(values[begin:last].T)  # stays in the cache
-        for i, (column, lag) in enumerate(columns):
-            start = max(first, lag)
-            if start < last:
-                out[start:last, i] = near[column, start - lag - begin : last - lag - begin]
 
+class _Rows:
+    """Rows at which runs start; a slice where the runs are of one length."""
+
+    def __init__(self, at: np.ndarray):
+        self.at, self.first = at, int(at[0]) if len(at) else 0
+        self.step = int(at[1] - at[0]) if len(at) > 1 and np.all(np.diff(at) == at[1] - at[0]) else 0
+
+    def rest(self) -> _Rows:
+        """All but the first one."""
+        return _Rows(self.at[1:])
+
+    def before(self, k: int) -> slice | np.ndarray:
+        """The rows k earlier."""
+        return slice(self.first - k, int(self.at[-1]) - k + 1, self.step) if self.step else self.at - k
+
+
+def _shift(
+    values: np.ndarray, columns: Sequence[tuple[int, int]], starts: np.ndarray, edges: np.ndarray, out: np.ndarray
+) -> None:
+    """``out[t, i] = values[t - lag_i, column_i]``, or the edge of t's run before its start.
+
+    In blocks of rows that stay in the cache, each written once, in as many threads as OpenMP has. From lag to lag a block
+    moves on by one row, and only the rows at which runs start are new: they take the edge.
+    """
+    n = len(values)
+    wanted: dict[int, list[tuple[int, int]]] = {}
+    for place, (column, lag) in enumerate(columns):
+        wanted.setdefault(column, []).append((lag, place))
+
+    def block(task: tuple[int, int]) -> None:
+        column, first = task
+        pairs = sorted(wanted[column])
+        longest, last = pairs[-1][0], min(first + _ROWS, n)
+        begin = max(first - longest, 0)
+        near = np.empty(longest + last - first)  # row t is at t - first + longest - lag
+        near[longest - first + begin :] = values[begin:last, column]
+        inside = slice(*np.searchsorted(starts, [begin, last]))
+        fresh, edge, k = _Rows(starts[inside] - first + longest), edges[inside, column].copy(), 0
+        for lag, place in pairs:
+            while k < lag and len(edge):
+                k += 1
+                if fresh.first < k:
+                    fresh, edge = fresh.rest(), edge[1:]
+                near[fresh.before(k)] = edge
+            out[first:last, place] = near[longest - lag : longest - lag + last - first]
+
+    tasks = [(column, first) for column in wanted for first in range(0, n, _ROWS)]
     threads = _openmp_effective_n_threads() if out.size > _MANY else 1
     if threads == 1:
-        for first in range(0, n, _ROWS):
-            block(first)
+        for task in tasks:
+            block(task)
         return
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(block, range(0, n, _ROWS)))
+        list(pool.map(block, tasks))
 
 
 def _whole(runs: Runs) -> np.ndarray:
@@ -110,21 +150,12 @@ def _whole(runs: Runs) -> np.ndarray:
 
 def _write_lags(runs: Runs, columns: Sequence[tuple[int, int]], fill: str | float, out: np.ndarray) -> None:
     """Lagged columns of all runs, each number written once; rows that belong to no run are nan."""
-    n = runs.n_samples
-    starts, lengths = np.array([run.start for run in runs]), np.array([len(run) for run in runs])
-    _shift(_whole(runs), columns, out)
-    first, left_out = np.stack([run.X[0] for run in runs]), lengths.sum() < n
-    alike = not left_out and bool(np.all(lengths == lengths[0]))
-    for i, (column, lag) in enumerate(columns):
-        edge = first[:, column] if fill == "edge" else np.full(len(starts), np.nan if fill == "nan" else fill)
-        if alike:
-            out[:, i].reshape(len(runs), -1)[:, :lag] = edge[:, None]
-        elif lag:
-            before = np.arange(lag)
-            rows = (starts[:, None] + before)[before < lengths[:, None]]
-            out[rows, i] = np.repeat(edge, np.minimum(lag, lengths))
-    if left_out:
-        outside = np.ones(n, bool)
+    ordered = sorted(runs, key=lambda run: run.start)
+    starts = np.array([run.start for run in ordered])
+    whole = _whole(runs)
+    _shift(whole, columns, starts, _edges(whole[starts], fill), out)
+    if sum(map(len, runs)) < runs.n_samples:
+        outside = np.ones(runs.n_samples, bool)
         for run in runs:
             outside[run.start : run.stop] = False
         out[outside, : len(columns)] = np.nan
