@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
 
+from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.runs import Runs, resolve_runs
 
@@ -99,9 +100,9 @@ class FreeRunMixin(RegressorMixin):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
         elif y is None or groups is not None:
-            X = validate_data(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
+            X = checked(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
         else:
-            X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
+            X, y = checked(self, X, y, reset=reset, multi_output=True, y_numeric=True)
         runs = resolve_runs(
             X, y, groups=groups, run=self.run, time=getattr(self, "time", None), dt=getattr(self, "dt", None),
             allow_uneven=self._integrates, min_rows=min_rows,

@@ -169,6 +169,11 @@ def resolve_runs(
             raise DataError(
                 f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
             )
+        if labels.dtype.kind == "f" and np.isnan(labels).any():
+            raise DataError(
+                f"groups contains NaN: row {int(np.argmax(np.isnan(labels)))}. Every row needs the label of its run; -1 "
+                "leaves a row out."
+            )
     keep = [j for j in range(table.shape[1]) if j not in drop]
     inputs = floats(table[:, keep] if drop else table, "X")
     outputs, output_names, is_1d = outputs_of(y, n_samples)
@@ -214,6 +219,13 @@ def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
     if y is not None and len(X) != len(y):
         raise DataError(f"X is a list of {len(X)} runs and y of {len(y)}: give one entry a run in both.")
     parts = [np.asarray(part) for part in X]
+    if not parts:
+        raise DataError("X holds no run: give a list of at least one array.")
+    for k, part in enumerate(parts):
+        if part.shape[1:] != parts[0].shape[1:]:
+            raise DataError(
+                f"run {k} of X has shape {part.shape} and run 0 {parts[0].shape}: all need the same columns."
+            )
     groups = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if y is None:
         return np.concatenate(parts), None, groups
@@ -268,12 +280,15 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
     >>> cut_runs(7, n_blocks=2, gap=1)
     array([ 0,  0,  0, -1,  1,  1,  1])
     """
+    for name, value, least in (("n_blocks", n_blocks, 1), ("gap", gap, 0)):
+        if not isinstance(value, (int, np.integer)) or value < least:
+            raise DataError(f"{name}={value!r} must be an int of at least {least}.")
     labels = np.zeros(groups, dtype=int) if isinstance(groups, (int, np.integer)) else np.asarray(groups)
     out = np.full(len(labels), LEFT_OUT)
     count = 0
     for label, a, b in _pieces(labels, len(labels), 1):
         rows = b - a - gap * (n_blocks - 1)
-        if n_blocks < 1 or rows < n_blocks:
+        if rows < n_blocks:
             raise RunError(
                 f"run {label!r} has {b - a} rows: {n_blocks} blocks with gaps of {gap} rows do not fit; lower n_blocks or gap."
             )

@@ -40,3 +40,30 @@ def test_the_place_of_a_missing_output_is_named(model):
         model.fit(X, y)
     with pytest.raises(DataError, match="Input y contains NaN: row 3; 1 values"):
         model.fit(X, y[:, 0])
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
+def test_text_is_named_by_its_place(model):
+    X = np.array([["1.0", "2.0"], ["3.0", "cold"], ["5.0", "6.0"]], dtype=object)
+    with pytest.raises(DataError, match="X holds 'cold', which is no number: row 1, column 1"):
+        model.fit(X, [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("model", MODELS[4:], ids=lambda model: type(model).__name__)
+def test_outputs_in_words_are_named_by_their_place(model):
+    with pytest.raises(DataError, match="y holds 'warm', which is no number: row 2"):
+        model.fit(np.arange(6.0).reshape(3, 2), np.array([1.0, 2.0, "warm"], dtype=object))
+
+
+@pytest.mark.parametrize("model", MODELS[4:], ids=lambda model: type(model).__name__)
+def test_lengths_that_differ_are_both_told(model):
+    with pytest.raises(DataError, match=r"X has 3 rows and y has 2 .*one target a row"):
+        model.fit(np.arange(6.0).reshape(3, 2), [1.0, 2.0])
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
+def test_numbers_without_a_square_are_refused(model):
+    X = np.arange(6.0).reshape(3, 2)
+    X[1, 0] = 1e200
+    with pytest.raises(DataError, match=r"X holds 1e.200, whose square .*row 1, column 0. Change the unit"):
+        model.fit(X, [1.0, 2.0, 3.0])

@@ -43,3 +43,21 @@ def test_uneven_sampling_is_refused_by_row():
 def test_short_runs_say_how_many_rows_are_needed():
     with pytest.raises(RunError, match=r"run 'b' has 1 rows .*2 are needed"):
         resolve_runs(np.zeros((3, 1)), groups=["a", "a", "b"], min_rows=2)
+
+
+@pytest.mark.parametrize("settings", [{"n_blocks": 2, "gap": -1}, {"n_blocks": 2.5}, {"n_blocks": 0}])
+def test_cut_runs_wants_counts(settings):
+    with pytest.raises(DataError, match="must be an int of at least"):
+        cut_runs(np.zeros(10, int), **settings)
+
+
+def test_labels_of_runs_may_not_be_missing():
+    with pytest.raises(DataError, match=r"groups contains NaN: row 1.*-1 leaves a row out"):
+        resolve_runs(np.ones((3, 1)), groups=[0.0, np.nan, 1.0])
+
+
+def test_runs_to_be_stacked_have_the_same_columns():
+    with pytest.raises(DataError, match=r"run 1 of X has shape \(3, 2\) and run 0 \(2, 1\)"):
+        stack_runs([np.ones((2, 1)), np.ones((3, 2))])
+    with pytest.raises(DataError, match="X holds no run"):
+        stack_runs([])

@@ -10,8 +10,9 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin, _fit_context, clone
 from sklearn.metrics import r2_score
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
 
+from sksurrogate._checks import checked
 from sksurrogate._columns import by_name
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection, ends_linear
 from sksurrogate.compose._hybrid_force import ForceCorrection
@@ -292,10 +293,10 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
         elif y is None or groups is not None:
-            X = validate_data(self, X, reset=reset, ensure_all_finite=False, dtype="numeric")
+            X = checked(self, X, reset=reset, ensure_all_finite=False, dtype="numeric")
         else:
             try:
-                X, y = validate_data(self, X, y, reset=reset, multi_output=True, y_numeric=True)
+                X, y = checked(self, X, y, reset=reset, multi_output=True, y_numeric=True)
             except ValueError as error:
                 if "NaN" in str(error) or "infinity" in str(error):
                     resolve_runs(X, y, run=self.run)  # names the row

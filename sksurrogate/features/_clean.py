@@ -15,9 +15,9 @@ from sklearn.utils.validation import (
     _check_feature_names_in,
     _check_n_features,
     check_is_fitted,
-    validate_data,
 )
 
+from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Runs, resolve_runs
 
@@ -194,7 +194,7 @@ class BaseCleaner(TransformerMixin, BaseEstimator, ABC):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
         else:
-            X = validate_data(self, X, reset=reset, ensure_all_finite="allow-nan", dtype="numeric")
+            X = checked(self, X, reset=reset, ensure_all_finite="allow-nan", dtype="numeric")
         runs = resolve_runs(X, groups=groups, run=self.run, allow_nan=True)
         for run in runs:
             if np.isinf(run.X).any():

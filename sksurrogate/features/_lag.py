@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ from sklearn.utils.validation import (
     _check_feature_names_in,
     _check_n_features,
     check_is_fitted,
-    validate_data,
 )
 
+from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Runs, resolve_runs
 
@@ -28,8 +29,13 @@ __all__ = ["LagEmbedding", "lag_columns", "lag_list", "named_position"]
 
 def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
     """The lags that an int (``first..lags``) or a list stands for, sorted."""
-    given = range(first, int(lags) + 1) if isinstance(lags, (int, np.integer)) else lags
-    listed = not isinstance(given, str) and np.iterable(given)
+    whole = isinstance(lags, (int, np.integer)) and not isinstance(lags, bool)
+    given: Any = lags
+    if whole and (lags == 0 or lags >= first):  # type: ignore[operator]
+        given = range(first, int(lags) + 1)  # type: ignore[arg-type]
+    elif whole:
+        given = [lags]
+    listed = not isinstance(given, (str, Mapping)) and np.iterable(given)
     if not listed or any(not isinstance(k, (int, np.integer)) or k < first for k in given):
         raise DataError(f"{name}={lags!r}: every lag must be at least {first}; give an int or a list of ints.")
     return sorted({int(k) for k in given})
@@ -217,7 +223,8 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
         -------
         self
         """
-        if isinstance(self.fill, str) and self.fill not in ("edge", "nan"):
+        number = isinstance(self.fill, Real) and not isinstance(self.fill, bool)
+        if not number and not (isinstance(self.fill, str) and self.fill in ("edge", "nan")):
             raise DataError(f'fill={self.fill!r} must be "edge", "nan" or a number.')
         runs = self._resolve(X, groups, reset=True)
         names = runs.input_names or tuple(f"x{j}" for j in range(runs[0].X.shape[1]))
@@ -287,5 +294,5 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
         else:
-            X = validate_data(self, X, reset=reset, ensure_all_finite=False, dtype="numeric")
+            X = checked(self, X, reset=reset, ensure_all_finite=False, dtype="numeric")
         return resolve_runs(X, groups=groups, run=self.run)

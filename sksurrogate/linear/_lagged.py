@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
 
+from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features._lag import lag_list
 from sksurrogate.kernels.gram import Moments
@@ -236,12 +237,12 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return resolve_runs(X, y, groups=groups, run=self.run, allow_nan=drop)
         checks = {"reset": reset, "ensure_all_finite": groups is None, "dtype": "numeric"}
         if drop:
-            X = validate_data(self, X, **{**checks, "ensure_all_finite": "allow-nan" if groups is None else False})
+            X = checked(self, X, **{**checks, "ensure_all_finite": "allow-nan" if groups is None else False})
             return resolve_runs(X, y, groups=groups, run=self.run, allow_nan=True)
         if y is None:
-            X = validate_data(self, X, **checks)
+            X = checked(self, X, **checks)
         else:
-            X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, **checks)
+            X, y = checked(self, X, y, multi_output=True, y_numeric=True, **checks)
         return resolve_runs(X, y, groups=groups, run=self.run)
 
 

@@ -63,6 +63,11 @@ class FreeRunScorer(_MetadataRequester):
         """
         if self.metric not in ("r2", "neg_rmse"):
             raise ValueError(f'metric={self.metric!r} must be "r2" or "neg_rmse".')
+        if not hasattr(estimator, "n_initial_"):
+            raise DataError(
+                f"FreeRunScorer needs a fitted model that runs freely, such as RecursivePredictor(...); {type(estimator).__name__} "
+                "is fitted to single rows, or not fitted."
+            )
         needed = estimator.n_initial_
         skip = needed if self.n_initial is None else self.n_initial
         if skip < needed:

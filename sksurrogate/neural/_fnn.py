@@ -305,7 +305,10 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
             return self
         data, target, weights = self._checked(X, y, sample_weight, reset=False)
         if target.shape[1] != len(self.intercepts_[-1]):
-            raise DataError(f"y has {target.shape[1]} columns; the first block had {len(self.intercepts_[-1])}.")
+            raise DataError(
+                f"y has {target.shape[1]} columns; the first block had {len(self.intercepts_[-1])}: give every block the same "
+                "outputs, or begin anew with fit."
+            )
         rows = replace(self._rows, X=data, Y=target, weights=weights)
         plan = self._plan(rows, self.solver_)
         if self._trained.memory is None and self.solver_ not in GRADIENT:
@@ -337,6 +340,8 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
             if not weights.any():
                 raise DataError("sample_weight is zero everywhere: at least one row must count.")
         Y = np.asarray(y, dtype=float).reshape(len(X), -1)
+        if self.prior is None and self.closeness:
+            raise DataError(f"closeness={self.closeness!r} has nothing to be close to: give prior=model.predict too.")
         if self.prior is not None and self.closeness:
             # |y - f|^2 + c |y0 - f|^2 = (1 + c) |(y + c y0) / (1 + c) - f|^2 + what does not depend on f
             known = np.asarray(self.prior(X[:]), dtype=float)

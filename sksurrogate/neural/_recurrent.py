@@ -11,6 +11,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
+from sksurrogate.neural._settings import read_device
 
 __all__ = ["RecurrentRegressor"]
 
@@ -243,7 +244,7 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
             "train_split": None,
             "callbacks": callbacks,
             "verbose": 0,
-            "device": self.device,
+            "device": read_device(self.device),
         }
         settings.update({f"module__{name}": value for name, value in {**sizes, **shape}.items()})
         settings.update(self.net_params or {})

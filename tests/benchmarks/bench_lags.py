@@ -1,6 +1,6 @@
 """How fast is a lag matrix, and a linear model that does without? 1e6 rows, 2 channels; peers numpy, pandas, scikit-learn.
 
-Run: ``OMP_NUM_THREADS=1 python tests/benchmarks/bench_lags.py``
+Medians of the ratios of a round, processor time. Run: ``OMP_NUM_THREADS=1 python tests/benchmarks/bench_lags.py``
 """
 
 import time
@@ -25,6 +25,18 @@ def seconds(function, repeats=3):
     return min(times)
 
 
+def by_turns(functions, rounds=9):
+    """Processor seconds, each in its turn, round by round."""
+    taken = {name: [] for name in functions}
+    for _ in range(rounds):
+        for name, function in functions.items():
+            start = time.process_time()
+            out = function()
+            taken[name].append(time.process_time() - start)
+            del out
+    return {name: np.array(values) for name, values in taken.items()}
+
+
 def by_pandas(X, lags):
     frame = pd.DataFrame(X, columns=["a", "b"])
     return pd.concat([frame.shift(k) for k in range(lags)], axis=1)
@@ -40,13 +52,18 @@ def main():
     print("|---|---|---|---|---|---|")
     for lags in (5, 20, 50):
         embedding = LagEmbedding(list(range(lags))).fit(X)
-        write = seconds(lambda lags=lags: np.full((len(X), 2 * lags), 1.0))
-        ours = seconds(lambda embedding=embedding: embedding.transform(X))
-        runs = seconds(lambda embedding=embedding: embedding.transform(X, groups=groups))
-        pandas, windows = (seconds(lambda f=f, lags=lags: f(X, lags), 2) for f in (by_pandas, by_windows))
-        print(
-            f"| {lags} | {ours:.3f} | {ours / write:.2f} | {runs / write:.2f} | {pandas / ours:.1f} | {windows / ours:.1f} |"
+        taken = by_turns(
+            {
+                "writing": lambda lags=lags: np.full((len(X), 2 * lags), 1.0),
+                "ours": lambda embedding=embedding: embedding.transform(X),
+                "runs": lambda embedding=embedding: embedding.transform(X, groups=groups),
+                "pandas": lambda lags=lags: by_pandas(X, lags),
+                "windows": lambda lags=lags: by_windows(X, lags),
+            }
         )
+        ratios = [np.median(taken[a] / taken[b]) for a, b in (("ours", "writing"), ("runs", "writing"))]
+        ratios += [np.median(taken[a] / taken["ours"]) for a in ("pandas", "windows")]
+        print(f"| {lags} | {np.median(taken['ours']):.3f} | " + " | ".join(f"{ratio:.2f}" for ratio in ratios) + " |")
     print(
         "\n| linear model | RecursivePredictor.fit, s | its training free run, s | LinearRegression on the lag matrix / fit |"
     )

@@ -120,6 +120,10 @@ def bishop():
         "FNNRegressor()": (lambda s: FNNRegressor(random_state=s), 10),
         "FNNRegressor(n_starts=10)": (lambda s: FNNRegressor(n_starts=10, random_state=s), 10),
         "MLPRegressor, lbfgs": (lambda s: lbfgs(5, s), 10),
+        "MLPRegressor, lbfgs, as it comes": (
+            lambda s: MLPRegressor(hidden_layer_sizes=(5,), activation="tanh", solver="lbfgs", random_state=s),
+            10,
+        ),
         "scipy lm, 200 evaluations": (lambda s: ScipyNet(5, 200, s), 10),
         "scipy lm, 1000 evaluations": (lambda s: ScipyNet(5, 1000, s), 10),
         "torch Adam, 3000 epochs": (lambda s: TorchAdam(5, 3000, s), 3),

@@ -78,7 +78,7 @@ def test_lags_by_column():
 def test_errors():
     with pytest.raises(DataError, match="every lag must be at least 0"):
         LagEmbedding([-1]).fit(np.zeros((4, 1)))
-    with pytest.raises(DataError, match="fill='past' must be"):
+    with pytest.raises(DataError, match=r"fill='past' must be"):
         LagEmbedding(fill="past").fit(np.zeros((4, 1)))
     with pytest.raises(DataError, match="asks for no column"):
         LagEmbedding({}).fit(np.zeros((4, 1)))
@@ -100,3 +100,42 @@ def test_large_matrices_in_blocks_and_threads(monkeypatch, fill):
                 quick = LagEmbedding(lags, fill=fill).fit_transform(X, groups=groups)
                 np.testing.assert_array_equal(quick, slow)
     assert LagEmbedding([5]).fit_transform(X)[5:, 0] == pytest.approx(X[:-5, 0])
+
+
+@pytest.mark.parametrize("fill", ["edge", "nan", 3.5])
+@pytest.mark.parametrize("threads", [False, True])
+def test_every_number_is_that_of_the_definition(monkeypatch, fill, threads):
+    """Random runs, some a row long, gaps, scattered lags, blocks that cut runs: against the definition, entry by entry."""
+    from sksurrogate.features import _lag
+
+    rng = np.random.default_rng(0)
+    monkeypatch.setattr(_lag, "_MANY", 0 if threads else 10**9)
+    for trial in range(30):
+        monkeypatch.setattr(_lag, "_ROWS", int(rng.integers(1, 40)))
+        n, m = int(rng.integers(1, 100)), int(rng.integers(1, 4))
+        X = rng.normal(size=(n, m))
+        groups = rng.permutation(n)[np.cumsum(rng.random(n) < rng.choice([0.05, 0.3])) % n]
+        groups[groups == 1] = -1 if trial % 3 and np.any(groups != 1) else 1
+        embedding = LagEmbedding({j: rng.integers(0, 30, size=4).tolist() for j in range(m)}, fill=fill)
+        found = embedding.fit_transform(X, groups=groups)
+        wanted = np.full(found.shape, np.nan)
+        for t in np.flatnonzero(groups != -1):
+            start = t
+            while start > 0 and groups[start - 1] == groups[t]:
+                start -= 1
+            edge = X[start] if fill == "edge" else np.full(m, np.nan if fill == "nan" else fill)
+            for i, (column, lag) in enumerate(embedding.columns_):
+                wanted[t, i] = X[t - lag, column] if t - lag >= start else edge[column]
+        np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("lags", [-1, True, 1.5, [0, -2], "2"])
+def test_lags_that_mean_nothing_are_refused(lags):
+    with pytest.raises(DataError, match=r"lags=.*every lag must be at least 0"):
+        LagEmbedding(lags).fit(np.ones((3, 1)))
+
+
+@pytest.mark.parametrize("fill", [None, True, "edg"])
+def test_a_fill_that_is_no_policy_is_refused(fill):
+    with pytest.raises(DataError, match=r"fill=.* must be .edge., .nan. or a number"):
+        LagEmbedding(1, fill=fill).fit(np.ones((3, 1)))

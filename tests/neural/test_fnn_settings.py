@@ -139,3 +139,8 @@ class Listener:
 
     def teardown(self, estimator, context):
         return None
+
+
+def test_closeness_without_a_prior_is_refused():
+    with pytest.raises(DataError, match=r"closeness=1.0 has nothing to be close to"):
+        FNNRegressor(closeness=1.0).fit(np.eye(3), [1.0, 2.0, 3.0])
