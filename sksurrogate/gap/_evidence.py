@@ -15,6 +15,8 @@ __all__ = ["bar", "columns", "estimate_noise", "frozen_fit", "quick_likelihood"]
 
 #: A residual below this many times the sensor noise may be white.
 NEARLY_WHITE = 1.5
+#: Forces that a noise fit may start from, over the RMS of dx/dt.
+FORCES = (1e-3, 1e-2, 1e-1)
 
 
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
@@ -93,20 +95,16 @@ def estimate_noise(
 ) -> Rival:
     """Fill in a rival's own noise and its likelihood under it.
 
-    The noise of another rival is a start. Near the data white noise of the size of the residual is the other, taken where
-    it is better: a fit that explains what was coloured before must not start from that colour.
+    The noise of another rival is a start; the others are forces beside quiet sensors and, near the data, white noise of the
+    size of the residual. The likeliest is taken: a fit that explains what was coloured before must not start from that
+    colour, and the likelihood has a top for coloured sensors and one for forces.
     """
     r, J, precision, pull = columns(problem, rival)
-    rms = np.sqrt(np.mean(r**2, axis=1))
-    white = replace(
-        start,
-        sigma=rms,
-        force=np.minimum(start.force, 1e-3 * problem.force_unit()),
-        coloured=np.minimum(start.coloured, 0.05 * start.sigma),
-    )
-    near = bool(np.all(rms < NEARLY_WHITE * problem.sd))
-    if near and quick_likelihood(problem, rival, [white]) > quick_likelihood(problem, rival, [start]):
-        start, curvature = white, None
+    others = _other_starts(problem, start, np.sqrt(np.mean(r**2, axis=1)))
+    likely = [quick_likelihood(problem, rival, [noise]) for noise in (start, *others)]
+    best = int(np.argmax(likely))
+    if best:
+        start, curvature = others[best - 1], None
     D = problem.disturbance(rival)
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
         rival.noise, rival.log_likelihood = start, -np.inf
@@ -126,6 +124,16 @@ def estimate_noise(
     rival.noise, rival.curvature = noise, inverse
     rival.log_likelihood = quick_likelihood(problem, rival, [noise])
     return rival
+
+
+def _other_starts(problem: Problem, start: Noise, rms: np.ndarray) -> list[Noise]:
+    """Where the noise fit may start too: forces of three sizes beside quiet sensors, white noise near the data."""
+    quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
+    others = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
+    if np.all(rms < NEARLY_WHITE * problem.sd):
+        small = np.minimum(start.force, 1e-3 * problem.force_unit())
+        others.append(replace(start, sigma=rms, force=small, coloured=np.minimum(start.coloured, 0.05 * start.sigma)))
+    return others
 
 
 def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray) -> Fit | None:

@@ -190,7 +190,8 @@ class Questions:
         if found.shrink is None or found.latent is None or found.law is None or null is None:
             return "unknown"  # interrupted: nothing is certified yet
         most = MOST_NOISE * self.problem.sd
-        return decide(facts_of(final, found.shrink, found.latent, found.law, found.retuned, most))
+        at = self.search.at(final)
+        return decide(facts_of(at, final, found.shrink, found.latent, found.law, found.retuned, most))
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found

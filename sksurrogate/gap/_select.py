@@ -406,8 +406,9 @@ def related(one: BaseEffect, other: BaseEffect) -> bool:
     return bool(forms) and one.location == other.location and same and one.name != other.name
 
 
-def left(rival: Rival, most: np.ndarray | float = np.inf) -> float:
-    """RMS of the free-run residual in units of the sensor noise of the fit, at most ``most`` (the worst output)."""
+def left(rival: Rival, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
+    """RMS of the free-run residual in units of the sensor noise of the fit within limits (the worst output)."""
     assert rival.noise is not None
     r = rival.model.record.y - rival.fit.y
-    return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / np.minimum(rival.noise.sigma, most)))
+    sigma = np.maximum(np.minimum(rival.noise.sigma, most), least)
+    return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))

@@ -15,7 +15,7 @@ from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = ["LatentForce", "input_push", "latent_force", "law_of", "of_input_alone", "places", "repeatable"]
+__all__ = ["LatentForce", "input_push", "latent_force", "law_of", "moved_by", "of_input_alone", "places", "repeatable"]
 
 #: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
 SMALLEST_FORCE = 2e-3

@@ -11,7 +11,7 @@ from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
 from sksurrogate.gap._select import MOST_EFFECTS, Search, left
-from sksurrogate.gap._unknown import LatentForce
+from sksurrogate.gap._unknown import LatentForce, moved_by
 
 __all__ = ["Facts", "decide", "intervals", "parameter_errors", "probabilities", "ranking", "retuned_table"]
 
@@ -33,6 +33,9 @@ LAW = 0.10
 FEW = 20.0
 #: A latent force beyond this share of the RMS of dx/dt is no disturbance.
 FORCE = 0.06
+#: Near the noise, what is left is no disturbance when laws make up this share of the gap (amplitude), or when it moves an
+#: output by this share of its deviation.
+LAWFUL_SHARE, MOVED = 0.12, 0.03
 #: A gap of which no effect explains anything is below the practical bar when its free-run error is below the first share
 #: of the output's deviation, or below the second and no repeatable law of states and inputs.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
@@ -64,6 +67,8 @@ class Facts:
     error : float
         Free-run error before, held out, each output divided by its deviation.
     n_samples : int
+    moved : float
+        What the latent force moves an output by, over its deviation.
     """
 
     accepted: bool
@@ -75,6 +80,7 @@ class Facts:
     names: int = 1
     error: float = np.inf
     n_samples: int = 1000
+    moved: float = np.inf
 
 
 def decide(facts: Facts) -> str:
@@ -87,7 +93,9 @@ def decide(facts: Facts) -> str:
             too_much = stack or (lawful and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
-            much = lawful and facts.share_left > SHARE and facts.left > 1.05
+            lasting = law and facts.share_left * facts.law**0.5 > LAWFUL_SHARE
+            large = facts.force > FORCE and facts.moved > MOVED
+            much = (lasting or large) and facts.share_left > SHARE and facts.left > 1.05
             too_much = clear or much or stand_ins(facts)
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
@@ -102,21 +110,38 @@ def stand_ins(facts: Facts) -> bool:
 
 
 def facts_of(
-    final: Rival, shrink: Shrink, latent: LatentForce, law: np.ndarray, retuned: bool, most_noise: np.ndarray
+    problem: Problem,
+    final: Rival,
+    shrink: Shrink,
+    latent: LatentForce,
+    law: np.ndarray,
+    retuned: bool,
+    most_noise: np.ndarray,
 ) -> Facts:
-    """Collect them; where nothing is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed."""
+    """Collect them; where nothing is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
+
+    Sensors are at least as noisy as the latent force finds them: a noise fit may call white noise coloured.
+    """
+    most = np.inf if final.effects or retuned else most_noise
     left_over = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
     return Facts(
         bool(final.effects),
         float(left_over),
-        left(final) if final.effects or retuned else left(final, most_noise),
+        left(final, most, np.minimum(latent.noise.sigma, most_noise)),
         float(np.max(law, initial=0.0)),
         float(np.max(latent.size, initial=0.0)),
         retuned,
         len(final.effects),
         float(shrink.before) if np.isfinite(shrink.before) else np.inf,
         final.model.record.n_samples,
+        _moved(problem, latent),
     )
+
+
+def _moved(problem: Problem, latent: LatentForce) -> float:
+    """What the latent forces move an output by, over its deviation (the worst output)."""
+    moved = np.sqrt(np.mean(np.sum(moved_by(problem, latent), axis=0) ** 2, axis=1)) * problem.sd
+    return float(np.max(moved / np.maximum(np.std(problem.record.y, axis=1), 1e-300)))
 
 
 def covariance(problem: Problem, rival: Rival) -> np.ndarray:
