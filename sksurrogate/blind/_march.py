@@ -193,7 +193,7 @@ class _Machine:
                 change = p["rate"] * t
             else:
                 change = p["relative_error"] * (t >= p.get("time", -np.inf))
-            values[truth.location] = nominal * (1.0 + change) if nominal != 0.0 else change + 0.0
+            values[truth.location] = np.where(np.equal(nominal, 0.0), change, nominal * (1.0 + change))
         return values
 
     # ---- time

@@ -30,6 +30,8 @@ __all__ = [
 #: Nodes and weights on [0, 1]: exact for the smooth kernels of lags longer than a sample.
 _GAUSS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
+#: What an output outside the interval of its reading counts, of its distance.
+EXCESS = 0.3
 
 
 def lag_moments(ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -327,9 +329,10 @@ class SensorQuantization(SensorEffect):
         width: float,
         readings: np.ndarray | None = None,
     ) -> np.ndarray:
-        """The level that was read, plus how far the output lies outside its interval, where readings show the steps.
+        """The level that was read, plus a share of how far the output lies outside its interval, where readings show the steps.
 
         The likelihood is that of interval-censored readings: a value just beside a threshold is no error of a whole step.
+        A disturbance moves the moment of a crossing, so that the excess is known less well than a reading is.
         Otherwise a staircase with steep flanks: with jumps, a fit sees no slope and rivals win by what happens to flip.
         """
         step = np.abs(theta[0])
@@ -341,7 +344,7 @@ class SensorQuantization(SensorEffect):
             return stairs
         level = np.round(readings / some)
         beyond = ratio - level
-        soft = width * (np.logaddexp(0.0, (beyond - 0.5) / width) - np.logaddexp(0.0, (-beyond - 0.5) / width))
+        soft = EXCESS * width * (np.logaddexp(0.0, (beyond - 0.5) / width) - np.logaddexp(0.0, (-beyond - 0.5) / width))
         return np.where((step > 0) & shows_steps(readings, some), step * (level + soft), stairs)
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:

@@ -8,7 +8,7 @@ what a column then explains is its score, once for white noise and once for the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,9 @@ __all__ = ["Screen", "Start", "scaled", "screen"]
 
 #: Numbers of the null's columns that are kept (single precision).
 MOST_KEPT = 60_000_000
+
+#: Share of the best score from which nearby values of an effect that jumps with them are looked at.
+CONTENDERS = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +220,44 @@ def screen(
         if first is not None and first.columns is not None:
             thetas = [start.effect for start in first.starts], first.raw
             chosen = shortlist(*thetas, first.columns, first.low, first.high, problem, base, s.lin)
-        return _screen(s, _columns(s, candidates, shape, chosen), noise)
+        found = _screen(s, _columns(s, candidates, shape, chosen), noise)
+        return found if shape else _with_nearby(s, found, noise)
+
+
+def _with_nearby(s: _Screener, found: Screen, noise: Noise | None) -> Screen:
+    """Further starts near the best one of effects that jump with their parameters, where these rank high."""
+    best: dict[int, Start] = {}
+    for start in found.starts:
+        if start.white > best.get(id(start.effect), start).white or id(start.effect) not in best:
+            best[id(start.effect)] = start
+    high = CONTENDERS * max((start.white for start in best.values()), default=0.0)
+    for start in best.values():
+        for _ in range(2 if start.white > max(high, 1.0) else 0):
+            values = start.effect.scan(tuple(start.theta))
+            near = _screen(s, _columns(s, [start.effect], (), {start.effect.key: values}), noise) if values else None
+            if near is None or not near.starts:
+                break
+            k = int(np.argmax([one.white for one in near.starts]))
+            if near.starts[k].white <= start.white:
+                break
+            start = near.starts[k]
+            found = _joined(found, near, k)
+    return found
+
+
+def _joined(found: Screen, other: Screen, k: int) -> Screen:
+    """A screen with one start of another about the same path."""
+    columns = None
+    if found.columns is not None and other.columns is not None:
+        columns = np.concatenate([found.columns, other.columns[[k]]])
+    return replace(
+        found,
+        starts=[*found.starts, other.starts[k]],
+        raw=[*found.raw, other.raw[k]],
+        columns=columns,
+        low=np.r_[found.low, other.low[k]],
+        high=np.r_[found.high, other.high[k]],
+    )
 
 
 def _screen(s: _Screener, columns: list[_Column], noise: Noise | None) -> Screen:

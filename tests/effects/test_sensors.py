@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from sksurrogate.effects import CATALOGUE, SensorPath
-from sksurrogate.effects._sensor import lag_moments
+from sksurrogate.effects._sensor import EXCESS, lag_moments
 
 ONE = np.array([0])
 
@@ -186,7 +186,7 @@ def test_a_simulator_reads_whole_steps(oscillator, force):
 
 
 def test_readings_that_show_their_steps_are_interval_censored():
-    """Within its interval a value is no error, outside it is one as large as the way back, never of a whole step."""
+    """Within its interval a value is no error, outside it is a share of the way back, never a whole step."""
     effect, step = CATALOGUE["sensor_quantization"]("q"), 0.5
     true = np.linspace(-2.0, 2.0, 2001)
     readings = step * np.round(true / step)
@@ -194,7 +194,7 @@ def test_readings_that_show_their_steps_are_interval_censored():
     np.testing.assert_allclose(fits[0], readings, atol=0.02 * step)
     beyond = effect.soft(true[None] + 0.06, None, None, (np.array([[step]]),), 0.02, readings)[0] - readings
     excess = np.maximum(true + 0.06 - readings - step / 2, 0.0)
-    np.testing.assert_allclose(beyond, excess, atol=0.02 * step)
+    np.testing.assert_allclose(beyond, EXCESS * excess, atol=0.02 * step)
     assert excess.max() > 0.05
 
 

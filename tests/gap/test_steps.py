@@ -1,0 +1,58 @@
+"""Quantizers are named and their step is found: fine steps of an input, a coarse sensor beside a coloured force."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.physics import ODESimulator
+
+DT, N, RUNS = 0.1, 300, 4
+
+
+def levels(t, x, u, p):
+    return u[0] - p["drain"] * x[0], p["drain"] * x[0] - p["out"] * x[1] * abs(x[1]) ** 0.5
+
+
+@pytest.fixture
+def plant():
+    return ODESimulator(
+        levels, dt=DT, x0=[1.0, 1.0], states=["first", "second"], inputs=["flow"], outputs=["first", "second"],
+        params={"drain": 0.8, "out": 0.5},
+    )  # fmt: skip
+
+
+def recorded(plant, rng, act=lambda u: u, read=lambda y: y, force=0.0):
+    """Runs with smooth inputs, a force in the first balance (of about 1 % where it is asked for), sensor noise of 0.5 %."""
+    t, U, Y = DT * np.arange(N), [], []
+    for _ in range(RUNS):
+        w, phase = rng.uniform(0.1, 1.2, 5), rng.uniform(0, 6.3, 5)
+        u = 2.0 + 0.35 * np.sin(np.outer(t, w) + phase).sum(axis=1)
+        shaken = np.zeros(N)
+        for k in range(1, N):
+            shaken[k] = 0.9 * shaken[k - 1] + force * rng.normal()
+        y = read(plant.simulate((act(u) + shaken)[:, None]))
+        U.append(u[:, None])
+        Y.append(y + 0.005 * y.std(axis=0) * rng.normal(size=y.shape))
+    return np.concatenate(U), np.concatenate(Y), np.repeat(np.arange(RUNS), N)
+
+
+def named(plant, data):
+    X, y, groups = data
+    report = GapDiagnoser(plant, random_state=0).fit(X, y, groups=groups).report_
+    assert report.verdict == "explained", report.sentence
+    return report.effects
+
+
+def test_an_input_in_many_steps_is_named_with_its_step(plant):
+    step = 0.113
+    (effect,) = named(plant, recorded(plant, np.random.default_rng(5), act=lambda u: step * np.round(u / step)))
+    assert (effect.name, effect.location) == ("input_quantization", "flow")
+    assert effect.params["step"] == pytest.approx(step, rel=2e-3)
+
+
+def test_a_coarse_sensor_beside_a_coloured_force_is_named_alone(plant):
+    step = np.array([0.31, 1e-9])
+    read = {"read": lambda y: step * np.round(y / step), "force": 0.003}
+    (effect,) = named(plant, recorded(plant, np.random.default_rng(6), **read))
+    assert (effect.name, effect.location) == ("sensor_quantization", "first")
+    assert effect.params["step"] == pytest.approx(0.31, rel=2e-3)
