@@ -157,14 +157,14 @@ def _end(fit: LeastSquaresFit, message: str) -> LeastSquaresFit:
 
 def _descend(evaluate: Evaluate, fit: LeastSquaresFit, last: int) -> bool:
     """One accepted step, with as many trials as that takes; False where none helps."""
-    fit.scale = np.maximum(fit.scale * SCALE_MEMORY, fit.gram.diagonal())
-    growth = 2.0
+    fit.scale = np.maximum(fit.scale * SCALE_MEMORY + 1e-250, fit.gram.diagonal())
+    growth, downhill = 2.0, -fit.gradient
     probe = getattr(evaluate, "probe", None)
     while fit.n_iter < last:
-        damping = fit.damping * fit.scale + 1e-300
+        damping = fit.damping * fit.scale
         matrix = fit.gram.copy()
         matrix.ravel()[:: len(damping) + 1] += damping
-        _, step, info = dposv(matrix.T, -fit.gradient, overwrite_a=1)
+        _, step, info = dposv(matrix.T, downhill, overwrite_a=1)
         if info == 0:
             fit.n_iter += 1
             theta = fit.theta + step
@@ -173,7 +173,9 @@ def _descend(evaluate: Evaluate, fit: LeastSquaresFit, last: int) -> bool:
             else:
                 cost, slopes = probe(theta)
             # gain predicted by the quadratic model: s'(damping s - J'r)
-            ratio = (fit.cost - cost) / max(float(step @ (damping * step - fit.gradient)), 1e-300)
+            damping *= step
+            damping += downhill
+            ratio = (fit.cost - cost) / max(float(np.dot(step, damping)), 1e-300)
             if ratio > 1e-4 and math.isfinite(cost):
                 if probe is not None:
                     gradient, gram = slopes()

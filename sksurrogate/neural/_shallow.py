@@ -14,7 +14,7 @@ from sksurrogate.neural._network import ACTIVATIONS, Layers
 __all__ = ["Shallow"]
 
 #: Least ratio of the pivots of the Cholesky factor (about 1 / condition of the basis) at which inner products will do.
-PIVOTS = 1e-3
+PIVOTS = 1e-4
 #: How many times the rounding of the residual must lie below the residual.
 CLEAR = 1e9 * float(np.finfo(float).eps)
 
@@ -69,12 +69,13 @@ class Shallow:
     def probe(self, omega: np.ndarray) -> tuple[float, Slopes]:
         """Sum of squares, and a function that gives J'r and J'J when they are wanted (before the next probe)."""
         sums = np.dot(omega.reshape(self.shape).T, self.inputs)
-        value = self.activation.value(sums)
         if self.root is None:
-            self.value[:] = value
+            value = self.value
+            value[:] = self.activation.value(sums)
         else:
+            value = self.activation.value(sums)
             np.multiply(value, self.root, out=self.value)
-        self.residual[:] = self.y
+        np.copyto(self.residual, self.y)
         products = np.dot(self.phi, self.lower)
         gram, n_basis = products[:, : len(products)], len(products)
         ridge = self.exact.ridge
