@@ -84,7 +84,7 @@ def whiteness_test(residual: Any, n_lags: int = 20) -> ResidualTest:
     >>> whiteness_test(np.random.default_rng(0).normal(size=500)).p_value > 0.01
     True
     """
-    e = _centred(residual, n_lags, "residual")
+    e = _centred(residual, n_lags, "residual", least=1)
     n = len(e)
     lags = np.arange(1, n_lags + 1)
     r = np.array([e[k:] @ e[: n - k] for k in lags]) / (e @ e)
@@ -128,9 +128,17 @@ def cross_correlation_test(residual: Any, u: Any, n_lags: int = 20) -> ResidualT
     return ResidualTest(lags, correlation, 2.576 / np.sqrt(n), statistic, float(chi2.sf(statistic, n_lags + 1)))
 
 
-def _centred(values: Any, n_lags: int, name: str) -> np.ndarray:
+def _centred(values: Any, n_lags: int, name: str, least: int = 0) -> np.ndarray:
     """One signal without its mean; it must move and be longer than the lags."""
-    e = np.asarray(values, float).ravel()
+    try:
+        e = np.asarray(values, float)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{name} holds something that is not a number ({error}).") from None
+    if e.ndim != 1 and e.size != len(e):
+        raise DataError(f"{name} has shape {e.shape}, expected (n_samples,): test one column at a time.")
+    if not isinstance(n_lags, (int, np.integer)) or n_lags < least:
+        raise DataError(f"n_lags={n_lags!r} must be an int of at least {least}.")
+    e = e.ravel()
     if len(e) <= n_lags + 1 or not np.all(np.isfinite(e)):
         raise DataError(
             f"{name} has {len(e)} rows, {int(np.isfinite(e).sum())} finite: it needs more than n_lags + 1 = {n_lags + 1} "

@@ -84,3 +84,16 @@ def test_a_search_chooses_the_order_of_a_state_space_model():
         )  # fmt: skip
         search.fit(X, y, groups=groups)
     assert search.best_params_ == {"n_states": 2} and search.best_score_ > -1e-2
+
+
+def test_residuals_of_two_columns_are_refused():
+    with pytest.raises(DataError, match=r"residual has shape \(30, 2\), expected \(n_samples,\): test one column"):
+        whiteness_test(np.random.default_rng(0).normal(size=(30, 2)))
+    with pytest.raises(DataError, match="n_lags=0 must be an int of at least 1"):
+        whiteness_test(np.arange(30.0), 0)
+
+
+def test_a_scorer_of_free_runs_names_the_model_that_cannot():
+    X, y = np.random.default_rng(0).normal(size=(20, 1)), np.arange(20.0)
+    with pytest.raises(DataError, match=r"FreeRunScorer needs a fitted model that runs freely.*LinearRegression"):
+        FreeRunScorer()(LinearRegression().fit(X, y), X, y)

@@ -171,7 +171,12 @@ def simulate_experiments(
     assert y is not None
     positions = plant.output_states if dxdt is not None else None
     dydt = None if positions is None or dxdt is None else dxdt[:, list(positions)]
-    sigma = np.broadcast_to(np.asarray(noise, float), (y.shape[1],))
+    sigma = np.asarray(noise, float)
+    if sigma.shape not in ((), (1,), (y.shape[1],)) or not (sigma >= 0).all():
+        raise DataError(
+            f"noise={noise!r} must be a standard deviation, at least 0, or one for each of {y.shape[1]} outputs."
+        )
+    sigma = np.broadcast_to(sigma, (y.shape[1],))
     if np.any(sigma > 0):
         y = y + sigma * rng.normal(size=y.shape)
     if y.shape[1] == 1:
@@ -241,13 +246,18 @@ def _ranges(given: Any, names: Sequence[str], argument: str, nominal: np.ndarray
     elif given is None:
         pairs = [None] * len(names)
     else:
-        pairs = np.atleast_2d(np.asarray(given, float)).tolist()
+        pairs = list(given) if np.iterable(given) and all(map(np.iterable, given)) else [given]
         if names and len(pairs) != len(names):
             raise DataError(f"{argument} has {len(pairs)} pairs, expected {len(names)}: one for each of {list(names)}.")
     out = []
     for k, pair in enumerate(pairs):
         if pair is None and nominal is None:
             raise DataError(f"{argument}: give {names[k]!r} a range, e.g. {argument}={{{names[k]!r}: (0.0, 1.0)}}.")
+        if pair is not None and np.shape(pair) != (2,):
+            where = f" of {names[k]!r}" if names else ""
+            raise DataError(
+                f"{argument}{where} is {pair!r}, expected a pair (low, high); for a fixed value the same twice."
+            )
         low, high = (nominal[k], nominal[k]) if pair is None and nominal is not None else pair
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
             raise DataError(f"{argument}: ({low}, {high}) must be finite, low before high.")

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 from sklearn.utils import check_random_state
 
+from sksurrogate.exceptions import DataError
 from sksurrogate.physics import ODESimulator
 
 __all__ = ["linear_reactor", "make_reactor", "make_reactor_experiments", "make_reactor_runs", "reactor_rhs"]
@@ -148,6 +149,15 @@ def make_reactor_runs(
     >>> X.shape, y.shape, groups.tolist()
     ((10, 1), (10,), [0, 0, 0, 0, 0, 1, 1, 1, 1, 1])
     """
+    for name, count in (("n_runs", n_runs), ("n_samples", n_samples)):
+        if not isinstance(count, (int, np.integer)) or count < 1:
+            raise DataError(f"{name}={count!r} must be an int of at least 1.")
+    for name, pair, least in (("u_range", u_range, 0.0), ("y0_range", y0_range, -np.inf)):
+        if np.shape(pair) != (2,) or not least < pair[0] <= pair[1] < np.inf:
+            above = "" if least else ", above 0"
+            raise DataError(f"{name}={pair!r} must be two numbers{above}, low before high.")
+    if not noise >= 0:
+        raise DataError(f"noise={noise!r} must be a standard deviation, at least 0.")
     rng = check_random_state(random_state)
     plant = make_reactor(dt)
     U = np.stack([reactor_inputs(rng, n_samples, *u_range) for _ in range(n_runs)])[:, :, None]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from sksurrogate.datasets import make_reactor, reactor_rhs, simulate_experiments
+from sksurrogate.datasets import make_reactor, make_reactor_runs, reactor_rhs, simulate_experiments
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.physics import CallableSimulator, ODESimulator
 
@@ -106,3 +106,25 @@ def test_a_slow_simulator_is_called_once_a_run():
     data = simulate_experiments(slow, {"a": (0, 1), "b": (2, 3)}, {"u": (0, 1)}, n_runs=3, n_samples=5, random_state=0)
     assert slow.calls == 3 and data.y.min() > 2
     np.testing.assert_array_equal(data.dydt, data.X[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"n_runs": 0}, "n_runs=0 must be an int of at least 1"),
+        ({"n_samples": 2.5}, "n_samples=2.5 must be an int"),
+        ({"u_range": (0.3, 0.1)}, r"u_range=.* must be two numbers, above 0, low before high"),
+        ({"y0_range": 4.0}, "y0_range=4.0 must be two numbers, low before high"),
+        ({"noise": -1.0}, "noise=-1.0 must be a standard deviation"),
+    ],
+)
+def test_settings_of_the_reactor_that_mean_nothing_are_refused(settings, message):
+    with pytest.raises(DataError, match=message):
+        make_reactor_runs(**settings)
+
+
+def test_a_range_that_is_a_number_is_refused():
+    with pytest.raises(DataError, match=r"x0_ranges of 'y' is 5, expected a pair \(low, high\)"):
+        simulate_experiments(make_reactor(), {"y": 5}, RANGES[1], n_runs=2, n_samples=5)
+    with pytest.raises(DataError, match="noise=-1 must be a standard deviation"):
+        simulate_experiments(make_reactor(), *RANGES, n_runs=2, n_samples=5, noise=-1)
