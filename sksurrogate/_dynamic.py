@@ -107,6 +107,9 @@ class FreeRunMixin(RegressorMixin):
             X, y, groups=groups, run=self.run, time=getattr(self, "time", None), dt=getattr(self, "dt", None),
             allow_uneven=self._integrates, min_rows=min_rows,
         )  # fmt: skip
+        known = getattr(self, "y_mean_", None)
+        if not reset and y is not None and known is not None and runs[0].y.shape[1] != len(known):
+            raise DataError(f"y has {runs[0].y.shape[1]} columns; the model was fitted to {len(known)} outputs.")
         if reset:
             self._width = 0 if hasattr(self, "feature_names_in_") else self.n_features_in_
             outputs = runs[0].y if len(runs) == 1 else np.concatenate([run.y for run in runs])

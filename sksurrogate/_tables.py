@@ -48,7 +48,10 @@ def raw_column(X: Any, table: np.ndarray, column: int) -> np.ndarray:
     """The column as the user wrote it (an object table would lose integer labels)."""
     values = np.asarray(table[:, column])
     if values.dtype == object:
-        values = np.asarray(values.tolist())
+        listed = values.tolist()
+        if any(value is None or value != value for value in listed):  # text would swallow what is missing
+            return values
+        values = np.asarray(listed)
     if values.dtype.kind == "f" and np.all(np.isfinite(values)) and np.all(values == np.round(values)):
         values = values.astype(int)
     return values
@@ -63,16 +66,29 @@ def labels_from_index(frame: Any) -> np.ndarray:
     return np.asarray(frame.index.get_level_values(0))
 
 
-def floats(values: np.ndarray, name: str) -> np.ndarray:
-    """float64, or a message that shows what could not be read as a number."""
+def floats(values: np.ndarray, name: str, columns: list[str] | None = None) -> np.ndarray:
+    """float64, or a message that shows what could not be read as a number, and where."""
     if np.iscomplexobj(values):
         raise DataError(f"Complex data not supported: {name} is complex.")
     try:
         return np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError) as error:
+        where = _first_text(values, columns)
         raise DataError(
-            f"{name} holds something that is not a number ({error}): is a text column among the inputs?"
+            f"{name} holds something that is not a number{where} ({error}): is a text column among the inputs? Leave it out, "
+            "or name it if it labels the runs (run=)."
         ) from error
+
+
+def _first_text(values: np.ndarray, columns: list[str] | None) -> str:
+    """Row and column of the first entry that is no number."""
+    for place in np.ndindex(values.shape):
+        try:
+            float(values[place])
+        except (TypeError, ValueError):
+            column = "" if len(place) < 2 else f", column {columns[place[1]] if columns else place[1]!r}"
+            return f" at row {place[0]}{column}"
+    return ""
 
 
 def outputs_of(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | None, bool]:

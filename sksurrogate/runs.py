@@ -169,13 +169,9 @@ def resolve_runs(
             raise DataError(
                 f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
             )
-        if labels.dtype.kind == "f" and np.isnan(labels).any():
-            raise DataError(
-                f"groups contains NaN: row {int(np.argmax(np.isnan(labels)))}. Every row needs the label of its run; -1 "
-                "leaves a row out."
-            )
     keep = [j for j in range(table.shape[1]) if j not in drop]
-    inputs = floats(table[:, keep] if drop else table, "X")
+    _refuse_unlabelled(labels, "groups" if groups is not None else f"run={run!r}")
+    inputs = floats(table[:, keep] if drop else table, "X", [names[j] for j in keep] if names else None)
     outputs, output_names, is_1d = outputs_of(y, n_samples)
     if not allow_nan:
         _refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
@@ -297,6 +293,17 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
             out[edges[k] + k * gap : edges[k + 1] + k * gap] = count
             count += 1
     return out
+
+
+def _refuse_unlabelled(labels: np.ndarray | None, name: str) -> None:
+    """A label that is missing is an error, not a run of its own."""
+    if labels is None or labels.dtype.kind not in "fO":
+        return
+    missing = np.isnan(labels) if labels.dtype.kind == "f" else np.array([v is None or v != v for v in labels])
+    if missing.any():
+        raise DataError(
+            f"{name} contains NaN: row {int(np.argmax(missing))}. Every row needs the label of its run; -1 leaves a row out."
+        )
 
 
 def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None, labels: np.ndarray | None) -> None:

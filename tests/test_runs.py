@@ -1,6 +1,7 @@
 """The border."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,3 +62,16 @@ def test_runs_to_be_stacked_have_the_same_columns():
         stack_runs([np.ones((2, 1)), np.ones((3, 2))])
     with pytest.raises(DataError, match="X holds no run"):
         stack_runs([])
+
+
+@pytest.mark.parametrize("missing", [np.nan, None])
+def test_a_run_column_may_not_be_missing(missing):
+    frame = pd.DataFrame({"u": [1.0, 2.0, 3.0], "run": np.array(["a", "a", missing], dtype=object)})
+    with pytest.raises(DataError, match="run='run' contains NaN: row 2"):
+        resolve_runs(frame, run="run")
+
+
+def test_a_text_column_is_named():
+    frame = pd.DataFrame({"u": [1.0, 2.0], "mode": ["on", "off"]})
+    with pytest.raises(DataError, match=r"X holds something that is not a number at row 0, column 'mode' .*run="):
+        resolve_runs(frame)

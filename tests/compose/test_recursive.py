@@ -403,3 +403,10 @@ def test_shooting_on_outputs_that_never_move():
     net = MLPRegressor(hidden_layer_sizes=(2,), activation="tanh")
     model = RecursivePredictor(net, 1, 2, loss="shooting", random_state=0).fit(X, np.ones(len(X)), groups=groups)
     np.testing.assert_allclose(model.predict(X, groups=groups), 1.0, atol=1e-6)
+
+
+def test_outputs_of_another_number_are_refused():
+    X, y, groups = make_reactor_runs(2, 30, random_state=0)
+    model = RecursivePredictor(LinearRegression(), 2, 2).fit(X, y, groups=groups)
+    with pytest.raises(DataError, match="y has 2 columns; the model was fitted to 1 outputs"):
+        model.predict_one_step(X, np.c_[y, y], groups=groups)
