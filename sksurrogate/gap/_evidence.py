@@ -25,12 +25,20 @@ def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
 
 
 def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Residual, sensitivities, and the prior on the parameters."""
+    """Residual, sensitivities, and the prior on the parameters.
+
+    A prediction that jumps with a parameter has no slope to be followed: its sensitivity counts as none.
+    """
     lin = problem.linearised(rival)
+    J = lin.J_theta
+    for i, effect in enumerate(rival.effects):
+        if effect.scan(tuple(rival.theta_of(i))):
+            J = J.copy()
+            J[:, rival.model.slice_of(i)] = 0.0
     r = problem.record.y - rival.fit.y
     prior = problem.prior(rival.effects, rival.fit.theta)
     precision = 1.0 / prior**2
-    return r, lin.J_theta, precision, -precision * rival.fit.theta
+    return r, J, precision, -precision * rival.fit.theta
 
 
 def _profile(
@@ -95,34 +103,34 @@ def estimate_noise(
 ) -> Rival:
     """Fill in a rival's own noise and its likelihood under it.
 
-    The noise of another rival is a start; the others are forces beside quiet sensors and, near the data, white noise of the
-    size of the residual. The likeliest is taken: a fit that explains what was coloured before must not start from that
-    colour, and the likelihood has a top for coloured sensors and one for forces.
+    The noise of another rival is a start; forces beside quiet sensors and, near the data, white noise of the size of the
+    residual are others, followed too where they are likelier: a fit that explains what was coloured before must not start
+    from that colour, and the likelihood has a top for coloured sensors and one for forces.
     """
     r, J, precision, pull = columns(problem, rival)
-    others = _other_starts(problem, start, np.sqrt(np.mean(r**2, axis=1)))
-    likely = [quick_likelihood(problem, rival, [noise]) for noise in (start, *others)]
-    best = int(np.argmax(likely))
-    if best:
-        start, curvature = others[best - 1], None
     D = problem.disturbance(rival)
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
         rival.noise, rival.log_likelihood = start, -np.inf
         return rival
-    noise, _, inverse = fit_noise(
-        D,
-        r,
-        start,
-        problem.force_unit(),
-        J,
-        precision,
-        pull,
-        curvature=curvature,
-        max_iterations=max_iterations,
-        caps=problem.caps,
-    )
-    rival.noise, rival.curvature = noise, inverse
-    rival.log_likelihood = quick_likelihood(problem, rival, [noise])
+    others = _other_starts(problem, start, np.sqrt(np.mean(r**2, axis=1)))
+    likely = [quick_likelihood(problem, rival, [noise]) for noise in (start, *others)]
+    best = int(np.argmax(likely))
+    found = []
+    for noise, inverse in [(start, curvature)] + ([(others[best - 1], None)] if best else []):
+        noise, _, inverse = fit_noise(
+            D,
+            r,
+            noise,
+            problem.force_unit(),
+            J,
+            precision,
+            pull,
+            curvature=inverse,
+            max_iterations=max_iterations,
+            caps=problem.caps,
+        )
+        found.append((quick_likelihood(problem, rival, [noise]), noise, inverse))
+    rival.log_likelihood, rival.noise, rival.curvature = max(found, key=lambda one: one[0])
     return rival
 
 

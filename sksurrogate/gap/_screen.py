@@ -27,8 +27,8 @@ __all__ = ["Screen", "Start", "scaled", "screen"]
 #: Numbers of the null's columns that are kept (single precision).
 MOST_KEPT = 60_000_000
 
-#: Share of the best score from which nearby values of an effect that jumps with them are looked at.
-CONTENDERS = 0.2
+#: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
+CONTENDERS, LEAST_DROP = 0.2, 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,9 +230,9 @@ def _with_nearby(s: _Screener, found: Screen, noise: Noise | None) -> Screen:
     for start in found.starts:
         if start.white > best.get(id(start.effect), start).white or id(start.effect) not in best:
             best[id(start.effect)] = start
-    high = CONTENDERS * max((start.white for start in best.values()), default=0.0)
+    high = max(CONTENDERS * max((start.white for start in best.values()), default=0.0), LEAST_DROP)
     for start in best.values():
-        for _ in range(2 if start.white > max(high, 1.0) else 0):
+        for _ in range(2 if start.white > high else 0):
             values = start.effect.scan(tuple(start.theta))
             near = _screen(s, _columns(s, [start.effect], (), {start.effect.key: values}), noise) if values else None
             if near is None or not near.starts:
@@ -389,7 +389,7 @@ def _quadratures(
 
 
 def _smallest(columns: Sequence[_Column]) -> np.ndarray:
-    """Whether a start is the smallest magnitude of an effect that is absent at 0, (n_columns,)."""
+    """Whether a start is the smallest magnitude of an effect that grows from 0 without jumps, (n_columns,)."""
     least: dict[int, float] = {}
     for c in columns:
         if len(c.theta):
@@ -399,6 +399,7 @@ def _smallest(columns: Sequence[_Column]) -> np.ndarray:
             not c.effect.linear
             and bool(c.effect.parameters)
             and c.effect.parameters[0].null == 0
+            and not c.effect.scan(tuple(c.theta))
             and float(c.theta[0]) <= least[id(c.effect)]
             for c in columns
         ],

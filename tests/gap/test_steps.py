@@ -56,3 +56,24 @@ def test_a_coarse_sensor_beside_a_coloured_force_is_named_alone(plant):
     (effect,) = named(plant, recorded(plant, np.random.default_rng(6), **read))
     assert (effect.name, effect.location) == ("sensor_quantization", "first")
     assert effect.params["step"] == pytest.approx(0.31, rel=2e-3)
+
+
+def test_a_step_far_below_the_noise_earns_nothing(plant):
+    """A prediction that jumps with its parameter has no slope: the likelihood may not follow one."""
+    from sksurrogate.effects import CATALOGUE
+    from sksurrogate.gap._evidence import estimate_noise, quick_likelihood
+    from sksurrogate.gap._problem import build_problem
+    from sksurrogate.kernels.record import Record
+    from sksurrogate.physics._model import PlantModel
+    from sksurrogate.physics._simulator import describe
+
+    X, y, groups = recorded(plant, np.random.default_rng(7))
+    runs = [groups == k for k in range(RUNS)]
+    record = Record.from_runs([X[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
+    described = describe(plant, n_inputs=1, n_outputs=2, dt=DT)
+    problem, smoothed = build_problem(described, PlantModel(described), record, (), ("first", "second"))
+    null = problem.fit((), np.zeros(0), smoothed.x)
+    estimate_noise(problem, null, problem.first_noise())
+    for name, place in (("sensor_quantization", "second"), ("input_quantization", "flow")):
+        rival = problem.fit((CATALOGUE[name](place),), np.array([1e-4]), null.fit.x)
+        assert quick_likelihood(problem, rival, [null.noise]) == pytest.approx(null.log_likelihood, abs=1.0)
