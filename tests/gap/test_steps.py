@@ -61,8 +61,8 @@ def test_a_coarse_sensor_beside_a_coloured_force_is_named_alone(plant):
 def test_a_step_far_below_the_noise_earns_nothing(plant):
     """A prediction that jumps with its parameter has no slope: the likelihood may not follow one."""
     from sksurrogate.effects import CATALOGUE
-    from sksurrogate.gap._evidence import estimate_noise, quick_likelihood
-    from sksurrogate.gap._problem import build_problem
+    from sksurrogate.gap._evidence import estimate_noise, frozen_fit, quick_likelihood
+    from sksurrogate.gap._problem import Rival, build_problem
     from sksurrogate.kernels.record import Record
     from sksurrogate.physics._model import PlantModel
     from sksurrogate.physics._simulator import describe
@@ -75,5 +75,8 @@ def test_a_step_far_below_the_noise_earns_nothing(plant):
     null = problem.fit((), np.zeros(0), smoothed.x)
     estimate_noise(problem, null, problem.first_noise())
     for name, place in (("sensor_quantization", "second"), ("input_quantization", "flow")):
-        rival = problem.fit((CATALOGUE[name](place),), np.array([1e-4]), null.fit.x)
-        assert quick_likelihood(problem, rival, [null.noise]) == pytest.approx(null.log_likelihood, abs=1.0)
+        effects = (CATALOGUE[name](place),)
+        rival = Rival(effects, problem.augmented(effects), null.fit)
+        for step in np.geomspace(2e-5, 5e-5, 25):
+            one = Rival(effects, rival.model, frozen_fit(problem, rival, np.array([step])))
+            assert quick_likelihood(problem, one, [null.noise]) < null.log_likelihood + 1.0
