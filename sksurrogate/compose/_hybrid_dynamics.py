@@ -91,8 +91,8 @@ class DynamicsCorrection:
         record = Record.from_runs(inputs, measured, times, plant.dt)
         with np.errstate(all="ignore"):
             starts = np.repeat(plant.x0[None], len(inputs), axis=0)
-            model, guess = prepared(plant, record, [], np.zeros(0), starts, False, True)
-        self.noise = noise_of_differences(record.y, record.starts)
+            self.noise = noise_of_differences(record.y, record.starts)
+            model, guess = prepared(plant, record, self.noise, [], np.zeros(0), starts, False, True)
         return plant, model, guess
 
     def _judge(self, plant: Plant, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:

@@ -64,20 +64,29 @@ def rk4(
         u0, u1 = (u, u) if half is None else (u - half[s], u + half[s])
         k = derivative(t, x, u0)
         total = k
-        z = x + (h / 2) * k
+        z = _ahead(x, h / 2, k)
         k = derivative(t + h / 2, z if clip is None else clip(z), u)
-        total = total + 2 * k
-        z = x + (h / 2) * k
+        total = _ahead(total, 2.0, k)
+        z = _ahead(x, h / 2, k)
         k = derivative(t + h / 2, z if clip is None else clip(z), u)
         total += 2 * k
-        z = x + h * k
+        z = _ahead(x, h, k)
         k = derivative(t + h, z if clip is None else clip(z), u1)
         total += k
-        x = x + (h / 6) * total
+        total *= h / 6
+        total += x
+        x = total
         if clip is not None:
             x = clip(x, True)  # type: ignore[call-arg]
         t = t + h
     return x
+
+
+def _ahead(x: np.ndarray, h: float | np.ndarray, k: np.ndarray) -> np.ndarray:
+    """``x + h k`` with one new array."""
+    out = h * k
+    out += x
+    return out
 
 
 def march(

@@ -228,6 +228,8 @@ def output_error(
     fit_start: bool = True,
     fallback: np.ndarray | None = None,
     reach: float = np.inf,
+    settled: float = SETTLED,
+    tries: int = 6,
 ) -> Fit | None:
     """Fit parameters and initial states through the free run.
 
@@ -256,6 +258,10 @@ def output_error(
         time.
     reach : float
         A step moves a parameter by at most as many times its size.
+    settled : float
+        Open steps end where parameters and trajectory move by less than this share of their size; closed steps go on.
+    tries : int
+        Dampings of a closed step, each ten times the last, before the descent ends.
 
     Returns
     -------
@@ -263,7 +269,7 @@ def output_error(
         None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
-        return _OutputError(model, sd, unit, bounds, prior, fit_start, reach).run(
+        return _OutputError(model, sd, unit, bounds, prior, fit_start, reach, settled, tries).run(
             theta, x, open_steps, max_steps, best, fallback
         )
 
@@ -273,10 +279,12 @@ class _OutputError:
 
     def __init__(
         self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool, reach: float,
+        settled: float, tries: int,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd[:, None], unit
         self.low, self.high = bounds
         self.reach = reach
+        self.share, self.tries = settled, tries
         self.fixed = self.low == self.high
         self.precision = np.zeros(model.n_theta) if prior is None else 1.0 / prior**2
         self.free = model.free_states if fit_start else np.zeros(model.n_states, bool)
@@ -312,8 +320,8 @@ class _OutputError:
     def settled(self, dtheta: np.ndarray, dx: np.ndarray, theta: np.ndarray) -> bool:
         """Whether an open step moved next to nothing: closed steps do the rest."""
         size = np.maximum(np.abs(theta), self.unit)
-        still = np.max(np.abs(dtheta) / size, initial=0.0) < SETTLED
-        return bool(still and np.max(np.abs(dx), axis=1) @ (1.0 / self.model.scale) < SETTLED)
+        still = np.max(np.abs(dtheta) / size, initial=0.0) < self.share
+        return bool(still and np.max(np.abs(dx), axis=1) @ (1.0 / self.model.scale) < self.share)
 
     def moved(
         self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray
@@ -388,7 +396,7 @@ class _OutputError:
                 break
             arrow = self.arrow(lin, theta)
             accepted = False
-            for _ in range(6):
+            for _ in range(self.tries):
                 dt, dx, drop = self.step(arrow, theta, damping)
                 if drop < 1e-4 * cost + 0.01:
                     done = True

@@ -14,6 +14,7 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate._columns import by_name
 from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
@@ -27,6 +28,10 @@ __all__ = ["CalibratedSimulator"]
 
 #: Squared residuals, in units of the noise, above which single shooting is tried as well.
 _POOR = 25.0
+#: Open steps converge quadratically: after one that moves by less than this share, the next would change nothing.
+_SETTLED = 1e-2
+#: Dampings of a step before the descent ends, each ten times the last.
+_TRIES = 12
 
 
 class CalibratedSimulator(RegressorMixin, BaseEstimator):
@@ -159,16 +164,17 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         low, high = self._bounds(names)
         theta = np.clip(theta, low, high)
         unit = np.where(theta != 0, np.abs(theta), 1.0)
+        keep_freed_memory()
         with np.errstate(all="ignore"):
-            model, guess = prepared(plant, record, names, theta, starts, x0 is not None, self.fit_x0)
             sd = noise_of_differences(record.y, record.starts)
+            model, guess = prepared(plant, record, sd, names, theta, starts, x0 is not None, self.fit_x0)
             fit, self.method_ = self._fitted(model, theta, guess, sd, unit, (low, high))
             if fit is None:
                 raise SimulatorError(
                     f"no finite free run was found near params={dict(zip(names, theta.tolist()))}: give starting values nearer "
                     "to the plant (set_params(params__name=...)), bounds, or x0."
                 )
-            lin = linearise(model, fit.theta, fit.x, unit)
+            lin = fit.linearised or linearise(model, fit.theta, fit.x, unit)
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
         self.x0_ = fit.x[:, record.starts].T.copy()
         residual = record.y - fit.y
@@ -310,6 +316,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             "best": np.inf,
             "max_steps": self.max_iter,
             "fit_start": self.fit_x0,
+            "settled": _SETTLED,
+            "tries": _TRIES,
             "reach": 0.7 if model.stiff else 10.0,  # a parameter that nothing fixes must not carry a stiff plant off
         }
         fit = output_error(model, theta, x, sd, open_steps=0 if model.stiff else 6, **options)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,38 +75,66 @@ class FitModel:
             weight[i] = min(weight[i], sd[j])
         return weight
 
+    @cached_property
+    def held(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Inputs over the substeps, mean and half rise, (n_sub, n_inputs, 1, n_samples)."""
+        plant, record = self.inner.plant, self.record
+        order = 0 if plant.hold == "zoh" or plant.access == "step" else 1
+        signals = [hold(u, self.n_sub, order, record.starts) for u in record.u]
+        if not signals:
+            return np.zeros((self.n_sub, 0, 1, record.n_samples)), None
+        half = None if signals[0].half is None else np.stack([s.half for s in signals], axis=1)  # type: ignore[misc]
+        return np.stack([s.mean for s in signals], axis=1), half
+
+    @cached_property
+    def _points(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
+        """What :meth:`points` has spread so far."""
+        return {}
+
+    def points(self, n_columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Times and inputs of ``n_columns`` columns as flat points, in the order of states raveled."""
+        if n_columns not in self._points:
+            self._points[n_columns] = flat_points(self.record.t, *self.held, n_columns)
+        return self._points[n_columns]
+
     def bind(self, theta: np.ndarray) -> BoundFitModel:
         """The model at parameter vectors ``theta`` (n_theta, n_columns)."""
         return BoundFitModel(self, theta)
 
 
 class BoundFitModel:
-    """A :class:`FitModel` with its parameters filled in."""
+    """A :class:`FitModel` with its parameters filled in.
+
+    The plant sees flat points, column behind column: they are laid out once, not at every stage of a step.
+    """
 
     def __init__(self, model: FitModel, theta: np.ndarray):
-        self.m, record = model, model.record
+        self.m = model
         self.varied = {name: row[:, None] for name, row in zip(model.names, theta)}
-        self._wide: dict[tuple[int, ...], dict[str, np.ndarray]] = {}
-        order = 0 if model.inner.plant.hold == "zoh" or model.inner.plant.access == "step" else 1
-        signals = [hold(u, model.n_sub, order, record.starts) for u in record.u]
-        self.mean = (
-            np.stack([s.mean for s in signals], axis=1) if signals else np.zeros((model.n_sub, 0, 1, record.n_samples))
-        )
-        self.half = np.stack([s.half for s in signals], axis=1) if signals and signals[0].half is not None else None  # type: ignore[misc]
 
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """States (n_states, n_columns, n_samples) one sample later; with ``rows``, only those samples."""
-        m, t, mean, half = self.m, self.m.record.t, self.mean, self.half
-        if rows is not None:
-            t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]
+        m, shape = self.m, x.shape
+        if rows is None:
+            t, mean, half = m.points(shape[1])
+        else:
+            mean, half = m.held
+            t, mean, half = flat_points(
+                m.record.t[rows], mean[..., rows], None if half is None else half[..., rows], shape[1]
+            )
+        params = {**m.inner.plant.params, **{k: np.broadcast_to(v, shape[1:]).ravel() for k, v in self.varied.items()}}
+        return self._moved(t, x.reshape(len(x), -1), mean, half, params).reshape(shape)
+
+    def _moved(
+        self, t: np.ndarray, x: np.ndarray, mean: np.ndarray, half: np.ndarray | None, params: Mapping[str, Any]
+    ) -> np.ndarray:
+        """The same on flat points."""
+        m = self.m
         if m.inner.plant.access == "step":
-            return m.inner.step(t, x, mean[0], m.record.dt, self.varied)
+            return m.inner.step_points(t, x, mean[0], params, m.record.dt)
 
         def derivative(now: Any, z: np.ndarray, u: np.ndarray) -> np.ndarray:
-            shape = z.shape[1:]
-            if shape not in self._wide:  # spread once for all substeps
-                self._wide[shape] = {k: np.ascontiguousarray(np.broadcast_to(v, shape)) for k, v in self.varied.items()}
-            return m.inner.derivative(now, z, u, self._wide[shape])
+            return m.inner.derivative_points(now, z, u, params)
 
         if m.stiff:
             first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
@@ -118,5 +147,17 @@ class BoundFitModel:
 
     def outputs(self, x: np.ndarray) -> np.ndarray:
         """Measured outputs (n_outputs, n_columns, n_samples)."""
-        u = self.mean[0] if self.half is None else self.mean[0] - self.half[0]
-        return self.m.inner.output(self.m.record.t, x, u, self.varied)
+        mean, half = self.m.held
+        return self.m.inner.output(self.m.record.t, x, mean[0] if half is None else mean[0] - half[0], self.varied)
+
+
+def flat_points(
+    t: np.ndarray, mean: np.ndarray, half: np.ndarray | None, n_columns: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Times (n_points,) and inputs (n_sub, n_inputs, n_points) of ``n_columns`` equal columns, one behind the other."""
+
+    def spread(values: np.ndarray) -> np.ndarray:
+        wide = np.broadcast_to(values, (*values.shape[:-2], n_columns, values.shape[-1]))
+        return wide.reshape(*values.shape[:-2], -1)
+
+    return spread(t[None]), spread(mean), None if half is None else spread(half)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from sksurrogate.physics._memory import memory
 
@@ -89,7 +89,7 @@ def known(
     )
     covariance = inverse @ (inverse.T @ middle @ inverse) @ inverse.T * np.outer(unit, unit)
     # noise with a memory counts for fewer samples when its size is judged
-    width = float(student.ppf(0.5 + confidence / 2, max(freedom / slowest, min(freedom, 3.0)))) * np.sqrt(
+    width = float(stdtrit(max(freedom / slowest, min(freedom, 3.0)), 0.5 + confidence / 2)) * np.sqrt(
         np.maximum(np.diag(covariance), 0.0)
     )
     return Knowledge(

@@ -51,6 +51,8 @@ def memory(pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequ
     order = _order(r, n, most) if np.max(np.abs(r[1:])) >= 2.0 / np.sqrt(n) else 0
     if n > _MOST_ROWS or order > _MOST_ORDER:
         return None if order == 0 else power / n * _continued(solve_toeplitz(r[:order], r[1 : order + 1]), r, lags)
+    if order == 0 and n > _PLENTY * (shared[0].shape[1] + sum(c.shape[1] for c in own)):
+        return None
     shared, own = _independent(shared), [_independent([Z])[0] for Z in own]
     columns = sum(c.shape[1] for c in own) + shared[0].shape[1]
     if n < 3 * columns + 10 or (order == 0 and n > _PLENTY * columns):

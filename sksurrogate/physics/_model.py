@@ -75,6 +75,16 @@ class PlantModel:
             p = {**p, **{k: v.reshape(size) for k, v in spread.items()}}
         return function(times, x.reshape(len(x), size), inputs, p, *extra).reshape(function.size, *shape)
 
+    def derivative_points(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any]) -> np.ndarray:
+        """dx/dt at flat points: t (n_points,), x (n_states, n_points), u (n_inputs, n_points), all parameters in ``p``."""
+        assert self._rhs is not None
+        return self._rhs(t, x, u, p)
+
+    def step_points(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], dt: float) -> np.ndarray:
+        """The states one step later at flat points."""
+        assert self._step is not None
+        return self._step(t, x, u, p, dt)
+
     def derivative(
         self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.kernels.integrate import close
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.smoother import noise_of_differences, smooth
+from sksurrogate.kernels.smoother import smooth
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
@@ -21,22 +21,27 @@ _LOCAL_ERROR = 1e-6
 #: Runge-Kutta with more substeps than this, and the plant counts as stiff.
 _MOST_SUBSTEPS = 32
 #: Samples at which that is tried.
-_PROBES = 200
+_PROBES = 250
 #: Graded steps of a stiff plant are cut into at most as many.
 _MOST_CUTS = 4
+#: Largest correction, in sizes of a state, at which the first free run counts as one: the smoother goes on from there.
+_CLOSED = 1e-2
 #: Steps of the smoother: the fit goes on from there anyway.
-_SMOOTHINGS = 4
+_SMOOTHINGS = 2
 
 
 def prepared(
-    plant: Plant, record: Record, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool, fit_x0: bool
-) -> tuple[FitModel, np.ndarray]:
+    plant: Plant, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool,
+    fit_x0: bool,
+) -> tuple[FitModel, np.ndarray]:  # fmt: skip
     """The model with substeps that its error asks for, and a trajectory (n_states, n_samples) to start from.
 
     Parameters
     ----------
     plant, record, names, theta
         What is fitted to what, and from where.
+    sd : ndarray (n_outputs,)
+        Size of the noise.
     starts : ndarray (n_runs, n_states)
         Initial states; written where measured states are known better.
     given : bool
@@ -60,7 +65,6 @@ def prepared(
         guess[list(places)] = record.y
     size = np.maximum(np.std(guess, axis=1), 0.02 * np.sqrt(np.mean(guess**2, axis=1)))
     model = replace(model, scale=np.where(size > 0, size, 1.0))
-    sd = noise_of_differences(record.y, record.starts)
     try:
         stepped = model.bind(theta[:, None])
         smoothed = smooth(stepped, record.y, record.starts, sd, guess, model.scale, max_iterations=_SMOOTHINGS).x
@@ -75,9 +79,21 @@ def prepared(
 def _error(model: FitModel, theta: np.ndarray, x: np.ndarray) -> float:
     """How far one sample differs from the same in half the substeps, in sizes of a state; all but the worst 2 %."""
     finer = replace(model, n_sub=2 * model.n_sub)
-    error = np.abs(model.bind(theta[:, None])(x[:, None]) - finer.bind(theta[:, None])(x[:, None]))[:, 0]
-    worst = np.max(error / model.scale[:, None], axis=0)
-    return float(np.quantile(np.where(np.isfinite(worst), worst, np.inf), 0.98))
+    rows = _probes(x)
+    once, twice = (m.bind(theta[:, None])(x[:, None, rows], rows)[:, 0] for m in (model, finer))
+    return _all_but_worst(np.max(np.abs(once - twice) / model.scale[:, None], axis=0))
+
+
+def _probes(x: np.ndarray) -> np.ndarray:
+    """Some samples along a trajectory, evenly."""
+    return np.arange(0, x.shape[1], -(-x.shape[1] // _PROBES))
+
+
+def _all_but_worst(errors: np.ndarray) -> float:
+    """The largest error but for the worst 2 %."""
+    errors = np.where(np.isfinite(errors), errors, np.inf)
+    last = -(-98 * len(errors) // 100) - 1
+    return float(np.partition(errors, last)[last])
 
 
 def _refined(model: FitModel, theta: np.ndarray, x: np.ndarray, most: int) -> FitModel:
@@ -93,7 +109,7 @@ def _first_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.
     if not stiff:
         # Newton over the time axis is many times faster than a loop over time, and settles for most plants.
         size = np.maximum(np.std(near, axis=1), 1.0)
-        run, closed, _ = close(model.bind(theta[:, None]), near, model.record.starts, size, 1e-4)
+        run, closed, _ = close(model.bind(theta[:, None]), near, model.record.starts, size, _CLOSED)
         return model, run if closed else free_run(model, theta, starts.T)
     model = replace(model, stiff=True)
     run = free_run(model, theta, starts.T)
@@ -103,7 +119,7 @@ def _first_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.
 
 def _is_stiff(model: FitModel, theta: np.ndarray, x: np.ndarray) -> bool:
     """Whether Runge-Kutta with many substeps is far off along a trajectory: some of its samples, coarse steps first."""
-    rows = np.arange(0, x.shape[1], -(-x.shape[1] // _PROBES))
+    rows = _probes(x)
     at = x[:, rows]
     for n_sub in (1, 4, _MOST_SUBSTEPS):
         once, twice = (
@@ -112,6 +128,6 @@ def _is_stiff(model: FitModel, theta: np.ndarray, x: np.ndarray) -> bool:
         after = np.where(np.isfinite(once), np.abs(once), 0.0)
         size = np.maximum(np.maximum(np.max(np.abs(at), axis=1), np.max(after, axis=1)), 1e-12)
         worst = np.max(np.abs(once - twice) / size[:, None], axis=0)
-        if np.quantile(np.where(np.isfinite(worst), worst, np.inf), 0.98) < 1e-2:
+        if _all_but_worst(worst) < 1e-2:
             return False
     return True
