@@ -92,7 +92,7 @@ class DynamicsCorrection:
         with np.errstate(all="ignore"):
             starts = np.repeat(plant.x0[None], len(inputs), axis=0)
             self.noise = noise_of_differences(record.y, record.starts)
-            model, guess = prepared(plant, record, self.noise, [], np.zeros(0), starts, False, True)
+            model, guess = prepared(PlantModel(plant), record, self.noise, [], np.zeros(0), starts, False, True)
         return plant, model, guess
 
     def _judge(self, plant: Plant, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:

@@ -18,8 +18,10 @@ from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
+from sksurrogate.physics._coarse import coarse_start
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._intervals import known
+from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant, describe
 from sksurrogate.runs import Runs, resolve_runs
@@ -29,7 +31,7 @@ __all__ = ["CalibratedSimulator"]
 #: Squared residuals, in units of the noise, above which single shooting is tried as well.
 _POOR = 25.0
 #: Open steps converge quadratically: after one that moves by less than this share, the next would change nothing.
-_SETTLED = 1e-2
+_SETTLED = 3e-2
 #: Dampings of a step before the descent ends, each ten times the last.
 _TRIES = 12
 
@@ -167,8 +169,9 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         keep_freed_memory()
         with np.errstate(all="ignore"):
             sd = noise_of_differences(record.y, record.starts)
-            model, guess = prepared(plant, record, sd, names, theta, starts, x0 is not None, self.fit_x0)
-            fit, self.method_ = self._fitted(model, theta, guess, sd, unit, (low, high))
+            model, fit, self.method_ = self._fitted(
+                PlantModel(plant), record, sd, names, theta, unit, (low, high), starts, x0 is not None
+            )
             if fit is None:
                 raise SimulatorError(
                     f"no finite free run was found near params={dict(zip(names, theta.tolist()))}: give starting values nearer "
@@ -307,9 +310,10 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         return np.array([a for a, _ in pairs], dtype=float), np.array([b for _, b in pairs], dtype=float)
 
     def _fitted(
-        self, model: FitModel, theta: np.ndarray, x: np.ndarray, sd: np.ndarray, unit: np.ndarray, bounds: tuple
-    ) -> tuple[Fit | None, str]:
-        """The lifted fit, and single shooting from the nominal free run where it fails."""
+        self, inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, unit: np.ndarray,
+        bounds: tuple, starts: np.ndarray, given: bool,
+    ) -> tuple[FitModel, Fit | None, str]:  # fmt: skip
+        """The lifted fit, begun on thinned data where there are many, and single shooting where it fails."""
         options: dict[str, Any] = {
             "unit": unit,
             "bounds": bounds,
@@ -318,11 +322,20 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             "fit_start": self.fit_x0,
             "settled": _SETTLED,
             "tries": _TRIES,
-            "reach": 0.7 if model.stiff else 10.0,  # a parameter that nothing fixes must not carry a stiff plant off
+            "reach": 10.0,
         }
+        begun = coarse_start(inner, record, sd, names, theta, starts, given, options, _POOR)
+        if begun is not None:
+            model, near, x = begun
+            fit = output_error(model, near, x, sd, open_steps=6, **options)
+            if fit is not None and fit.converged and fit.cost < _POOR * record.y.size:
+                return model, fit, "lifted"
+        model, x = prepared(inner, record, sd, names, theta, starts, given, self.fit_x0)
+        if model.stiff:  # a parameter that nothing fixes must not carry a stiff plant off
+            options["reach"] = 0.7
         fit = output_error(model, theta, x, sd, open_steps=0 if model.stiff else 6, **options)
-        if fit is not None and fit.converged and fit.cost < _POOR * model.record.y.size:
-            return fit, "lifted"
+        if fit is not None and fit.converged and fit.cost < _POOR * record.y.size:
+            return model, fit, "lifted"
         shot = free_run(model, theta, x[:, model.record.starts])
         other = output_error(model, theta, shot, sd, open_steps=0, **options) if np.all(np.isfinite(shot)) else None
         if other is None or (fit is not None and fit.cost <= other.cost):
@@ -332,12 +345,12 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                     ConvergenceWarning,
                     stacklevel=3,
                 )
-            return fit, "lifted"
+            return model, fit, "lifted"
         why = "ended in a poor optimum" if fit is not None and fit.converged else "did not converge"
         warnings.warn(
             f"the lifted fit {why}; parameters are those of single shooting.", ConvergenceWarning, stacklevel=3
         )
-        return other, "single shooting"
+        return model, other, "single shooting"
 
 
 def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:

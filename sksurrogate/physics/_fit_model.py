@@ -17,6 +17,9 @@ from sksurrogate.physics._model import PlantModel
 
 __all__ = ["BoundFitModel", "FitModel"]
 
+#: Points that go through all stages of a step together, so that they stay in the cache.
+_BLOCK = 8192
+
 
 @dataclass(frozen=True, eq=False)
 class FitModel:
@@ -79,12 +82,10 @@ class FitModel:
     def held(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Inputs over the substeps, mean and half rise, (n_sub, n_inputs, 1, n_samples)."""
         plant, record = self.inner.plant, self.record
-        order = 0 if plant.hold == "zoh" or plant.access == "step" else 1
-        signals = [hold(u, self.n_sub, order, record.starts) for u in record.u]
-        if not signals:
-            return np.zeros((self.n_sub, 0, 1, record.n_samples)), None
-        half = None if signals[0].half is None else np.stack([s.half for s in signals], axis=1)  # type: ignore[misc]
-        return np.stack([s.mean for s in signals], axis=1), half
+        if plant.hold == "zoh" or plant.access == "step" or not len(record.u):
+            return np.broadcast_to(record.u[:, None], (self.n_sub, len(record.u), 1, record.n_samples)), None
+        signals = [hold(u, self.n_sub, 1, record.starts) for u in record.u]
+        return np.stack([s.mean for s in signals], axis=1), np.stack([s.half for s in signals], axis=1)  # type: ignore[misc]
 
     @cached_property
     def _points(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
@@ -122,14 +123,23 @@ class BoundFitModel:
             t, mean, half = flat_points(
                 m.record.t[rows], mean[..., rows], None if half is None else half[..., rows], shape[1]
             )
-        params = {**m.inner.plant.params, **{k: np.broadcast_to(v, shape[1:]).ravel() for k, v in self.varied.items()}}
-        return self._moved(t, x.reshape(len(x), -1), mean, half, params).reshape(shape)
+        varied = {k: np.broadcast_to(v, shape[1:]).ravel() for k, v in self.varied.items()}
+        points = x.reshape(len(x), -1)
+        if m.stiff or points.shape[1] < 2 * _BLOCK:
+            return self._moved(t, points, mean, half, varied).reshape(shape)
+        out = np.empty(points.shape)
+        for a in range(0, points.shape[1], _BLOCK):
+            b = slice(a, a + _BLOCK)
+            some = {k: v[b] for k, v in varied.items()}
+            out[:, b] = self._moved(t[b], points[:, b], mean[..., b], None if half is None else half[..., b], some)
+        return out.reshape(shape)
 
     def _moved(
-        self, t: np.ndarray, x: np.ndarray, mean: np.ndarray, half: np.ndarray | None, params: Mapping[str, Any]
+        self, t: np.ndarray, x: np.ndarray, mean: np.ndarray, half: np.ndarray | None, varied: Mapping[str, Any]
     ) -> np.ndarray:
         """The same on flat points."""
         m = self.m
+        params = {**m.inner.plant.params, **varied}
         if m.inner.plant.access == "step":
             return m.inner.step_points(t, x, mean[0], params, m.record.dt)
 
@@ -157,6 +167,9 @@ def flat_points(
     """Times (n_points,) and inputs (n_sub, n_inputs, n_points) of ``n_columns`` equal columns, one behind the other."""
 
     def spread(values: np.ndarray) -> np.ndarray:
+        if values.strides[0] == 0 and len(values) > 1:  # the same in every substep
+            first = spread(values[:1])
+            return np.broadcast_to(first, (len(values), *first.shape[1:]))
         wide = np.broadcast_to(values, (*values.shape[:-2], n_columns, values.shape[-1]))
         return wide.reshape(*values.shape[:-2], -1)
 

@@ -12,12 +12,11 @@ from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import smooth
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._simulator import Plant
 
-__all__ = ["prepared"]
+__all__ = ["LOCAL_ERROR", "prepared", "refined"]
 
 #: Substeps are doubled until one sample differs by less than this share of the size of a state.
-_LOCAL_ERROR = 1e-6
+LOCAL_ERROR = 1e-6
 #: Runge-Kutta with more substeps than this, and the plant counts as stiff.
 _MOST_SUBSTEPS = 32
 #: Samples at which that is tried.
@@ -31,14 +30,14 @@ _SMOOTHINGS = 2
 
 
 def prepared(
-    plant: Plant, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool,
-    fit_x0: bool,
+    inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool,
+    fit_x0: bool, *, local_error: float = LOCAL_ERROR,
 ) -> tuple[FitModel, np.ndarray]:  # fmt: skip
     """The model with substeps that its error asks for, and a trajectory (n_states, n_samples) to start from.
 
     Parameters
     ----------
-    plant, record, names, theta
+    inner, record, names, theta
         What is fitted to what, and from where.
     sd : ndarray (n_outputs,)
         Size of the noise.
@@ -47,8 +46,10 @@ def prepared(
     given : bool
         Whether ``starts`` are the user's.
     fit_x0 : bool
+    local_error : float
+        Share of the size of a state by which one sample may differ from the same in half the substeps.
     """
-    inner = PlantModel(plant)
+    plant = inner.plant
     inner.probe(record.u[:, 0])
     places = plant.output_states
     if places is not None and fit_x0 and not given:
@@ -73,7 +74,7 @@ def prepared(
         guess = np.where(np.isfinite(run), run, guess)
     if not fit_x0:
         guess[:, record.starts] = starts.T
-    return _refined(model, theta, guess, _MOST_SUBSTEPS), guess
+    return refined(model, theta, guess, local_error=local_error), guess
 
 
 def _error(model: FitModel, theta: np.ndarray, x: np.ndarray) -> float:
@@ -96,9 +97,11 @@ def _all_but_worst(errors: np.ndarray) -> float:
     return float(np.partition(errors, last)[last])
 
 
-def _refined(model: FitModel, theta: np.ndarray, x: np.ndarray, most: int) -> FitModel:
-    """Substeps doubled until their error is small."""
-    while model.inner.plant.access == "rhs" and model.n_sub < most and not _error(model, theta, x) < _LOCAL_ERROR:
+def refined(
+    model: FitModel, theta: np.ndarray, x: np.ndarray, *, most: int = _MOST_SUBSTEPS, local_error: float = LOCAL_ERROR
+) -> FitModel:
+    """Substeps doubled until their error along a trajectory is small."""
+    while model.inner.plant.access == "rhs" and model.n_sub < most and not _error(model, theta, x) < local_error:
         model = replace(model, n_sub=2 * model.n_sub)
     return model
 
@@ -114,7 +117,7 @@ def _first_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.
     model = replace(model, stiff=True)
     run = free_run(model, theta, starts.T)
     size = np.maximum(np.max(np.abs(np.where(np.isfinite(run), run, 0.0)), axis=1), 1e-12)
-    return _refined(replace(model, scale=size), theta, np.where(np.isfinite(run), run, near), _MOST_CUTS), run
+    return refined(replace(model, scale=size), theta, np.where(np.isfinite(run), run, near), most=_MOST_CUTS), run
 
 
 def _is_stiff(model: FitModel, theta: np.ndarray, x: np.ndarray) -> bool:
