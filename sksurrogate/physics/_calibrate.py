@@ -18,7 +18,7 @@ from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
-from sksurrogate.physics._coarse import coarse_start
+from sksurrogate.physics._begin import coarse_start
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._intervals import known
 from sksurrogate.physics._model import PlantModel
@@ -29,7 +29,7 @@ from sksurrogate.runs import Runs, resolve_runs
 __all__ = ["CalibratedSimulator"]
 
 #: Squared residuals, in units of the noise, above which single shooting is tried as well.
-_POOR = 25.0
+_POOR = 4.0
 #: Open steps converge quadratically: after one that moves by less than this share, the next would change nothing.
 _SETTLED = 3e-2
 #: Dampings of a step before the descent ends, each ten times the last.
@@ -181,6 +181,12 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
         self.x0_ = fit.x[:, record.starts].T.copy()
         residual = record.y - fit.y
+        if names and np.sum((residual.T / sd) ** 2) > 2 * np.sum(((record.y.T - record.y.mean(axis=1)) / sd) ** 2):
+            warnings.warn(
+                "the fitted free run is much farther from y than a constant: give starting values nearer to the plant, bounds, or x0.",
+                ConvergenceWarning,
+                stacklevel=2,
+            )
         self.noise_ = np.sqrt(np.mean(residual**2, axis=1))
         self.n_iter_, self.converged_ = fit.n_iterations, fit.converged
         at_bound = ((fit.theta <= low) | (fit.theta >= high)) & (low < high)
@@ -324,7 +330,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             "tries": _TRIES,
             "reach": 10.0,
         }
-        begun = coarse_start(inner, record, sd, names, theta, starts, given, options, _POOR)
+        begun = coarse_start(inner, record, sd, names, theta, starts, given, options)
         if begun is not None:
             model, near, x = begun
             fit = output_error(model, near, x, sd, open_steps=6, **options)
@@ -336,21 +342,23 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         fit = output_error(model, theta, x, sd, open_steps=0 if model.stiff else 6, **options)
         if fit is not None and fit.converged and fit.cost < _POOR * record.y.size:
             return model, fit, "lifted"
-        shot = free_run(model, theta, x[:, model.record.starts])
+        shot = free_run(model, theta, starts.T)
         other = output_error(model, theta, shot, sd, open_steps=0, **options) if np.all(np.isfinite(shot)) else None
-        if other is None or (fit is not None and fit.cost <= other.cost):
-            if fit is not None and not fit.converged:
-                warnings.warn(
-                    f"the fit stopped after {fit.n_iterations} iterations without converging: raise max_iter, or start nearer.",
-                    ConvergenceWarning,
-                    stacklevel=3,
-                )
-            return model, fit, "lifted"
-        why = "ended in a poor optimum" if fit is not None and fit.converged else "did not converge"
-        warnings.warn(
-            f"the lifted fit {why}; parameters are those of single shooting.", ConvergenceWarning, stacklevel=3
-        )
-        return model, other, "single shooting"
+        if other is not None and (fit is None or not fit.converged or other.cost < 0.99 * fit.cost):
+            why = "ended in a poor optimum" if fit is not None and fit.converged else "did not converge"
+            self._warn(f"the lifted fit {why}; parameters are those of single shooting.")
+            fit, method = other, "single shooting"
+        else:
+            method = "lifted"
+        if fit is not None and not fit.converged:
+            self._warn(
+                f"the fit stopped after {fit.n_iterations} iterations without converging: raise max_iter, or start nearer."
+            )
+        return model, fit, method
+
+    def _warn(self, what: str) -> None:
+        """A warning that points to the line that called ``fit``."""
+        warnings.warn(what, ConvergenceWarning, stacklevel=4)
 
 
 def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:

@@ -110,14 +110,36 @@ def _first_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.
     """The model, stiff or not, and its free run (not finite where it diverges)."""
     stiff = model.inner.plant.access == "rhs" and _is_stiff(model, theta, near)
     if not stiff:
-        # Newton over the time axis is many times faster than a loop over time, and settles for most plants.
-        size = np.maximum(np.std(near, axis=1), 1.0)
-        run, closed, _ = close(model.bind(theta[:, None]), near, model.record.starts, size, _CLOSED)
-        return model, run if closed else free_run(model, theta, starts.T)
+        return model, _settled_run(model, theta, near, starts)
     model = replace(model, stiff=True)
     run = free_run(model, theta, starts.T)
     size = np.maximum(np.max(np.abs(np.where(np.isfinite(run), run, 0.0)), axis=1), 1e-12)
     return refined(replace(model, scale=size), theta, np.where(np.isfinite(run), run, near), most=_MOST_CUTS), run
+
+
+def _settled_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Free run of a plant that is not stiff where ``near`` is; nan where it leaves the measurements far behind.
+
+    It may come to places where long steps are unstable: then they are cut.
+    """
+    record = model.record
+    size = np.maximum(np.std(near, axis=1), 1.0)
+    room = 10.0 * np.maximum(np.ptp(record.y, axis=1), 1e-12)
+    last = np.full_like(record.y, np.inf)
+    for n_sub in (1, 4, 16):
+        finer = replace(model, n_sub=n_sub)
+        bound = finer.bind(theta[:, None])
+        # Newton over the time axis is many times faster than a loop over time, and settles for most plants.
+        run, closed, _ = close(bound, near, record.starts, size, _CLOSED)
+        if not closed:
+            run = free_run(finer, theta, starts.T)
+        y = bound.outputs(run[:, None])[:, 0]
+        if np.all(np.max(np.abs(y - record.y), axis=1) < room):
+            return run
+        if np.all(np.max(np.abs(y - last), axis=1) < 0.1 * room):  # it is no matter of the steps
+            break
+        last = y
+    return np.full_like(run, np.nan)
 
 
 def _is_stiff(model: FitModel, theta: np.ndarray, x: np.ndarray) -> bool:

@@ -35,7 +35,7 @@ def thinned(record: Record, every: int, held: bool) -> Record:
 
 def coarse_start(
     inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool,
-    options: Mapping[str, Any], poor: float,
+    options: Mapping[str, Any],
 ) -> tuple[FitModel, np.ndarray, np.ndarray] | None:  # fmt: skip
     """Model, parameters and trajectory (n_states, n_samples) that a fit to thinned data leads to.
 
@@ -47,8 +47,6 @@ def coarse_start(
         As for :func:`~sksurrogate.physics._prepare.prepared`.
     options : mapping
         Of the fit.
-    poor : float
-        Squared residuals, in units of the noise, above which the fit counts as none.
     """
     every = min(record.n_samples // _ROWS, int(record.lengths.min()) // _ROWS_OF_A_RUN, _MOST)
     if every < _LEAST or inner.plant.access != "rhs":
@@ -60,7 +58,7 @@ def coarse_start(
     if model.stiff:
         return None
     fit = output_error(model, theta, x, sd, open_steps=6, **options)
-    if fit is None or not fit.converged or not fit.cost < poor * few.y.size:
+    if fit is None or not fit.converged:
         return None
     fine = replace(model, record=record, n_sub=1)
     x = _filled(fine, fit.theta, fit.x, few, every)
