@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
-from sksurrogate.physics._fmu_unit import OpenUnit, describe, unpack
+from sksurrogate.physics._fmu_unit import OpenUnit, describe, equal_steps, unpack
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._params import ParametricSimulator
 
@@ -153,6 +153,10 @@ class FMUSimulator(ParametricSimulator):
                 f"U has shape {rows.shape}, expected (n_samples, {len(inputs)}): one column for each of {inputs}."
             )
         times = self.dt * np.arange(len(rows)) if t is None else np.asarray(t, dtype=float)
+        if times.shape != (len(rows),) or not np.all(np.diff(times) > 0):
+            raise SimulatorError(
+                f"t has shape {times.shape}, expected ({len(rows)},): one time for each row of U, each later than the one before."
+            )
         values = dict(self.params or {})
         self._variables(description, list(values), "parameter")
         start = self.x0 if x0 is None else x0
@@ -173,30 +177,27 @@ class FMUSimulator(ParametricSimulator):
         outputs: list[str],
     ) -> np.ndarray:  # fmt: skip
         """One run; inputs are held by stating each both at its first and just before the next sample."""
-        fmpy = require("fmpy", "fmu")
         single = len(rows) == 1
         if single:
             rows, times = np.repeat(rows, 2, axis=0), np.array([times[0], times[0] + self.dt])
-        doubled = np.repeat(times, 2)[1:-1] if unit.kind == "ModelExchange" else times
-        held = np.repeat(rows[:-1], 2, axis=0) if unit.kind == "ModelExchange" else rows
+        exchange = unit.kind == "ModelExchange"
+        # Two rows at one time are an event: there the solver of a model exchange halts and writes its outputs down.
+        doubled, held = (np.repeat(times, 2)[1:-1], np.repeat(rows[:-1], 2, axis=0)) if exchange else (times, rows)
         signal = None
-        if inputs:
+        if inputs or exchange:
             signal = np.array(
                 [(a, *b) for a, b in zip(doubled, held)], dtype=[("time", float), *((name, float) for name in inputs)]
             )
-        step = float(times[1] - times[0])
+        stretches = [(0, len(times) - 1)] if exchange else equal_steps(times)
+        if len(stretches) > 1 and not unit.description.coSimulation.canHandleVariableCommunicationStepSize:
+            raise SimulatorError(
+                f"t has steps from {np.diff(times).min():g} to {np.diff(times).max():g}, but the unit {self.path!s} takes steps of one "
+                "width only (canHandleVariableCommunicationStepSize is false): resample U and t evenly."
+            )
 
         def once(instance: Any) -> np.ndarray:
-            result = fmpy.simulate_fmu(
-                unit.folder, model_description=unit.description, fmu_instance=instance, fmi_type=unit.kind, start_time=times[0],
-                stop_time=times[-1], step_size=step, output_interval=step, start_values=dict(values), input=signal, output=outputs,
-                relative_tolerance=1e-8, validate=False,
-            )  # fmt: skip
-            clock = np.asarray(result["time"], dtype=float)
-            rows_at = np.searchsorted(clock, times - 1e-9 * step, side="left")
-            if rows_at.max() >= len(clock):
-                raise SimulatorError(f"the unit {self.path!s} ended at t = {clock[-1]:g}, before t = {times[-1]:g}.")
-            return np.stack([np.asarray(result[name], dtype=float)[rows_at] for name in outputs], axis=1)
+            parts = [self._stretch(unit, instance, times, a, b, values, signal, outputs) for a, b in stretches]
+            return np.concatenate([part[k > 0 :] for k, part in enumerate(parts)])
 
         try:
             found = unit.run(once)
@@ -207,3 +208,20 @@ class FMUSimulator(ParametricSimulator):
             self.__dict__.pop("_handle", None)
             raise SimulatorError(f"the unit {self.path!s} stopped: {type(error).__name__}: {error}.") from error
         return found[:1] if single else found
+
+    def _stretch(
+        self, unit: OpenUnit, instance: Any, times: np.ndarray, a: int, b: int, values: dict[str, float], signal: np.ndarray | None,
+        outputs: list[str],
+    ) -> np.ndarray:  # fmt: skip
+        """Outputs at the rows a to b, which are evenly apart for a co-simulation; it goes on where the last one ended."""
+        step, last = float(times[a + 1] - times[a]), b == len(times) - 1
+        result = require("fmpy", "fmu").simulate_fmu(
+            unit.folder, model_description=unit.description, fmu_instance=instance, fmi_type=unit.kind, start_time=times[a],
+            stop_time=times[b], step_size=step, output_interval=step, start_values=dict(values), input=signal, output=outputs,
+            relative_tolerance=1e-8, validate=False, initialize=a == 0, terminate=last, set_stop_time=a == 0 and last,
+        )  # fmt: skip
+        clock = np.asarray(result["time"], dtype=float)
+        rows_at = np.searchsorted(clock, times[a : b + 1] - 1e-9 * step, side="left")
+        if rows_at.max() >= len(clock):
+            raise SimulatorError(f"the unit {self.path!s} ended at t = {clock[-1]:g}, before t = {times[b]:g}.")
+        return np.stack([np.asarray(result[name], dtype=float)[rows_at] for name in outputs], axis=1)

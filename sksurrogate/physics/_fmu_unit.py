@@ -15,7 +15,7 @@ import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["OpenUnit", "describe", "unpack"]
+__all__ = ["OpenUnit", "describe", "equal_steps", "unpack"]
 
 #: Largest size of an unpacked unit, bytes.
 _LARGEST = 2_000_000_000
@@ -70,6 +70,21 @@ def describe(folder: str, path: Any) -> Any:
             f"path={os.fspath(path)!r}: its modelDescription.xml cannot be read ({type(error).__name__}: "
             f"{str(error)[:200]}): export the unit again, as FMI 2 or 3."
         ) from error
+
+
+def equal_steps(times: np.ndarray) -> list[tuple[int, int]]:
+    """First and last row of every stretch of equal steps; the last row of one is the first of the next.
+
+    Examples
+    --------
+    >>> equal_steps(np.array([0.0, 1.0, 2.0, 2.5, 3.0]))
+    [(0, 2), (2, 4)]
+    """
+    widths = np.diff(times)
+    rounding = 8 * np.finfo(float).eps * np.max(np.abs(times))
+    turns = np.flatnonzero(np.abs(np.diff(widths)) > 1e-9 * np.abs(widths[1:]) + rounding) + 1
+    edges = [0, *turns.tolist(), len(times) - 1]
+    return list(zip(edges[:-1], edges[1:]))
 
 
 class OpenUnit:

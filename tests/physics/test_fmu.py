@@ -5,6 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from sklearn.base import clone
 
 from sksurrogate.datasets import make_reactor
@@ -245,3 +246,66 @@ def test_the_state_of_a_unit_of_fmi_3_is_copied(tmp_path):
         fmu.set_params(params={"feed": 2.0}).simulate(U, x0=[3.0])
         np.testing.assert_array_equal(fmu.set_params(params=None).simulate(U, x0=[8.0]), first)
     assert fmu.restart == "state"
+
+
+def _by_scipy(t, u, y0, feed=4.0):
+    """Eq. (9) with held inputs, one call of an adaptive solver from sample to sample."""
+    y = [y0]
+    for a, b, v in zip(t[:-1], t[1:], u[:, 0]):
+        rate = np.exp(-1.0 / v)
+        y.append(
+            solve_ivp(
+                lambda _, y, r=rate: 2 * (feed - y) - 100 * r * y**2 + 1000 * r * y,
+                (a, b),
+                [y[-1]],
+                rtol=1e-11,
+                atol=1e-11,
+            ).y[0, -1]
+        )
+    return np.array(y)
+
+
+UNEVEN = {
+    "every one another": np.cumsum(np.random.default_rng(1).uniform(0.002, 0.03, size=40)),
+    "a few stretches": np.r_[np.arange(15) * 0.01, 0.14 + np.arange(1, 10) * 0.025, 0.365 + np.arange(1, 17) * 0.005],
+}
+
+
+@pytest.mark.parametrize("times", UNEVEN)
+def test_uneven_times_of_a_co_simulation_equal_scipy(unit, times):
+    t, U = UNEVEN[times], _inputs(40)
+    fmu = FMUSimulator(unit, outputs=["y"], initial=["y"], dt=0.01)
+    expected = _by_scipy(t, U, 8.0)
+    for _ in range(3):  # anew, and by the way back to the start
+        np.testing.assert_allclose(fmu.simulate(U, x0=[8.0], t=t)[:, 0], expected, atol=1e-7)
+    even = fmu.simulate(U, x0=[8.0])
+    np.testing.assert_array_equal(fmu.simulate(U, x0=[8.0], t=0.01 * np.arange(40)), even)
+
+
+@pytest.mark.parametrize("times", UNEVEN)
+def test_uneven_times_of_a_model_exchange_equal_scipy(exchange_unit, times):
+    t, U = UNEVEN[times], _inputs(40)
+    fmu = FMUSimulator(exchange_unit, inputs=["u"], outputs=["y"], initial=["y"], dt=0.01)
+    np.testing.assert_allclose(fmu.simulate(U, x0=[8.0], t=t)[:, 0], _by_scipy(t, U, 8.0), atol=1e-5)
+    constant = np.full((40, 1), 0.15)  # no input of the unit: its own start value holds
+    alone = clone(fmu).set_params(inputs=[])
+    np.testing.assert_allclose(
+        alone.simulate(np.empty((40, 0)), x0=[8.0], t=t)[:, 0], _by_scipy(t, constant, 8.0), atol=1e-5
+    )
+
+
+def test_a_unit_of_one_step_width_says_so_at_uneven_times(tmp_path):
+    builder = pytest.importorskip("pythonfmu.builder")
+    pytest.importorskip("fmpy")
+    script = tmp_path / "rigid.py"
+    script.write_text(SOURCE.replace("Reactor", "Rigid"))
+    builder.FmuBuilder.build_FMU(script, dest=tmp_path, canHandleVariableCommunicationStepSize=False)
+    path = tmp_path / "Rigid.fmu"
+    fmu = FMUSimulator(path, outputs=["y"], dt=0.01)
+    assert fmu.simulate(_inputs(5), t=np.arange(5) * 0.02).shape == (5, 1)
+    with pytest.raises(SimulatorError, match=r"steps from 0.01 to 0.02.*one width only"):
+        fmu.simulate(_inputs(4), t=[0.0, 0.01, 0.02, 0.04])
+    with pytest.raises(SimulatorError, match=r"t has shape \(3,\), expected \(4,\)"):
+        fmu.simulate(_inputs(4), t=[0.0, 0.01, 0.02])
+    with pytest.raises(SimulatorError, match="later than the one before"):
+        fmu.simulate(_inputs(3), t=[0.0, 0.02, 0.01])
