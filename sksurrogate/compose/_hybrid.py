@@ -18,6 +18,8 @@ from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection, ends_linear
 from sksurrogate.compose._hybrid_force import ForceCorrection
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
 from sksurrogate.compose._hybrid_output import Free, OutputCorrection
+from sksurrogate.compose._left_out import left_out_rmse
+from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.export import Graph, to_casadi, to_onnx
 from sksurrogate.physics._simulator import describe
@@ -77,6 +79,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         Rows of ``y0`` that ``predict`` takes.
     free_run_rmse_ : float
         On the training runs.
+    left_out_rmse_ : ndarray (n_outputs,)
+        What ``return_std`` starts from: on runs left out (every third of them; of one run its last third), at the price of three
+        more fits; with the default residual of "output", whose nets show by their spread what they do not know, on the training runs.
     n_features_in_ : int
 
     Notes
@@ -205,7 +210,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
             Outputs at the first rows of each run; without it the correction starts from no deviation.
         groups : array-like (n_samples,), optional
         return_std : bool, default=False
-            Whether a standard deviation comes along: what the training runs left, the spread of the nets, and, as far
+            Whether a standard deviation comes along: ``left_out_rmse_``, the spread of the nets, and, as far
             as the correction has faded, the size of the gap itself.
 
         Returns
@@ -235,7 +240,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         parts = []
         for f, spread, weight in zip(first, free.spread, free.weight):
             lost = (1.0 - weight)[:, None] * self.correction_.reach
-            part = np.sqrt(self.correction_.rmse**2 + spread**2 + lost**2)
+            part = np.sqrt(self.left_out_rmse_**2 + spread**2 + lost**2)
             part[: 0 if f is None else len(f)] = 0.0
             parts.append(part)
         return mean, self._shaped(runs, parts)
@@ -318,7 +323,15 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         self.residual_ = self.correction_.fitted
         self.n_initial_ = self.correction_.n_lags
         self.free_run_rmse_ = float(np.sqrt(np.mean(self.correction_.rmse**2)))
+        self.left_out_rmse_ = self.correction_.rmse
+        if self._may_overfit():
+            found = left_out_rmse(self._correction, inputs, measured)
+            self.left_out_rmse_ = self.correction_.rmse if found is None else np.maximum(found, self.correction_.rmse)
         return self
+
+    def _may_overfit(self) -> bool:
+        """Whether what is left on the training runs says little of other runs; nets of the free run show it by their spread."""
+        return self.form != "output" or not (self.residual is None or isinstance(self.residual, FreeRunResidual))
 
     def _calibrated(self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]) -> Any:
         """The simulator; an estimator of one is fitted first."""
@@ -333,6 +346,10 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
 
     def _correction(self) -> Any:
         loss = self.loss if self.loss is not None else self._default_loss()
+        if self.residual is not None and not hasattr(self.residual, "fit"):
+            raise DataError(
+                f"residual={self.residual!r} is no estimator: it has no method fit. Give a regressor, or a pipeline that ends in one."
+            )
         if self.form in ("dynamics", "input"):
             own = self.residual is not None and not ends_linear(self.residual)
             if own and not hasattr(self.residual, "predict"):

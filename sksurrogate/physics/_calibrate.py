@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.base import BaseEstimator, RegressorMixin, _fit_context, clone
 from sklearn.exceptions import ConvergenceWarning, DataConversionWarning
 from sklearn.metrics import r2_score
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
 from sksurrogate._columns import by_name
@@ -18,12 +20,13 @@ from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
+from sksurrogate.physics._asked import asked_bounds, asked_names, initial_states, nominal_values
 from sksurrogate.physics._begin import coarse_start
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._intervals import known
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import prepared
-from sksurrogate.physics._simulator import Plant, describe
+from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["CalibratedSimulator"]
@@ -99,6 +102,12 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
     1.7
     """
 
+    _parameter_constraints = {
+        "fit_x0": ["boolean"],
+        "confidence": [Interval(Real, 0, 1, closed="neither")],
+        "max_iter": [Interval(Integral, 1, None, closed="left")],
+    }
+
     __metadata_request__fit = {"groups": True, "x0": True}
     __metadata_request__predict = {"groups": True, "y0": True, "x0": True}
     __metadata_request__score = {"groups": True}
@@ -122,6 +131,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.max_iter = max_iter
         self.run = run
 
+    @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None, x0: Any = None) -> CalibratedSimulator:
         """Fit.
 
@@ -157,13 +167,11 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             )
         runs = self._resolve(X, y, groups, reset=True)
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
-        names = self._names(plant)
+        names = asked_names(plant, self.params)
         record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], plant.dt)
-        starts = np.broadcast_to(
-            plant.x0 if x0 is None else np.asarray(x0, dtype=float), (len(runs), len(plant.states))
-        ).copy()
-        theta = np.array([float(plant.params[name]) for name in names])
-        low, high = self._bounds(names)
+        starts = initial_states(plant, x0, len(runs))
+        theta = nominal_values(plant, names)
+        low, high = asked_bounds(self.bounds, names)
         theta = np.clip(theta, low, high)
         unit = np.where(theta != 0, np.abs(theta), 1.0)
         keep_freed_memory()
@@ -175,7 +183,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             if fit is None:
                 raise SimulatorError(
                     f"no finite free run was found near params={dict(zip(names, theta.tolist()))}: give starting values nearer "
-                    "to the plant (set_params(params__name=...)), bounds, or x0."
+                    "to the plant (set_params(params__name=...)), bounds, or x0, and see that the right-hand side is finite there."
                 )
             lin = fit.linearised or linearise(model, fit.theta, fit.x, unit)
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
@@ -221,11 +229,15 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         check_is_fitted(self, "simulator_")
         runs = self._resolve(X, None, groups)
         plant = describe(self.simulator_)
-        starts = np.broadcast_to(
-            plant.x0 if x0 is None else np.asarray(x0, dtype=float), (len(runs), len(plant.states))
-        ).copy()
+        starts = initial_states(plant, x0, len(runs))
         if x0 is None and y0 is not None and plant.output_states is not None:
             first = np.asarray(y0, dtype=float).reshape(-1, 1) if np.ndim(y0) == 1 else np.asarray(y0, dtype=float)
+            n = len(plant.output_states)
+            if first.ndim not in (2, 3) or first.shape[-1] != n or (first.ndim == 3 and len(first) != len(runs)):
+                raise DataError(
+                    f"y0 has shape {np.shape(y0)}, expected (n_lags, {n}) or ({len(runs)}, n_lags, {n}): the outputs at the "
+                    "first rows of every run."
+                )
             starts[:, list(plant.output_states)] = first[0] if first.ndim == 2 else first[:, 0]
         stacked = runs.stack([self.simulator_.simulate(run.X, start) for run, start in zip(runs, starts)])
         return stacked[:, 0] if self.y_is_1d_ else stacked
@@ -280,41 +292,6 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             min_rows=2 if y is not None else 1,
         )
 
-    def _names(self, plant: Plant) -> list[str]:
-        """Names to fit."""
-        if plant.access == "trajectory":
-            raise SimulatorError(
-                f"CalibratedSimulator needs a simulator with rhs or step and states; {type(self.simulator).__name__} gives trajectories only: "
-                "fit its parameters with GridSearchCV over simulator__params__<name>."
-            )
-        names = list(plant.params) if self.params is None else list(self.params)
-        unknown = [name for name in names if name not in plant.params]
-        if unknown:
-            raise SimulatorError(
-                f"params={names}: the simulator has no parameter {unknown[0]!r}; it has {sorted(plant.params)}."
-            )
-        return names
-
-    def _bounds(self, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
-        """(low, high) of every name."""
-        given = dict(self.bounds or {})
-        unknown = sorted(set(given) - set(names))
-        if unknown:
-            raise DataError(f"bounds names {unknown[0]!r}, which is not fitted; params are {names}.")
-        pairs = []
-        for name in names:
-            try:
-                a, b = given.get(name, (None, None))
-                pair = (-np.inf if a is None else float(a), np.inf if b is None else float(b))
-            except (TypeError, ValueError):
-                pair = (np.nan, np.nan)
-            if not pair[0] < pair[1]:
-                raise DataError(
-                    f"bounds[{name!r}]={given[name]!r}: expected (low, high) with low < high; None leaves a side open."
-                )
-            pairs.append(pair)
-        return np.array([a for a, _ in pairs], dtype=float), np.array([b for _, b in pairs], dtype=float)
-
     def _fitted(
         self, inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, unit: np.ndarray,
         bounds: tuple, starts: np.ndarray, given: bool,
@@ -358,7 +335,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
 
     def _warn(self, what: str) -> None:
         """A warning that points to the line that called ``fit``."""
-        warnings.warn(what, ConvergenceWarning, stacklevel=4)
+        warnings.warn(what, ConvergenceWarning, stacklevel=5)
 
 
 def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:

@@ -200,6 +200,8 @@ class ODESimulator(BaseSimulator):
             raise SimulatorError(
                 f"U has shape {inputs.shape}, expected (n_samples, {len(names)}): one column for each of inputs={list(names)}."
             )
+        if not len(inputs):
+            raise SimulatorError("U has no rows: give one row for each sample.")
         if not np.all(np.isfinite(inputs)):
             row = int(np.flatnonzero(~np.isfinite(inputs).all(axis=1))[0])
             raise SimulatorError(
@@ -234,6 +236,9 @@ class ODESimulator(BaseSimulator):
         times = float(self.dt) * np.arange(U.shape[1]) if t is None else np.asarray(t, dtype=float)
         if times.shape != (U.shape[1],):
             raise SimulatorError(f"t has shape {times.shape}, expected ({U.shape[1]},): one time for each row of U.")
+        if not np.all(np.diff(times) > 0):
+            row = int(np.flatnonzero(~(np.diff(times) > 0))[0]) + 1
+            raise SimulatorError(f"t={times[row]:g} in row {row} is not later than t={times[row - 1]:g} before it: sort the rows by time.")  # fmt: skip
         model.probe(U[0, 0])
         if self.events:
             X = self._with_events(model, U, X0, times)

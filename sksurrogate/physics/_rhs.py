@@ -105,7 +105,13 @@ class PointwiseFunction:
                 f"x has {len(x)} states and u {len(u)} inputs; params are {sorted(p)}."
             ) from error
         try:
-            out = np.array([np.asarray(component, dtype=float).reshape(()) for component in _components(value)])
+            # None, a forgotten return, would pass for nan
+            out = np.array(
+                [
+                    np.asarray(component, dtype=float).reshape(())
+                    for component in (() if value is None else _components(value))
+                ]
+            )
         except (TypeError, ValueError):
             out = np.empty(0)
         if len(out) != self.size:

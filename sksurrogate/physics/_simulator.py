@@ -156,6 +156,11 @@ def describe(
     inputs = _names(getattr(simulator, "inputs", None), n_inputs, "u")
     outputs = _names(getattr(simulator, "outputs", None), n_outputs, "y")
     states = _names(getattr(simulator, "states", None), 0, "x")
+    twice = [name for k, name in enumerate(states) if name in states[:k]]
+    if twice:
+        raise SimulatorError(
+            f"states={list(states)}: {twice[0]!r} is named twice; every state needs a name of its own."
+        )
     for given, count, what, argument in ((inputs, n_inputs, "inputs", "X"), (outputs, n_outputs, "outputs", "y")):
         if count is not None and len(given) != count:
             raise SimulatorError(

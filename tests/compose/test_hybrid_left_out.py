@@ -1,0 +1,57 @@
+"""The stated deviation of a hybrid holds on runs that it has not seen, also with residuals that learn runs by heart."""
+
+import numpy as np
+import pytest
+from sklearn.dummy import DummyRegressor
+from sklearn.ensemble import RandomForestRegressor
+from sklearn.neighbors import KNeighborsRegressor
+
+from sksurrogate.compose import HybridRegressor
+from sksurrogate.datasets import linear_reactor, make_reactor_runs
+
+
+def _data(n_runs, seed, n=100):
+    X, y, groups = make_reactor_runs(n_runs, n, random_state=seed)
+    return X, y + 0.1 * np.random.default_rng(seed).normal(size=len(y)), groups
+
+
+@pytest.mark.parametrize("form", ["static", "series"])
+@pytest.mark.parametrize(
+    "residual", [RandomForestRegressor(10, random_state=0), KNeighborsRegressor(1)], ids=["forest", "neighbour"]
+)
+def test_the_deviation_of_a_residual_that_learns_by_heart_holds_on_new_runs(residual, form):
+    held, ratio = [], []
+    for seed in range(2):
+        hybrid = HybridRegressor(linear_reactor(), residual, form=form)
+        X, y, groups = _data(6, seed)
+        hybrid.fit(X, y, groups=groups)
+        X, y, groups = _data(6, 100 + seed)
+        first = np.stack([y[groups == k][: hybrid.n_initial_] for k in np.unique(groups)])[:, :, None]
+        mean, std = hybrid.predict(X, y0=first, groups=groups, return_std=True)
+        ahead = std > 0
+        z = ((mean - y) / np.where(ahead, std, 1.0))[ahead]
+        held.append(np.mean(np.abs(z) < 1.645))
+        ratio.append(np.sqrt(np.mean(z**2)))
+        assert np.all(hybrid.left_out_rmse_ >= hybrid.free_run_rmse_)
+    # In-sample deviations held 0.1 to 0.3 of these 90 % intervals, errors were 6 to 13 times as large.
+    assert np.mean(held) > 0.8 and np.mean(ratio) < 1.5
+
+
+def test_left_out_runs_are_those_of_the_folds():
+    """A constant residual: what a fold is off by is the mean of the others less its own deviation."""
+    levels, n = np.array([1.0, 2.0, 4.0, 8.0]), 30
+    X, groups = np.zeros((4 * n, 1)), np.repeat(np.arange(4), n)
+    y = np.repeat(levels, n)
+    hybrid = HybridRegressor(None, DummyRegressor(), form="static", n_lags=1).fit(X, y, groups=groups)
+    means = [levels[[1, 2]].mean(), levels[[0, 2, 3]].mean(), levels[[0, 1, 3]].mean(), levels[[1, 2]].mean()]
+    expected = np.sqrt(np.mean((np.array(means) - levels) ** 2))
+    np.testing.assert_allclose(hybrid.left_out_rmse_, expected)
+    np.testing.assert_allclose(hybrid.free_run_rmse_, levels.std())
+
+
+def test_one_run_is_judged_on_its_last_third():
+    y = np.r_[np.zeros(40), np.ones(20)]
+    hybrid = HybridRegressor(None, DummyRegressor(), form="static", n_lags=1).fit(np.zeros((60, 1)), y)
+    np.testing.assert_allclose(hybrid.left_out_rmse_, 1.0)
+    short = HybridRegressor(None, DummyRegressor(), form="static", n_lags=3).fit(np.zeros((8, 1)), np.arange(8.0))
+    np.testing.assert_allclose(short.left_out_rmse_, short.free_run_rmse_)  # too short to be cut
