@@ -18,7 +18,8 @@ def left_out_rmse(
 ) -> np.ndarray | None:
     """RMS error (n_outputs,) of the free runs of corrections that were fitted without these runs.
 
-    A single run is fitted without its last third, and judged there. None where it is too short, or no free run stayed finite.
+    A single run is fitted without its last third, and judged there. None where it is too short, where
+    no free run stayed finite, or where fewer runs are too few for the residual.
 
     Parameters
     ----------
@@ -29,22 +30,28 @@ def left_out_rmse(
     """
     n = len(inputs)
     if n == 1:
-        cut, correction = 2 * len(inputs[0]) // 3, make()
-        if len(inputs[0]) - cut < 2 * correction.n_lags + 2:
+        cut = 2 * len(inputs[0]) // 3
+        if len(inputs[0]) - cut < 2 * make().n_lags + 2:
             return None
-        correction.fit([inputs[0][:cut]], [measured[0][:cut]])
-        errors = [_errors(correction, inputs[0], measured[0])[cut - correction.n_lags :]]
+        folds = [([inputs[0][:cut]], [measured[0][:cut]], [0], cut)]
     else:
-        errors = []
+        folds = []
         for k in range(min(n, _FOLDS)):
             others = [r for r in range(n) if r % _FOLDS != k]
-            correction = make().fit([inputs[r] for r in others], [measured[r] for r in others])
-            errors += [_errors(correction, inputs[r], measured[r]) for r in range(k, n, _FOLDS)]
-    every = np.concatenate(errors)
+            folds.append(([inputs[r] for r in others], [measured[r] for r in others], list(range(k, n, _FOLDS)), 0))
+    errors = []
+    for U, y, judged, first in folds:
+        try:
+            correction = make().fit(U, y)
+            errors += [_errors(correction, inputs[r], measured[r], first) for r in judged]
+        except (ValueError, np.linalg.LinAlgError):  # some residuals want more rows than a fold has
+            continue
+    every = np.concatenate(errors) if errors else np.empty((0, 1))
     every = every[np.isfinite(every).all(axis=1)]
     return np.sqrt(np.mean(every**2, axis=0)) if len(every) else None
 
 
-def _errors(correction: Any, U: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Free run less measurement behind the rows that it starts from."""
-    return (correction.run([U], [y[: correction.n_lags]], False).y[0] - y)[correction.n_lags :]
+def _errors(correction: Any, U: np.ndarray, y: np.ndarray, first: int) -> np.ndarray:
+    """Free run less measurement from row ``first`` on, behind the rows that it starts from."""
+    n = correction.n_lags
+    return (correction.run([U], [y[:n]], False).y[0] - y)[max(n, first) :]
