@@ -346,7 +346,11 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
 
     def _correction(self) -> Any:
         loss = self.loss if self.loss is not None else self._default_loss()
-        if self.residual is not None and not hasattr(self.residual, "fit"):
+        if (
+            self.residual is not None
+            and not hasattr(self.residual, "fit")
+            and not isinstance(self.residual, FreeRunResidual)
+        ):
             raise DataError(
                 f"residual={self.residual!r} is no estimator: it has no method fit. Give a regressor, or a pipeline that ends in one."
             )
