@@ -20,6 +20,8 @@ SHARE = 0.20
 #: With a clear law in what is left, or as many names as are looked for (a stack of stand-ins), this share is too much
 #: already where the error is over this many times the noise.
 SHARE_LAWFUL, LEFT_LAWFUL, CLEAR_LAW = 0.05, 1.1, 0.3
+#: A clear law in a force below this share of the RMS of dx/dt is what any model of a real plant leaves.
+CLEAR_FORCE = 0.008
 #: Two names that leave more than the noise, and in it a law of even this R2, are stand-ins for one missing effect; three
 #: or more are it without a law. What the numerics of a true pair leave is a smaller share than the last.
 LEFT_BY_SEVERAL, LAW_BY_TWO, NUMERICS_SHARE = 1.03, 0.03, 0.01
@@ -93,6 +95,7 @@ def decide(facts: Facts) -> str:
             too_much = stack or (lawful and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
+            clear = clear and facts.force > CLEAR_FORCE
             lasting = law and facts.share_left * facts.law**0.5 > LAWFUL_SHARE
             large = facts.force > FORCE and facts.moved > MOVED
             much = (lasting or large) and facts.share_left > SHARE and facts.left > 1.05

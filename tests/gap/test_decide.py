@@ -1,5 +1,7 @@
 """The rule of the verdict on recorded sets of facts: the demo's second story, the cascaded tanks, stand-ins, disturbances."""
 
+from dataclasses import replace
+
 import pytest
 
 from sksurrogate.gap._verdict import Facts, decide
@@ -30,3 +32,10 @@ def test_several_names_that_leave_more_than_the_noise_stand_in_for_one_that_is_m
     for names, left, law, share in rows:
         facts = Facts(True, share, left, law, 0.005, False, names, 0.15, 1600)
         assert decide(facts) == verdict, facts
+
+
+def test_a_real_circuit_with_its_cubic_spring_named_is_explained_though_a_faint_law_is_left():
+    """The Silverbox record: 93 % closed; a force of 0.6 % of dx/dt is left, and follows a law."""
+    facts = Facts(True, 0.068, 1.22, 0.455, 0.0063, False, 1, 0.137, 6000, moved=0.0073)
+    assert decide(facts) == "explained"
+    assert decide(replace(facts, force=0.02, moved=0.02)) == "unknown"
