@@ -384,6 +384,8 @@ class SensorEffect(BaseEffect):
     access = "trajectory"
     #: Whether the effect has a memory and needs the path between samples (:meth:`follow`), or not (:meth:`read`).
     memory: ClassVar[bool] = False
+    #: Whether readings hide the sign or the like of an output, so that a fit must not start from states read off them.
+    folds: ClassVar[bool] = False
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
         """The reading of a sensor without memory, from the output ``y``, another output ``v`` and the time."""

@@ -269,6 +269,7 @@ class SensorRectification(SensorEffect):
     parameters = ()
     equation = "abs(y)"
     signature = "a mirror image wherever the output is negative"
+    folds = True
     twins = ("sensor_nonlinearity",)
     linear = False
 

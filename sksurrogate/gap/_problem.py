@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._effect import BaseEffect, SensorEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -272,16 +272,30 @@ def fit_last(
 ) -> Rival | None:
     """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from a free run ``run``.
 
-    A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps.
+    A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
+    that hides the sign is fitted from the simulator's own run too: states read off it have the wrong sign in places.
     """
     last = effects[-1]
     place = problem.augmented(effects).slice_of(len(effects) - 1)
+    if isinstance(last, SensorEffect) and last.folds:
+        tries, own = [problem.fit(effects, theta, x, best=best, fallback=run)], nominal_run(problem)
+        if np.isfinite(own).all():
+            tries.append(problem.fit(effects, theta, own, best=best, open_steps=0))
+        return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
     if last.kind != "output" or not last.scan(list(theta[place])):
         return problem.fit(effects, theta, x, best=best, fallback=run)
     soft = replace(problem, sharpness=SOFT).fit(effects, theta, run, open_steps=0, max_steps=8)
     if soft is None:
         return None
     return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
+
+
+def nominal_run(problem: Problem) -> np.ndarray:
+    """States (n_states, n_samples) of the simulator alone, every run from its own initial state."""
+    nominal = problem.augmented(())
+    start = np.repeat(problem.plant.x0[:, None], len(problem.record.starts), axis=1)
+    with np.errstate(all="ignore"):
+        return free_run(nominal, np.zeros(nominal.n_theta), start)
 
 
 def scanned(problem: Problem, rival: Rival) -> Rival:
