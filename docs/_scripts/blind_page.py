@@ -31,7 +31,7 @@ def figures() -> str:
     parts = [
         f"{len(result.rows)} cases on {len(plants)} plants with {truths} effects ({len(names)} different ones), "
         f"{sum(bool(r.get('right')) for r in result.rows)} right.",
-        "### The bars", BARS, table(result.bars()),
+        *_bars(result),
         "### By arm", table(result.scores()),
         *picture(overview(result), "blind_scores", "Right answers by arm, detection, probabilities, shrink"),
         "### Detection over the size of the gap", DETECTION, table(result.detection()),
@@ -44,6 +44,19 @@ def figures() -> str:
         *_baselines(result), *_recorded(),
     ]  # fmt: skip
     return "\n\n".join(parts)
+
+
+def _bars(result: BlindResult) -> list[str]:
+    """The bars: of the rows that the newest code answered, and of all; rows tell their code where several are stored."""
+    codes = list(dict.fromkeys(row.get("code", "") for row in result.rows))
+    if len(codes) == 1:
+        return ["### The bars", BARS, table(result.bars())]
+    newest = BlindResult(tuple(row for row in result.rows if row.get("code", "") == codes[-1]))
+    right = sum(bool(row.get("right")) for row in newest.rows)
+    return [
+        "### The bars", BARS, f"Commit {codes[-1]}: {len(newest.rows)} cases, {right} right.", table(newest.bars()),
+        f"All {len(result.rows)} cases, commits {', '.join(codes)}; the tables after this one are of all.", table(result.bars()),
+    ]  # fmt: skip
 
 
 BARS = (
