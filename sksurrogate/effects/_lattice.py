@@ -35,7 +35,7 @@ def shows_steps(readings: np.ndarray, step: Any) -> np.ndarray:
     [True, False]
     """
     step = np.atleast_1d(np.asarray(step, dtype=float))
-    return np.mean(np.cos(2 * np.pi * readings / step), axis=-1, keepdims=True) > SHOWN
+    return coherence(readings, step.ravel()).reshape(step.shape) > SHOWN
 
 
 def lattice_steps(readings: np.ndarray) -> list[float]:

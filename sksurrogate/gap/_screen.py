@@ -228,7 +228,7 @@ def _with_nearby(s: _Screener, found: Screen, noise: Noise | None) -> Screen:
     """Further starts near the best one of effects that jump with their parameters, where these rank high."""
     best: dict[int, Start] = {}
     for start in found.starts:
-        if start.white > best.get(id(start.effect), start).white or id(start.effect) not in best:
+        if start.white > best.setdefault(id(start.effect), start).white:
             best[id(start.effect)] = start
     high = max(CONTENDERS * max((start.white for start in best.values()), default=0.0), LEAST_DROP)
     for start in best.values():
