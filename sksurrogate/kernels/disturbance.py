@@ -91,6 +91,8 @@ class Disturbance:
         self.later[starts] = 0.0
         self.start_sd, self.slack = start_sd, slack
         self.A, self.B, self.C = A.transpose(2, 0, 1), B.transpose(2, 0, 1), C.transpose(2, 0, 1)
+        # States that each output sees; most see one.
+        self.seen = [np.flatnonzero(np.any(self.C[:, j] != 0.0, axis=0)) for j in range(self.m)]
         # The parts of F'F that do not depend on the noise parameters.
         G = np.concatenate([self.A, self.B], axis=2) * self.inner[:, None, None]
         self.G = G
@@ -98,10 +100,10 @@ class Disturbance:
         self.constant = self._constant()
 
     def _constant(self) -> np.ndarray:
-        """Lower band of the posterior precision without what depends on the noise parameters (n_samples, size, 2 size)."""
+        """Lower band of the posterior precision without what depends on the noise parameters (n_samples, size, size + n)."""
         n, size, top = self.n, self.size, self.n + self.b
         q_x = 1.0 / self.slack**2
-        band = np.zeros((self.n_samples, size, 2 * size))
+        band = np.zeros((self.n_samples, size, size + n))
         for i in range(top):
             for j in range(i + 1):
                 band[:, j, i - j] = self.GG[:, i, j]
@@ -113,26 +115,24 @@ class Disturbance:
 
     def _factor(self, noise: Noise) -> tuple[np.ndarray, float]:
         """Banded Cholesky factor of the posterior precision, and log determinant of the prior precision."""
-        n, b, m, size = self.n, self.b, self.m, self.size
+        n, b, size = self.n, self.b, self.size
         a_w, a_v = np.exp(-1.0 / noise.tau), np.exp(-1.0 / noise.tau_sensor)
         q_w = 1.0 / (noise.force**2 * (1 - a_w**2))
         q_v = 1.0 / (noise.coloured**2 * (1 - a_v**2))
-        inner, later = self.inner, self.later
-        first = 1.0 - later
+        inner, later = self.inner[:, None], self.later[:, None]
         top = n + b
         band = self.constant.copy()
-        for i in range(b):
-            band[:, n + i, 0] += q_w[i] * (inner * a_w**2 + later) + first / noise.force[i] ** 2
-            band[:, n + i, size] = -q_w[i] * a_w * inner
-        for j in range(m):
+        band[:, n:top, 0] += q_w * (inner * a_w**2 + later) + (1.0 - later) / noise.force**2
+        band[:, n:top, size] = -q_w * a_w * inner
+        band[:, top:, 0] += noise.sigma**-2 + q_v * (inner * a_v**2 + later) + (1.0 - later) / noise.coloured**2
+        band[:, top:, size] = -q_v * a_v * inner
+        for j, seen in enumerate(self.seen):
             w, C = 1.0 / noise.sigma[j] ** 2, self.C[:, j]
-            for i in range(n):
-                for k in range(i + 1):
+            for i in seen:
+                for k in seen[seen <= i]:
                     band[:, k, i - k] += w * C[:, i] * C[:, k]
                 band[:, i, top + j - i] += w * C[:, i]
-            band[:, top + j, 0] += w + q_v[j] * (inner * a_v**2 + later) + first / noise.coloured[j] ** 2
-            band[:, top + j, size] = -q_v[j] * a_v * inner
-        factor, info = dpbtrf(band.reshape(self.n_samples * size, 2 * size).T, lower=1, overwrite_ab=1)
+        factor, info = dpbtrf(band.reshape(self.n_samples * size, size + n).T, lower=1, overwrite_ab=1)
         if info != 0:
             raise np.linalg.LinAlgError("the posterior precision is not positive definite")
         steps, runs = float(self.later.sum()), len(self.starts)
@@ -148,7 +148,7 @@ class Disturbance:
         out = np.zeros((k, self.n_samples, self.size))
         for j in range(self.m):
             scaled = r[j] / noise.sigma[j] ** 2
-            for i in range(self.n):
+            for i in self.seen[j]:
                 out[:, :, i] += self.C[:, j, i] * scaled
             out[:, :, top + j] += scaled
         return out.reshape(k, self.n_samples * self.size).T
@@ -306,15 +306,15 @@ def fit_noise(
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
 
-    def objective(eta: np.ndarray) -> tuple[float, np.ndarray | None]:
-        """Negative log likelihood at the best parameters of the model, and these."""
+    def objective(eta: np.ndarray) -> tuple[float, np.ndarray | None, float]:
+        """Negative log likelihood at the best parameters of the model, these, and its value with them frozen."""
         noise = start.unpack(eta)
         try:
             G, logdet = model.gram(columns, noise)
         except np.linalg.LinAlgError:
-            return np.inf, None
+            return np.inf, None, np.inf
         if not np.all(np.isfinite(G)):
-            return np.inf, None
+            return np.inf, None, np.inf
         value, best = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, unit), np.zeros(k)
         if k:
             H = G[1:, 1:] + (np.diag(precision) if precision is not None else 0.0)
@@ -322,11 +322,14 @@ def fit_noise(
             scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
             normal, right = H / np.outer(scale, scale), g / scale
             if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
-                return np.inf, None
+                return np.inf, None, np.inf
             best = np.linalg.lstsq(normal, right, rcond=1e-10)[0]
             value -= 0.5 * float(right @ best)
             best = best / scale
-        return (float(value), best) if np.isfinite(value) else (np.inf, None)
+        if not np.isfinite(value):
+            return np.inf, None, np.inf
+        weights = np.r_[1.0, -best]  # of the columns in the residual that is left
+        return float(value), best, float(0.5 * (weights @ G @ weights + logdet) - _log_prior(noise, unit))
 
     def frozen(eta: np.ndarray, residual: np.ndarray) -> float:
         """Negative log likelihood of one residual, up to what does not depend on the noise."""
@@ -338,10 +341,10 @@ def fit_noise(
         value = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, unit)
         return float(value) if np.isfinite(value) else np.inf
 
-    def gradient(eta: np.ndarray, best: np.ndarray) -> np.ndarray:
-        """Forward differences with the parameters frozen at their best (envelope theorem)."""
+    def gradient(eta: np.ndarray, best: np.ndarray, base: float) -> np.ndarray:
+        """Forward differences from ``base`` with the parameters frozen at their best (envelope theorem)."""
         residual = r[:, None] - np.einsum("okt,k->ot", columns[:, 1:], best)[:, None]
-        base, out, step = frozen(eta, residual), np.zeros(len(eta)), 1e-3
+        out, step = np.zeros(len(eta)), 1e-3
         for i in np.flatnonzero(low < high):
             h = step if eta[i] + step <= high[i] else -step
             shifted = eta.copy()
@@ -360,10 +363,10 @@ def _quasi_newton(objective, gradient, eta, low, high, max_iterations, inverse):
     """BFGS within bounds, started from a given inverse Hessian; stops when little is to be gained."""
     n = len(eta)
     H = 0.02 * np.eye(n) if inverse is None else inverse.copy()
-    value, best = objective(eta)
+    value, best, base = objective(eta)
     if best is None:
         return eta, value, H
-    g = gradient(eta, best)
+    g = gradient(eta, best, base)
     for _ in range(max_iterations):
         if not np.all(np.isfinite(g)):
             break
@@ -381,7 +384,7 @@ def _quasi_newton(objective, gradient, eta, low, high, max_iterations, inverse):
         t = 1.0
         for _ in range(8):
             new = np.clip(eta + t * d, low, high)
-            new_value, new_best = objective(new)
+            new_value, new_best, new_base = objective(new)
             if new_value < value + 1e-4 * (g @ (new - eta)):
                 break
             t *= 0.3
@@ -391,7 +394,7 @@ def _quasi_newton(objective, gradient, eta, low, high, max_iterations, inverse):
         if gained < 0.02:
             eta, value = new, new_value
             break
-        new_g = gradient(new, new_best)
+        new_g = gradient(new, new_best, new_base)
         s, yv = new - eta, new_g - g
         if s @ yv > 1e-10:
             rho = 1.0 / (s @ yv)
