@@ -30,8 +30,8 @@ __all__ = [
     "times",
 ]
 
-#: Steps smaller than this share of the signal round nothing that can be seen.
-COARSEST, FINEST = 1.0, 40.0
+#: Steps to the largest value: half a step is rounded to 0, steps finer than the last round nothing that can be seen.
+COARSEST, FINEST = 0.55, 40.0
 #: Largest value over the range of a signal, beyond which no finer steps are tried.
 FARTHEST = 4.0
 
@@ -55,13 +55,15 @@ def times(probe: Probe) -> list[tuple[float, ...]]:
 
 
 def step_sizes(signal: np.ndarray) -> list[tuple[float, ...]]:
-    """Steps of a quantisation to try: 1 to 40 steps to the largest value, more where the signal moves about an offset.
+    """Steps of a quantisation to try: 0.55 to 40 steps to the largest value, more where the signal moves about an offset.
 
     Close together: a step that is off shifts the rounding of large values by a whole step.
     """
     largest = float(np.max(np.abs(signal), initial=0.0))
     offset = min(largest / max(float(np.ptp(signal)), 1e-300), FARTHEST) if signal.size else 1.0
-    counts = np.r_[np.arange(COARSEST, 10.0, 0.2), np.arange(10.0, FINEST * max(offset, 1.0), 0.4)]
+    counts = np.r_[
+        np.arange(COARSEST, 1.0, 0.05), np.arange(1.0, 10.0, 0.2), np.arange(10.0, FINEST * max(offset, 1.0), 0.4)
+    ]
     return [(largest / float(count),) for count in counts] if largest > 0 else []
 
 
@@ -288,7 +290,7 @@ class InputQuantization(InputEffect):
         return pointwise(lambda value: quantize(value, theta[0]), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """From one step to 40 steps to the largest input."""
+        """From half a step to 40 steps to the largest input."""
         return step_sizes(probe.x)
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:

@@ -79,3 +79,19 @@ def test_a_step_far_below_the_noise_earns_nothing(plant):
     for step in np.geomspace(1e-6, 5e-6, 25):
         one = Rival(effects, rival.model, frozen_fit(problem, rival, np.array([step])))
         assert quick_likelihood(problem, one, [null.noise]) < null.log_likelihood + 0.3
+
+
+def test_a_step_larger_than_every_input_is_found(plant):
+    """Inputs up to 4.9 in steps of 6: nothing below 3, 6 above; the drain is off by 7 % and free."""
+    rng = np.random.default_rng(3)
+    U = np.repeat(rng.uniform(0.5, 4.9, (RUNS, N // 30)), 30, axis=1)
+    Y = plant.simulate_batch(6.0 * np.round(U / 6.0)[:, :, None])
+    Y = Y + 0.01 * Y.std() * rng.normal(size=Y.shape)
+    off = plant.set_params(params={"drain": 0.86, "out": 0.5})
+    found = (
+        GapDiagnoser(off, free_params="all", random_state=0)
+        .fit(U.reshape(-1, 1), Y.reshape(-1, 2), groups=np.repeat(np.arange(RUNS), N))
+        .report_
+    )
+    assert [e.name for e in found.effects] == ["input_quantization"]
+    assert found.effects[0].params["step"] == pytest.approx(6.0, rel=0.02)
