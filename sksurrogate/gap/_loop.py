@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.kernels.record import Record
 
-__all__ = ["LOOP", "closed_loop"]
+__all__ = ["LOOP", "closed_loop", "may_follow_noise"]
 
 #: Lags of an input that explain its next move without the outputs; lags of the residual that must add nothing.
 OWN, FOREIGN = 6, 3
 #: Share of the moves of an input that residuals must explain beyond its own past, and its size against chance.
 SHARE, CHANCE = 0.02, 40.0
+#: A move beyond this many times the median one is a jump of the reference.
+JUMP = 6.0
 #: Moves of an input that are enough to judge by.
 FEWEST = 60
 
@@ -49,10 +53,9 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         move = u[rows] - u[rows - 1]
         foreign = np.stack([e[rows - lag] for e in quick for lag in range(FOREIGN)], axis=1)
         own = np.stack([np.ones(len(rows)), *(v[rows - lag] for v in record.u for lag in range(1, OWN + 1))], axis=1)
-        left = move - own @ np.linalg.lstsq(own, move, rcond=1e-10)[0]
-        if float(left @ left) <= 1e-10 * float(move @ move):
+        left, calm = _foretold(own, move)
+        if float(left[calm] @ left[calm]) <= 1e-10 * float(move[calm] @ move[calm]):
             continue  # the input foretells itself
-        calm = np.abs(left) <= 6.0 * float(np.median(np.abs(left)))  # without the jumps of a reference
         if calm.sum() < FEWEST or np.std(left[calm]) == 0:
             continue
         e = foreign[calm] - foreign[calm].mean(axis=0)
@@ -62,3 +65,35 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         if share > SHARE and share * len(z) > CHANCE + 2.0 * foreign.shape[1]:
             return name
     return None
+
+
+def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the input's own past leaves of its moves, and the rows without the jumps of a reference, which would hide it."""
+    left = move
+    for _ in range(3):
+        calm = np.abs(left) <= JUMP * float(np.median(np.abs(left)))
+        left = move - own @ np.linalg.lstsq(own[calm], move[calm], rcond=1e-10)[0]
+    return left, np.abs(left) <= JUMP * float(np.median(np.abs(left)))
+
+
+def may_follow_noise(problem: Problem, rival: Rival, base: Rival) -> bool:
+    """Whether what a rival adds to ``base`` at an input may only follow the noise that a controller puts into it.
+
+    Where an output shows an input at once and the input answers the output's noise at once, an effect on the input can
+    follow that noise, but it can remove no more than all of it.
+    """
+    added = {e.location for e in rival.effects if e.kind == "input" and e.key not in base.keys}
+    if not added or base.fit.cost - rival.fit.cost > problem.record.y.size:
+        return False
+    looped = closed_loop(problem.record, rival.fit.y, problem.plant.inputs)
+    return looped in added and shown_at_once(problem, rival, str(looped))
+
+
+def shown_at_once(problem: Problem, rival: Rival, name: str) -> bool:
+    """Whether an output of the simulator depends on an input in the same sample."""
+    record, i = problem.record, problem.plant.inputs.index(name)
+    u = record.u.copy()
+    u[i] += 1e-3 * max(float(np.std(u[i])), 1e-9)
+    x, nothing = rival.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
+    moved = replace(problem, record=replace(record, u=u)).augmented(()).bind(nothing).outputs(x)
+    return not np.allclose(moved, problem.augmented(()).bind(nothing).outputs(x), rtol=1e-12, atol=0.0)

@@ -11,6 +11,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
+from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._problem import Rival
 from sksurrogate.kernels.disturbance import Noise
 
@@ -144,7 +145,7 @@ class Search(Expander):
         best = self.simplify(self.best_polished(self.first_round))
         if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
             self.estimate_null(best.noise)  # a weak gain must not be what the null's noise fit left on the table
-        passed = self.gain(best) > self.bar(best.n_parameters)
+        passed = self.gain(best) > self.bar(best.n_parameters) and not may_follow_noise(self.at(best), best, null)
         if passed:
             self.final = best
         else:
@@ -219,6 +220,8 @@ class Search(Expander):
 
     def passes(self, rival: Rival, best: Rival, passed: bool) -> bool:
         """Whether an effect more is worth it: over the best smaller set, or over nothing where none passed alone."""
+        if may_follow_noise(self.at(rival), rival, best):
+            return False
         if not passed:
             return self.gain(rival) > self.bar(rival.n_parameters) + 2.0 * np.log(len(self.candidates))
         assert self.null is not None
