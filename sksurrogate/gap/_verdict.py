@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
@@ -23,7 +24,7 @@ SHARE_LAWFUL, LEFT_LAWFUL, CLEAR_LAW = 0.05, 1.1, 0.3
 #: A clear law in a force below this share of the RMS of dx/dt is what any model of a real plant leaves.
 CLEAR_FORCE = 0.008
 #: Two names that leave more than the noise, and in it a law of even this R2, are stand-ins for one missing effect; three
-#: or more are it without a law. What the numerics of a true pair leave is a smaller share than the last.
+#: or more, or two that are static laws of one variable in one balance, are it without a law. What the numerics of a true pair leave is a smaller share than the last.
 LEFT_BY_SEVERAL, LAW_BY_TWO, NUMERICS_SHARE = 1.03, 0.03, 0.01
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
@@ -71,6 +72,8 @@ class Facts:
     n_samples : int
     moved : float
         What the latent force moves an output by, over its deviation.
+    one_curve : bool
+        Whether two names are static laws of one variable in one balance: parts of one curve.
     """
 
     accepted: bool
@@ -83,6 +86,7 @@ class Facts:
     error: float = np.inf
     n_samples: int = 1000
     moved: float = np.inf
+    one_curve: bool = False
 
 
 def decide(facts: Facts) -> str:
@@ -109,7 +113,7 @@ def decide(facts: Facts) -> str:
 def stand_ins(facts: Facts) -> bool:
     """Whether several names, near the noise, only stand in for one effect that is missing."""
     beyond = facts.left > max(LEFT_BY_SEVERAL, 1.0 + facts.n_samples**-0.5) and facts.share_left > NUMERICS_SHARE
-    return beyond and (facts.names >= 3 or (facts.names == 2 and facts.law > LAW_BY_TWO))
+    return beyond and (facts.names >= 3 or (facts.names == 2 and (facts.law > LAW_BY_TWO or facts.one_curve)))
 
 
 def facts_of(
@@ -138,7 +142,15 @@ def facts_of(
         float(shrink.before) if np.isfinite(shrink.before) else np.inf,
         final.model.record.n_samples,
         _moved(problem, latent),
+        one_curve(final.effects),
     )
+
+
+def one_curve(effects: Sequence[BaseEffect]) -> bool:
+    """Whether two of the effects are static laws of the same variable in the same balance."""
+    static = [e for e in effects if isinstance(e, BalanceEffect) and not isinstance(e, HiddenEffect)]
+    places = [(e.location, e.variable) for e in static if e.variable is not None]
+    return len(set(places)) < len(places)
 
 
 def _moved(problem: Problem, latent: LatentForce) -> float:

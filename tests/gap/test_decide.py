@@ -4,7 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from sksurrogate.gap._verdict import Facts, decide
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._questions import certified
+from sksurrogate.gap._report import Shrink
+from sksurrogate.gap._verdict import Facts, decide, one_curve
 
 
 def test_a_stack_of_names_with_a_clear_law_left_is_unknown_and_a_useful_one_is_not():
@@ -39,3 +42,25 @@ def test_a_real_circuit_with_its_cubic_spring_named_is_explained_though_a_faint_
     facts = Facts(True, 0.068, 1.22, 0.455, 0.0063, False, 1, 0.137, 6000, moved=0.0073)
     assert decide(facts) == "explained"
     assert decide(replace(facts, force=0.02, moved=0.02)) == "unknown"
+
+
+def test_two_static_laws_of_one_variable_in_one_balance_are_one_unknown_curve():
+    """Two frictions in place of an end stop that is not in the catalogue, under a disturbance of 1 %."""
+    facts = Facts(True, 0.094, 1.337, 0.0, 0.0115, False, 2, 0.099, 1800, moved=0.0088)
+    assert decide(facts) == "explained"
+    assert decide(replace(facts, one_curve=True)) == "unknown"
+    assert decide(replace(facts, one_curve=True, left=1.01)) == "explained"
+    friction, stop, drag = (CATALOGUE[name]("v", "x") for name in ("coulomb_friction", "end_stop", "quadratic_drag"))
+    assert one_curve([friction, stop])
+    assert not one_curve([friction, CATALOGUE["hidden_relaxation"]("v", "x")])
+    assert not one_curve([friction, CATALOGUE["quadratic_drag"]("v", "v")])
+    assert not one_curve([drag, CATALOGUE["constant_bias"]("v")])
+
+
+def test_a_gap_within_the_noise_is_not_closed_by_what_makes_it_larger():
+    nan = float("nan")
+    within = Shrink(before=0.9, after=0.8, floor=1.0, fraction=nan, interval=(nan, nan))
+    assert certified(within)
+    assert not certified(replace(within, after=1.3))
+    assert not certified(replace(within, fraction=0.1))
+    assert certified(replace(within, fraction=0.9))
