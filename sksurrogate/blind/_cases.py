@@ -200,6 +200,8 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
     gap = float(np.sqrt(np.mean(error**2)))
     if not np.isfinite(course.outputs).all() or np.abs(course.outputs).max() > 20 * np.abs(nominal.outputs).max() + 1.0:
         return None
+    if not plant.holds(course.states):
+        return None
     if arm == "unexcited" and gap > 0.02:
         return None
     if effects and arm != "unexcited":

@@ -95,7 +95,7 @@ def make_setting(rng: np.random.Generator, plant: PlantSpec, runs: Any, arm: str
     if repeats:
         U, X0 = np.repeat(U[::2], 2, axis=0)[: len(U)], np.repeat(X0[::2], 2, axis=0)[: len(U)]
     nominal = march(plant, U, X0, substeps=8)
-    if not np.isfinite(nominal.outputs).all():
+    if not (np.isfinite(nominal.outputs).all() and plant.holds(nominal.states)):
         return None
     scale = nominal.outputs.reshape(-1, len(plant.outputs)).std(axis=0)
     if np.any(scale <= 1e-9 * (np.abs(nominal.outputs).max() + 1e-12)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -80,6 +80,9 @@ class PlantSpec:
     output : callable, optional
         ``output(t, x, u, p)`` where outputs are not states.
     hold : {"zoh", "foh"}
+    within : dict
+        State -> largest magnitude in an experiment: runs that go further are drawn again (a pendulum that tumbles forgets
+        where it began, and what is missing in it can no longer be seen in a free run).
 
     Examples
     --------
@@ -104,11 +107,17 @@ class PlantSpec:
     warm: bool = False
     output: Callable[..., Any] | None = None
     hold: str = "zoh"
+    within: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
         return tuple(drive.name for drive in self.drives)
+
+    def holds(self, states: np.ndarray) -> bool:
+        """Whether states (..., n_states) stay where an experiment may go."""
+        limit = np.array([self.within.get(name, np.inf) for name in self.states])
+        return bool(np.all(np.abs(states) <= limit))
 
     @property
     def balances(self) -> tuple[str, ...]:
@@ -175,11 +184,12 @@ def _spec(
     positive: bool = False,
     warm: bool = False,
     output: Callable[..., Any] | None = None,
+    within: Mapping[str, float] | None = None,
 ) -> PlantSpec:
     """A plant, names written as one string."""
     return PlantSpec(
         name, domain, rhs, tuple(states.split()), drives, tuple(outputs.split()), dict(params), dt, start, spread,
-        tuple((partial or outputs).split()), dict(kinematic or {}), positive, warm, output,
+        tuple((partial or outputs).split()), dict(kinematic or {}), positive, warm, output, within=dict(within or {}),
     )  # fmt: skip
 
 
@@ -202,7 +212,7 @@ _ALL = (
     _spec(
         "pendulum", "mechanics", eq.pendulum, "angle rate", (Drive("torque", 0.0, 5.0),), "angle rate",
         {"gain": 1.0, "gravity": 9.0, "damping": 0.4}, 0.05, (0.0, 0.0), (0.6, 1.5), partial="angle",
-        kinematic={"angle": "rate"},
+        kinematic={"angle": "rate"}, within={"angle": 6.3},
     ),
     _spec(
         "two_mass_drive", "mechanics", eq.two_mass_drive, "twist motor_speed load_speed", (Drive("torque", 0.0, 3.0),),

@@ -190,3 +190,18 @@ def test_what_retuning_can_imitate_leaves_no_gap():
         alone = float(np.sqrt(np.mean(((y - nominal) / case.noise) ** 2)))
         gaps[truth.name] = beyond_retuning(replace(case, truths=(truth,))) / alone
     assert gaps["linear_loss"] < 0.02 and gaps["sensor_quantization"] > 0.9
+
+
+def test_a_curved_input_and_a_quadratic_loss_in_that_input_leave_the_catalogue_together():
+    """``u + c u |u|`` pushes one balance as ``c u^2`` does where u keeps its sign."""
+    assert "quadratic_loss" not in remaining(["input_curve"])
+
+
+def test_experiments_in_which_a_pendulum_tumbles_are_drawn_again():
+    plant = PLANTS["pendulum"]
+    assert plant.holds(np.full((1, 5, 2), 6.0))
+    assert not plant.holds(np.array([[[7.0, 0.0]]]))
+    for seed in range(3):
+        case = draw("effect", seed, plant=plant)
+        angle = case.question.y.reshape(len(case.question.X), -1)[:, 0]
+        assert np.abs(angle).max() < 6.3 + 10 * case.unit[0]
