@@ -11,7 +11,8 @@ from joblib import Parallel, delayed
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, nominal
 from sksurrogate.gap._pairs import best_pairs
-from sksurrogate.gap._problem import Problem, Rival, scanned
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Screen, Start, screen
 
 __all__ = ["Expander"]

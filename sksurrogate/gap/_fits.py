@@ -8,7 +8,8 @@ import numpy as np
 
 from sksurrogate.effects._effect import HiddenEffect
 from sksurrogate.gap._evidence import frozen_fit
-from sksurrogate.gap._problem import Problem, Rival, fit_last, scanned
+from sksurrogate.gap._problem import Problem, Rival, fit_last
+from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Start
 from sksurrogate.kernels.output_error import Fit
 

@@ -18,7 +18,7 @@ from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "fit_last", "scanned"]
+__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "fit_last"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
@@ -296,22 +296,6 @@ def nominal_run(problem: Problem) -> np.ndarray:
     start = np.repeat(problem.plant.x0[:, None], len(problem.record.starts), axis=1)
     with np.errstate(all="ignore"):
         return free_run(nominal, np.zeros(nominal.n_theta), start)
-
-
-def scanned(problem: Problem, rival: Rival) -> Rival:
-    """Fit again from values nearby where the prediction of the last effect jumps with them (quantizations)."""
-    place = rival.model.slice_of(len(rival.effects) - 1)
-    for _ in range(3):
-        before = rival.fit.cost
-        for values in rival.effects[-1].scan(tuple(rival.fit.theta[place])):
-            theta = rival.fit.theta.copy()
-            theta[place] = values
-            other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
-            if other is not None and other.fit.cost < rival.fit.cost:
-                rival = other
-        if rival.fit.cost > before - 1.0:
-            break
-    return rival
 
 
 def measured_guess(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:

@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
+from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap._evidence import estimate_noise, frozen_fit, quick_likelihood
+from sksurrogate.gap._problem import Rival, build_problem
+from sksurrogate.gap._scan import promising
+from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
 
 DT, N, RUNS = 0.1, 300, 4
 
@@ -36,6 +43,14 @@ def recorded(plant, rng, act=lambda u: u, read=lambda y: y, force=0.0):
     return np.concatenate(U), np.concatenate(Y), np.repeat(np.arange(RUNS), N)
 
 
+def problem_of(plant, data):
+    X, y, groups = data
+    runs = [groups == k for k in range(RUNS)]
+    record = Record.from_runs([X[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
+    described = describe(plant, n_inputs=1, n_outputs=2, dt=DT)
+    return build_problem(described, PlantModel(described), record, (), ("first", "second"))
+
+
 def named(plant, data):
     X, y, groups = data
     report = GapDiagnoser(plant, random_state=0).fit(X, y, groups=groups).report_
@@ -60,18 +75,7 @@ def test_a_coarse_sensor_beside_a_coloured_force_is_named_alone(plant):
 
 def test_a_step_far_below_the_noise_earns_nothing(plant):
     """A prediction that jumps with its parameter has no slope: the likelihood may not follow one."""
-    from sksurrogate.effects import CATALOGUE
-    from sksurrogate.gap._evidence import estimate_noise, frozen_fit, quick_likelihood
-    from sksurrogate.gap._problem import Rival, build_problem
-    from sksurrogate.kernels.record import Record
-    from sksurrogate.physics._model import PlantModel
-    from sksurrogate.physics._simulator import describe
-
-    X, y, groups = recorded(plant, np.random.default_rng(7))
-    runs = [groups == k for k in range(RUNS)]
-    record = Record.from_runs([X[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
-    described = describe(plant, n_inputs=1, n_outputs=2, dt=DT)
-    problem, smoothed = build_problem(described, PlantModel(described), record, (), ("first", "second"))
+    problem, smoothed = problem_of(plant, recorded(plant, np.random.default_rng(7)))
     null = problem.fit((), np.zeros(0), smoothed.x)
     estimate_noise(problem, null, problem.first_noise())
     effects = (CATALOGUE["input_quantization"]("flow"),)
@@ -95,3 +99,19 @@ def test_a_step_larger_than_every_input_is_found(plant):
     )
     assert [e.name for e in found.effects] == ["input_quantization"]
     assert found.effects[0].params["step"] == pytest.approx(6.0, rel=0.02)
+
+
+def test_values_nearby_are_ranked_as_their_own_free_runs_rank_them(plant):
+    """All abreast and to first order; every value's own free run with fitted initial states is the oracle."""
+    data = recorded(plant, np.random.default_rng(5), act=lambda u: 0.31 * np.round(u / 0.31))
+    problem, smoothed = problem_of(plant, data)
+    effects = (CATALOGUE["input_quantization"]("flow"),)
+    start = Rival(effects, problem.augmented(effects), problem.fit((), np.zeros(0), smoothed.x).fit)
+    off = Rival(effects, start.model, frozen_fit(problem, start, np.array([0.31 * 1.0105])))
+    cost = {
+        step: frozen_fit(problem, off, np.array([step])).cost for (step,) in effects[0].scan((float(off.fit.theta[0]),))
+    }
+    best = [float(theta[0]) for theta in promising(problem, off)]
+    assert best == sorted(cost, key=lambda step: cost[step])[: len(best)]
+    assert best[0] == pytest.approx(0.31, rel=0.005)
+    assert promising(problem, Rival(effects, off.model, frozen_fit(problem, off, np.array([0.31])))) == []
