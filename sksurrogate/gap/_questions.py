@@ -15,6 +15,7 @@ from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._correction import generic_correction
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
+from sksurrogate.gap._free_curve import FreeCurve, free_curve
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, Shrink, Table, Trace, Where
@@ -56,6 +57,7 @@ class _Found:
     slots: list[Slot]
     latent: LatentForce | None = None
     law: np.ndarray | None = None
+    curve: FreeCurve | None = None
     places: list[Place] | None = None
     shrink: Shrink | None = None
     held: HeldOut | None = None
@@ -110,6 +112,7 @@ class Questions:
         if final.effects and NEARLY_WHITE < left(final) <= FAR:
             # Coloured sensor noise may have taken what is a law of the states.
             found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
+        found.curve = free_curve(at, final) if left(final) <= FAR else None
         closed = bool(final.effects) and left(final) < 1.2
         found.places = places(problem, null, (10.0,) if closed else (5.0, 25.0))
         if not closed and left(null) > 2.0:
@@ -156,6 +159,7 @@ class Questions:
         search.final, found.slots = null, []
         found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
         found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
+        found.curve = free_curve(search.at(null), null) if left(null) <= FAR else None
         held = found.held
         after = held.before if not self.problem.free else held.retuned
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
@@ -191,7 +195,9 @@ class Questions:
             return "unknown"  # interrupted: nothing is certified yet
         most = MOST_NOISE * self.problem.sd
         at = self.search.at(final)
-        return decide(facts_of(at, final, found.shrink, found.latent, found.law, found.retuned, most))
+        gap = float(np.sqrt(null.fit.cost / self.search.n_values))
+        facts = facts_of(at, final, found.shrink, found.latent, found.law, found.curve, found.retuned, gap, most)
+        return decide(facts)
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
+from sksurrogate.gap._free_curve import FreeCurve
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
@@ -39,6 +40,8 @@ FORCE = 0.06
 #: Near the noise, what is left is no disturbance when laws make up this share of the gap (amplitude), or when it moves an
 #: output by this share of its deviation.
 LAWFUL_SHARE, MOVED = 0.12, 0.03
+#: A free curve is certain from this gain (twice nats) on; beside names it must move an output by this share of its deviation.
+CURVE, CURVE_MOVED = 10.0, 0.01
 #: A gap of which no effect explains anything is below the practical bar when its free-run error is below the first share
 #: of the output's deviation, or below the second and no repeatable law of states and inputs.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
@@ -74,6 +77,10 @@ class Facts:
         What the latent force moves an output by, over its deviation.
     one_curve : bool
         Whether two names are static laws of one variable in one balance: parts of one curve.
+    curve : float
+        Gain of the likeliest free curve on top of what is named.
+    curve_share, curve_moved : float
+        What it moves an output by: over the gap, and over the output's deviation.
     """
 
     accepted: bool
@@ -87,6 +94,9 @@ class Facts:
     n_samples: int = 1000
     moved: float = np.inf
     one_curve: bool = False
+    curve: float = -np.inf
+    curve_share: float = 0.0
+    curve_moved: float = 0.0
 
 
 def decide(facts: Facts) -> str:
@@ -103,11 +113,19 @@ def decide(facts: Facts) -> str:
             lasting = law and facts.share_left * facts.law**0.5 > LAWFUL_SHARE
             large = facts.force > FORCE and facts.moved > MOVED
             much = (lasting or large) and facts.share_left > SHARE and facts.left > 1.05
-            too_much = clear or much or stand_ins(facts)
+            hidden = unnamed_curve(facts, CURVE_MOVED) and facts.curve_share > NUMERICS_SHARE
+            too_much = clear or much or hidden or stand_ins(facts)
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
         return "none"
+    if unnamed_curve(facts, PRACTICAL):
+        return "unknown"
     return "unknown" if (law and facts.left > 1.15) or facts.left > FAR else "none"
+
+
+def unnamed_curve(facts: Facts, moved: float) -> bool:
+    """Whether a free curve of one signal is certain, and moves an output by a share of its deviation."""
+    return facts.curve > CURVE and facts.curve_moved > moved
 
 
 def stand_ins(facts: Facts) -> bool:
@@ -122,10 +140,12 @@ def facts_of(
     shrink: Shrink,
     latent: LatentForce,
     law: np.ndarray,
+    curve: FreeCurve | None,
     retuned: bool,
+    gap: float,
     most_noise: np.ndarray,
 ) -> Facts:
-    """Collect them; where nothing is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
+    """Collect them, with the gap over the noise; where nothing is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
 
     Sensors are at least as noisy as the latent force finds them: a noise fit may call white noise coloured.
     """
@@ -143,6 +163,7 @@ def facts_of(
         final.model.record.n_samples,
         _moved(problem, latent),
         one_curve(final.effects),
+        *((curve.gain, curve.moved / max(gap, 1e-300), curve.deviation) if curve is not None else ()),
     )
 
 

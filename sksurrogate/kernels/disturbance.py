@@ -11,6 +11,7 @@ Kristensen, Madsen, Jorgensen, *Parameter estimation in stochastic grey-box mode
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -161,9 +162,21 @@ class Disturbance:
     def gram(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, float]:
         """``r' S^-1 r`` of columns r (n_outputs, n_columns, n_samples) with S the covariance of the residual, and log det S."""
         factor, prior = self._factor(noise)
+        flat, half = self._whitened(factor, r, noise)
+        return flat @ flat.T - half @ half.T, self._log_det(factor, prior, noise)
+
+    def gram_each(self, r: np.ndarray, blocks: Sequence[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
+        """The matrix of :meth:`gram` of columns r with each block of further columns beside them, from one factor."""
+        factor, _ = self._factor(noise)
+        known = self._whitened(factor, r, noise)
+        for block in blocks:
+            flat, half = (np.concatenate(parts) for parts in zip(known, self._whitened(factor, block, noise)))
+            yield flat @ flat.T - half @ half.T
+
+    def _whitened(self, factor: np.ndarray, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+        """Columns r over the white noise, and what states and coloured noise take of them; each (n_columns, ...)."""
         half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
-        flat = (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1)
-        return flat @ flat.T - half.T @ half, self._log_det(factor, prior, noise)
+        return (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1), half.T
 
     def gram_by_run(self, r: np.ndarray, noise: Noise) -> np.ndarray:
         """The matrix of :meth:`gram` run by run, (n_runs, n_columns, n_columns); they add up to it."""

@@ -64,3 +64,17 @@ def test_a_gap_within_the_noise_is_not_closed_by_what_makes_it_larger():
     assert not certified(replace(within, after=1.3))
     assert not certified(replace(within, fraction=0.1))
     assert certified(replace(within, fraction=0.9))
+
+
+def test_a_curve_that_no_name_carries_is_unknown_where_it_matters():
+    """Dead zone that a step of a force followed to 95 %; the force's own disturbance is no such curve."""
+    facts = Facts(True, 0.049, 2.59, 0.0, 0.0337, False, 1, 0.394, 1800, moved=0.0239)
+    assert decide(facts) == "explained"
+    assert decide(replace(facts, curve=149.0, curve_share=0.043, curve_moved=0.0216)) == "unknown"
+    assert decide(replace(facts, curve=149.0, curve_share=0.004, curve_moved=0.0216)) == "explained"
+    assert decide(replace(facts, curve=149.0, curve_share=0.043, curve_moved=0.007)) == "explained"
+    assert decide(replace(facts, curve=-25.0, curve_share=0.043, curve_moved=0.0216)) == "explained"
+    nothing = Facts(False, 1.0, 1.3, 0.0, 0.01, False, 0, 0.04, 1800)
+    assert decide(nothing) == "none"
+    assert decide(replace(nothing, curve=40.0, curve_moved=0.02)) == "unknown"
+    assert decide(replace(nothing, curve=40.0, curve_moved=0.002)) == "none"

@@ -1,0 +1,87 @@
+"""A law that no name carries is seen along the free run, and a disturbance is not taken for one."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.gap._evidence import estimate_noise
+from sksurrogate.gap._free_curve import free_curve, shapes
+from sksurrogate.gap._problem import build_problem
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+DT, N, RUNS = 0.05, 300, 5
+
+
+def body(law):
+    """A spring with a law in the speed that the simulator may lack, pushed by ``u`` and by a disturbance ``w``."""
+
+    def rhs(t, x, u, p):
+        return x[1], u[0] + u[1] - p["k"] * x[0] - p["d"] * x[1] - law * np.tanh(20.0 * x[1])
+
+    return ODESimulator(
+        rhs, dt=DT, x0=[0.0, 0.0], states=["q", "v"], inputs=["u", "w"], outputs=["q"], params={"k": 4.0, "d": 0.5}
+    )
+
+
+def left_by_the_null(law, shaken, seed):
+    """The null and its problem: steps as inputs, a coloured force, sensor noise of 1 %."""
+    rng = np.random.default_rng(seed)
+    U, Y = [], []
+    for _ in range(RUNS):
+        u, w = 2.0 * np.repeat(rng.uniform(-1, 1, N // 20), 20), np.zeros(N)
+        for k in range(1, N):
+            w[k] = 0.9 * w[k - 1] + shaken * rng.normal()
+        y = body(law).simulate(np.stack([u, w], axis=1))
+        U.append(np.stack([u, np.zeros(N)], axis=1))
+        Y.append(y + 0.01 * y.std(axis=0) * rng.normal(size=y.shape))
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    plant = describe(body(0.0), n_inputs=2, n_outputs=1, dt=DT)
+    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
+    null = problem.fit((), np.zeros(0), smoothed.x)
+    return problem, estimate_noise(problem, null, problem.first_noise())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_disturbance_is_no_curve_of_anything(seed):
+    problem, null = left_by_the_null(0.0, 0.05, seed)
+    assert free_curve(problem, null).gain < 0.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_law_beside_a_disturbance_of_its_size_is_found_in_its_variable(seed):
+    problem, null = left_by_the_null(0.08, 0.05, seed)
+    curve = free_curve(problem, null)
+    assert curve.gain > 20.0
+    assert curve.location == "v"
+    assert curve.variable in ("v", "q and its past")  # what q did of late tells v
+    # What the law moves the free run by, simulated with and without it (parameters and initial states follow a little).
+    U = problem.record.u[0].reshape(RUNS, N)
+    runs = [[body(law).simulate(np.stack([u, 0 * u], axis=1)) for u in U] for law in (0.08, 0.0)]
+    true = np.std(np.subtract(*runs)) / problem.sd[0]
+    assert curve.moved == pytest.approx(true, rel=0.25)
+
+
+def test_without_noise_but_that_of_the_sensor_less_is_enough():
+    problem, null = left_by_the_null(0.02, 0.0, 0)
+    curve = free_curve(problem, null)
+    assert curve.gain > 20.0
+    assert curve.variable in ("v", "q and its past")
+
+
+def test_shapes_are_hats_that_add_up_to_one_and_signals_with_their_past():
+    problem, null = left_by_the_null(0.0, 0.0, 1)
+    named = list(shapes(problem, null))
+    assert [name for name, _ in named][::2] == ["q", "v", "u"]  # w stands still
+    for (_, hats), (_, past), signal in zip(named[::2], named[1::2], [*null.fit.x, problem.record.u[0]]):
+        assert np.allclose(hats.sum(axis=0), 1.0)
+        assert np.array_equal(past[0], signal)
+
+
+def test_one_factor_serves_all_blocks():
+    problem, null = left_by_the_null(0.08, 0.05, 0)
+    D, rng = problem.disturbance(null), np.random.default_rng(0)
+    r, *blocks = (rng.normal(size=(1, k, RUNS * N)) for k in (2, 3, 1))
+    for block, G in zip(blocks, D.gram_each(r, blocks, null.noise)):
+        assert np.allclose(G, D.gram(np.concatenate([r, block], axis=1), null.noise)[0], rtol=1e-8, atol=1e-8)
