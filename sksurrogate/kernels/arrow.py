@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 __all__ = ["Arrow"]
 
@@ -34,51 +35,49 @@ class Arrow:
 
     @classmethod
     def build(
-        cls, Jt: np.ndarray, Jx: np.ndarray, r: np.ndarray, starts: np.ndarray, precision: np.ndarray, pull: np.ndarray
-    ) -> Arrow:
-        """From Jacobians and residuals in units of the noise.
+        cls, Jt: np.ndarray, Jx: np.ndarray, r: np.ndarray, sd: np.ndarray, starts: np.ndarray, precision: np.ndarray,
+        pull: np.ndarray,
+    ) -> Arrow:  # fmt: skip
+        """From Jacobians and residuals.
 
         Parameters
         ----------
         Jt : ndarray (n_outputs, n_theta, n_samples)
         Jx : ndarray (n_outputs, n_x, n_samples)
         r : ndarray (n_outputs, n_samples)
+        sd : ndarray (n_outputs,)
+            Size of the noise, which rows are divided by.
         starts : ndarray of int (n_runs,)
         precision, pull : ndarray (n_theta,)
             Gaussian prior: adds ``precision`` to the normal matrix and ``pull`` to the gradient.
         """
-        n_theta, n_x = Jt.shape[1], Jx.shape[1]
-        J = np.concatenate([Jt, Jx], axis=1)
-        flat = J.transpose(1, 0, 2).reshape(n_theta + n_x, -1)
-        norm = np.sqrt(np.einsum("ij,ij->i", flat, flat))
-        t_scale = np.sqrt(norm[:n_theta] ** 2 + precision)
-        x_scale = norm[n_theta:].copy()
-        t_scale[t_scale == 0] = 1.0
-        x_scale[x_scale == 0] = 1.0
-        bounds = np.r_[starts, r.shape[1]]
-        n_runs = len(starts)
-        Htt = np.diag(precision / t_scale**2)
-        Htx, Hxx = np.empty((n_runs, n_theta, n_x)), np.empty((n_runs, n_x, n_x))
-        gt, gx = pull / t_scale, np.empty((n_runs, n_x))
-        scale = np.concatenate([t_scale, x_scale])[:, None]
-        for k in range(n_runs):
-            part = J[:, :, bounds[k] : bounds[k + 1]].transpose(1, 0, 2).reshape(n_theta + n_x, -1) / scale
-            H, g = part @ part.T, part @ r[:, bounds[k] : bounds[k + 1]].ravel()
-            Htt += H[:n_theta, :n_theta]
-            Htx[k], Hxx[k] = H[:n_theta, n_theta:], H[n_theta:, n_theta:]
-            gt = gt + g[:n_theta]
-            gx[k] = g[n_theta:]
-        return cls(Htt, Htx, Hxx, gt, gx, t_scale, x_scale)
+        k, n = Jt.shape[1], Jt.shape[1] + Jx.shape[1]
+        rows = np.concatenate([Jt, Jx, r[:, None]], axis=1)
+        M = np.zeros((len(starts), n + 1, n + 1))  # [J r]' [J r] of every run
+        ends = [*starts[1:], r.shape[1]]
+        for row, size in zip(rows, sd):
+            for run, (a, b) in enumerate(zip(starts, ends)):
+                part = row[:, a:b] / size
+                M[run] += part @ part.T
+        squares = M.sum(axis=0).diagonal()[:n].copy()
+        squares[:k] += precision
+        scale = np.sqrt(np.where(squares == 0, 1.0, squares))
+        H, g = M[:, :n, :n] / np.outer(scale, scale), M[:, :n, n] / scale
+        t_scale, x_scale = scale[:k], scale[k:]
+        Htt = H[:, :k, :k].sum(axis=0) + np.diag(precision / t_scale**2)
+        gt = g[:, :k].sum(axis=0) + pull / t_scale
+        return cls(Htt, H[:, :k, k:], H[:, k:, k:], gt, g[:, k:], t_scale, x_scale)
 
     def _eliminated(self, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Schur complement and gradient of theta; (Hxx + ridge)^-1."""
+        """Schur complement and gradient of theta; ``(Hxx + ridge)^-1 [Hxt, gx]``, (n_runs, n_x, n_theta + 1)."""
         n_x = self.Hxx.shape[1]
+        right = np.concatenate([self.Htx.transpose(0, 2, 1), self.gx[:, :, None]], axis=2)
+        if n_x == 0:
+            return self.Htt, self.gt, right
         # The tiny ridge keeps initial states that the data do not show where they are.
-        ridge = (damping + 1e-9) * np.eye(n_x)
-        inverse = np.linalg.pinv(self.Hxx + ridge, hermitian=True) if n_x else np.zeros_like(self.Hxx)
-        S = self.Htt - np.einsum("rij,rjk,rlk->il", self.Htx, inverse, self.Htx)
-        g = self.gt - np.einsum("rij,rjk,rk->i", self.Htx, inverse, self.gx)
-        return S, g, inverse
+        solved = np.linalg.solve(self.Hxx + (damping + 1e-9) * np.eye(n_x), right)
+        both = (self.Htx @ solved).sum(axis=0)
+        return self.Htt - both[:, :-1], self.gt - both[:, -1], solved
 
     def step(self, damping: float, held: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, float]:
         """Damped step: dtheta (n_theta,), dx0 (n_x, n_runs), and the drop of the sum of squares that it predicts.
@@ -87,22 +86,16 @@ class Arrow:
         """
         if not (np.all(np.isfinite(self.Htt)) and np.all(np.isfinite(self.gt)) and np.all(np.isfinite(self.Hxx))):
             return np.full(len(self.gt), np.nan), np.full(self.gx.shape[::-1], np.nan), -np.inf
-        S, g, inverse = self._eliminated(damping)
-        n_theta = len(g)
-        damped = S + damping * np.eye(n_theta)
-        if held is None or np.all(np.isnan(held)):
-            dt = np.linalg.lstsq(damped, g, rcond=1e-12)[0] if n_theta else np.zeros(0)
+        S, g, solved = self._eliminated(damping)
+        damped = S + damping * np.eye(len(g))
+        free = np.full(len(g), True) if held is None else np.isnan(held)
+        if free.all():
+            dt = _solve(damped, g)
         else:
-            free = np.isnan(held)
             dt = np.where(free, 0.0, held * self.t_scale)
-            if free.any():
-                dt[free] = np.linalg.lstsq(damped[np.ix_(free, free)], (g - S @ dt)[free], rcond=1e-12)[0]
-        dx = np.einsum("rij,rj->ri", inverse, self.gx - np.einsum("rij,i->rj", self.Htx, dt))
-        quadratic = (
-            dt @ self.Htt @ dt
-            + 2 * np.einsum("i,rij,rj->", dt, self.Htx, dx)
-            + np.einsum("ri,rij,rj->", dx, self.Hxx, dx)
-        )
+            dt[free] = _solve(damped[np.ix_(free, free)], (g - S @ dt)[free])
+        dx = solved[:, :, -1] - solved[:, :, :-1] @ dt
+        quadratic = dt @ self.Htt @ dt + np.sum((2 * (dt @ self.Htx) + (dx[:, None] @ self.Hxx)[:, 0]) * dx)
         drop = 2 * (self.gt @ dt + np.sum(self.gx * dx)) - quadratic
         return dt / self.t_scale, (dx / self.x_scale).T, float(drop)
 
@@ -117,3 +110,11 @@ class Arrow:
         blind = np.sum(vectors[:, ~seen] ** 2, axis=1) > 1e-6
         out[blind, blind] = np.inf
         return out / np.outer(self.t_scale, self.t_scale)
+
+
+def _solve(M: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """``M^-1 b`` of a symmetric matrix, by Cholesky; by least squares where rounding has made it indefinite."""
+    if not len(b):
+        return np.zeros(0)
+    _, x, info = dposv(M, b)
+    return x if info == 0 else np.linalg.lstsq(M, b, rcond=1e-12)[0]

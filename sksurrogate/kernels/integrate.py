@@ -62,23 +62,24 @@ def rk4(
     for s in range(len(mean)):
         u = mean[s]
         u0, u1 = (u, u) if half is None else (u - half[s], u + half[s])
+        middle, end = t + h / 2, t + h
         k = derivative(t, x, u0)
         total = k
         z = _ahead(x, h / 2, k)
-        k = derivative(t + h / 2, z if clip is None else clip(z), u)
+        k = derivative(middle, z if clip is None else clip(z), u)
         total = _ahead(total, 2.0, k)
         z = _ahead(x, h / 2, k)
-        k = derivative(t + h / 2, z if clip is None else clip(z), u)
+        k = derivative(middle, z if clip is None else clip(z), u)
         total += 2 * k
         z = _ahead(x, h, k)
-        k = derivative(t + h, z if clip is None else clip(z), u1)
+        k = derivative(end, z if clip is None else clip(z), u1)
         total += k
         total *= h / 6
         total += x
         x = total
         if clip is not None:
             x = clip(x, True)  # type: ignore[call-arg]
-        t = t + h
+        t = end
     return x
 
 

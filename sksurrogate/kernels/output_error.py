@@ -281,7 +281,7 @@ class _OutputError:
         self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool, reach: float,
         settled: float, tries: int,
     ):  # fmt: skip
-        self.model, self.record, self.sd, self.unit = model, model.record, sd[:, None], unit
+        self.model, self.record, self.sd, self.unit = model, model.record, sd, unit
         self.low, self.high = bounds
         self.reach = reach
         self.share, self.tries = settled, tries
@@ -291,15 +291,14 @@ class _OutputError:
         self.weight = model.closing_weight(sd)
 
     def cost(self, y: np.ndarray, theta: np.ndarray) -> float:
-        value = float(np.sum(((self.record.y - y) / self.sd) ** 2) + np.sum(self.precision * theta**2))
+        value = float(np.sum(((self.record.y - y) / self.sd[:, None]) ** 2) + np.sum(self.precision * theta**2))
         return value if np.isfinite(value) else np.inf
 
     def arrow(self, lin: Linearised, theta: np.ndarray) -> Arrow:
-        Jt, Jx = lin.J_theta / self.sd[:, None], lin.J_x[:, self.free] / self.sd[:, None]
-        if self.fixed.any():
-            Jt = np.where(self.fixed[:, None], 0.0, Jt)
+        Jt = np.where(self.fixed[:, None], 0.0, lin.J_theta) if self.fixed.any() else lin.J_theta
+        Jx = lin.J_x if self.free.all() else lin.J_x[:, self.free]
         return Arrow.build(
-            Jt, Jx, (self.record.y - lin.y) / self.sd, self.record.starts, self.precision, -self.precision * theta
+            Jt, Jx, self.record.y - lin.y, self.sd, self.record.starts, self.precision, -self.precision * theta
         )
 
     def step(self, arrow: Arrow, theta: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray, float]:

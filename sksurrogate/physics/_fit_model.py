@@ -83,7 +83,8 @@ class FitModel:
         """Inputs over the substeps, mean and half rise, (n_sub, n_inputs, 1, n_samples)."""
         plant, record = self.inner.plant, self.record
         if plant.hold == "zoh" or plant.access == "step" or not len(record.u):
-            return np.broadcast_to(record.u[:, None], (self.n_sub, len(record.u), 1, record.n_samples)), None
+            u = record.u[None, :, None]
+            return u if self.n_sub == 1 else np.broadcast_to(u, (self.n_sub, *u.shape[1:])), None
         signals = [hold(u, self.n_sub, 1, record.starts) for u in record.u]
         return np.stack([s.mean for s in signals], axis=1), np.stack([s.half for s in signals], axis=1)  # type: ignore[misc]
 
@@ -98,6 +99,13 @@ class FitModel:
             self._points[n_columns] = flat_points(self.record.t, *self.held, n_columns)
         return self._points[n_columns]
 
+    def points_at(self, rows: np.ndarray, n_columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """The same at some samples only."""
+        mean, half = self.held
+        return flat_points(
+            self.record.t[rows], _taken(mean, rows), None if half is None else half[..., rows], n_columns
+        )
+
     def bind(self, theta: np.ndarray) -> BoundFitModel:
         """The model at parameter vectors ``theta`` (n_theta, n_columns)."""
         return BoundFitModel(self, theta)
@@ -111,35 +119,33 @@ class BoundFitModel:
 
     def __init__(self, model: FitModel, theta: np.ndarray):
         self.m = model
-        self.varied = {name: row[:, None] for name, row in zip(model.names, theta)}
+        self.theta = theta
+
+    def params(self, n_samples: int) -> dict[str, Any]:
+        """All parameters at ``n_samples`` points of every column; numbers where all columns share them."""
+        rows = self.theta[:, 0].tolist() if self.theta.shape[1] == 1 else np.repeat(self.theta, n_samples, axis=1)
+        return {**self.m.inner.plant.params, **dict(zip(self.m.names, rows))}
 
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """States (n_states, n_columns, n_samples) one sample later; with ``rows``, only those samples."""
         m, shape = self.m, x.shape
-        if rows is None:
-            t, mean, half = m.points(shape[1])
-        else:
-            mean, half = m.held
-            t, mean, half = flat_points(
-                m.record.t[rows], mean[..., rows], None if half is None else half[..., rows], shape[1]
-            )
-        varied = {k: np.broadcast_to(v, shape[1:]).ravel() for k, v in self.varied.items()}
+        t, mean, half = m.points(shape[1]) if rows is None else m.points_at(rows, shape[1])
+        params = self.params(shape[2])
         points = x.reshape(len(x), -1)
         if m.stiff or points.shape[1] < 2 * _BLOCK:
-            return self._moved(t, points, mean, half, varied).reshape(shape)
+            return self._moved(t, points, mean, half, params).reshape(shape)
         out = np.empty(points.shape)
         for a in range(0, points.shape[1], _BLOCK):
             b = slice(a, a + _BLOCK)
-            some = {k: v[b] for k, v in varied.items()}
+            some = {k: v[b] if isinstance(v, np.ndarray) else v for k, v in params.items()}
             out[:, b] = self._moved(t[b], points[:, b], mean[..., b], None if half is None else half[..., b], some)
         return out.reshape(shape)
 
     def _moved(
-        self, t: np.ndarray, x: np.ndarray, mean: np.ndarray, half: np.ndarray | None, varied: Mapping[str, Any]
+        self, t: np.ndarray, x: np.ndarray, mean: np.ndarray, half: np.ndarray | None, params: Mapping[str, Any]
     ) -> np.ndarray:
         """The same on flat points."""
         m = self.m
-        params = {**m.inner.plant.params, **varied}
         if m.inner.plant.access == "step":
             return m.inner.step_points(t, x, mean[0], params, m.record.dt)
 
@@ -158,7 +164,8 @@ class BoundFitModel:
     def outputs(self, x: np.ndarray) -> np.ndarray:
         """Measured outputs (n_outputs, n_columns, n_samples)."""
         mean, half = self.m.held
-        return self.m.inner.output(self.m.record.t, x, mean[0] if half is None else mean[0] - half[0], self.varied)
+        varied = {name: row[:, None] for name, row in zip(self.m.names, self.theta)}
+        return self.m.inner.output(self.m.record.t, x, mean[0] if half is None else mean[0] - half[0], varied)
 
 
 def flat_points(
@@ -167,10 +174,25 @@ def flat_points(
     """Times (n_points,) and inputs (n_sub, n_inputs, n_points) of ``n_columns`` equal columns, one behind the other."""
 
     def spread(values: np.ndarray) -> np.ndarray:
-        if values.strides[0] == 0 and len(values) > 1:  # the same in every substep
+        if n_columns == 1:
+            return values.reshape(*values.shape[:-2], -1)
+        if _same_in_all(values):
             first = spread(values[:1])
             return np.broadcast_to(first, (len(values), *first.shape[1:]))
         wide = np.broadcast_to(values, (*values.shape[:-2], n_columns, values.shape[-1]))
         return wide.reshape(*values.shape[:-2], -1)
 
     return spread(t[None]), spread(mean), None if half is None else spread(half)
+
+
+def _same_in_all(held: np.ndarray) -> bool:
+    """Whether inputs are the same in every substep, by their memory."""
+    return len(held) > 1 and held.strides[0] == 0
+
+
+def _taken(held: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Inputs at some samples, still one copy for all substeps where there was one."""
+    if not _same_in_all(held):
+        return held[..., rows]
+    some = held[0][..., rows]
+    return np.broadcast_to(some, (len(held), *some.shape))

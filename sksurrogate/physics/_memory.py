@@ -45,8 +45,7 @@ def memory(pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequ
     power = sum(float(piece @ piece) for piece in pieces)
     if most < 1 or not power > 0:
         return None
-    r = np.array([sum(float(p[lag:] @ p[: len(p) - lag]) for p in pieces if len(p) > lag) for lag in range(most + 1)])
-    r = r / power
+    r = np.sum([np.correlate(np.r_[p, np.zeros(most)], p) for p in pieces], axis=0) / power  # at lags 0 .. most
     lags = min(20 * _LONGEST, n // 4)
     order = _order(r, n, most) if np.max(np.abs(r[1:])) >= 2.0 / np.sqrt(n) else 0
     if n > _MOST_ROWS or order > _MOST_ORDER:
@@ -70,7 +69,7 @@ def memory(pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequ
             return None
         a = np.array([found.x])
     else:
-        start = np.arctanh(np.clip(_partial(r, order), -0.98, 0.98) / _NEAREST)
+        start = np.arctanh(np.clip(_durbin(r, order)[0], -0.98, 0.98) / _NEAREST)
         best = minimize(
             lambda z: cost(_NEAREST * np.tanh(z)),
             start,
@@ -85,27 +84,41 @@ def memory(pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequ
     return variance / float(1.0 - a @ rho[1:]) * _continued(a, rho, lags)
 
 
+def _durbin(r: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Partial autocorrelations (order,) and what every order leaves of the variance (order,), from autocorrelations ``r``.
+
+    The recursion of Durbin and Levinson: each order's coefficients from those of the order before.
+    """
+    partial, left = np.zeros(order), np.zeros(order)
+    a, rest, rho = np.zeros(0), 1.0, r[1 : order + 1]
+    for p in range(order):
+        value = (rho[p] - a @ rho[:p][::-1]) / rest
+        a = _raised(a, value)
+        rest = max(rest * (1.0 - value**2), 1e-12)
+        partial[p], left[p] = value, rest
+    return partial, left
+
+
 def _order(r: np.ndarray, n: int, most: int) -> int:
     """Order of the autoregression with the best score, 0 for none."""
-    best, chosen = 0.0, 0
-    for order in range(1, most + 1):
-        left = 1.0 - float(solve_toeplitz(r[:order], r[1 : order + 1]) @ r[1 : order + 1])
-        score = n * np.log(max(left, 1e-12)) + order * np.log(n)
-        if score < best:
-            best, chosen = score, order
-    return chosen
+    left = _durbin(r, most)[1]
+    scores = n * np.log(left) + np.arange(1, most + 1) * np.log(n)
+    return int(np.argmin(scores)) + 1 if scores.min() < 0 else 0
 
 
-def _partial(r: np.ndarray, order: int) -> np.ndarray:
-    """Partial autocorrelations: the last coefficient of every order."""
-    return np.array([solve_toeplitz(r[:p], r[1 : p + 1])[-1] for p in range(1, order + 1)])
+def _raised(a: np.ndarray, value: float) -> np.ndarray:
+    """Coefficients of the next order, whose last is ``value``."""
+    out = np.empty(len(a) + 1)
+    out[:-1] = a - value * a[::-1]
+    out[-1] = value
+    return out
 
 
 def _coefficients(partial: np.ndarray) -> np.ndarray:
     """Coefficients of the stationary autoregression with these partial autocorrelations (Durbin and Levinson)."""
     a = np.zeros(0)
     for value in partial:
-        a = np.r_[a - value * a[::-1], value]
+        a = _raised(a, value)
     return a
 
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from sksurrogate.physics._memory import _coefficients, _continued, _correlations, _restricted, memory
+from sksurrogate.physics._memory import _coefficients, _continued, _correlations, _durbin, _restricted, memory
 
 
 def noise(a, n, rng):
@@ -18,6 +19,14 @@ def test_correlations_are_those_of_the_recursion():
     np.testing.assert_allclose(rho[1], a[0] / (1 - a[1]))  # Yule and Walker
     np.testing.assert_allclose(rho[2:], a[0] * rho[1:-1] + a[1] * rho[:-2], atol=1e-14)
     np.testing.assert_allclose(_coefficients(np.array([rho[1], a[1]])), a)
+
+
+def test_the_recursion_of_durbin_solves_the_equations_of_every_order():
+    r = _continued(np.array([1.2, -0.5, 0.1]), _correlations(np.array([1.2, -0.5, 0.1])), 9)
+    partial, left = _durbin(r, 8)
+    for order in range(1, 9):
+        a = solve_toeplitz(r[:order], r[1 : order + 1])
+        np.testing.assert_allclose([partial[order - 1], left[order - 1]], [a[-1], 1 - a @ r[1 : order + 1]], atol=1e-12)
 
 
 def test_the_restricted_likelihood_is_that_of_the_dense_matrices():
