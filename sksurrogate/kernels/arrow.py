@@ -57,8 +57,7 @@ class Arrow:
         ends = [*starts[1:], r.shape[1]]
         for row, size in zip(rows, sd):
             for run, (a, b) in enumerate(zip(starts, ends)):
-                part = row[:, a:b] / size
-                M[run] += part @ part.T
+                M[run] += row[:, a:b] @ row[:, a:b].T / size**2
         squares = M.sum(axis=0).diagonal()[:n].copy()
         squares[:k] += precision
         scale = np.sqrt(np.where(squares == 0, 1.0, squares))

@@ -8,7 +8,7 @@ the free-run cost and the merit function is exact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,43 +16,14 @@ import numpy as np
 from sksurrogate.kernels.arrow import Arrow
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.integrate import DIFFERENCE, close
+from sksurrogate.kernels.linearised import Linearised, linearise
 
-__all__ = ["Fit", "Linearised", "free_run", "linearise", "output_error", "settle_hidden"]
+__all__ = ["Fit", "Linearised", "approached", "free_run", "linearise", "output_error", "settle_hidden"]
 
-#: Relative step of the forward differences with respect to parameters.
-THETA_DIFFERENCE = 1e-4
-
+#: Slopes of a point nearby end a descent only where they promise this share of what would do otherwise.
+_STRICTER = 1e-2
 #: Open steps end where parameters and trajectory move by less than this share of their size.
 SETTLED = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """Sensitivities of a trajectory and of its outputs.
-
-    Attributes
-    ----------
-    x : ndarray (n_states, n_samples)
-        The trajectory with its defects closed to first order.
-    y : ndarray (n_outputs, n_samples)
-        Its outputs.
-    Z_theta, Z_x : ndarray (n_states, n_theta | n_states, n_samples)
-        Sensitivities to the parameters and to the initial states of the run.
-    J_theta, J_x : ndarray (n_outputs, ..., n_samples)
-        The same of the outputs.
-    A : ndarray (n_states, n_states, n_samples)
-    band : ndarray
-        Band of the recursion.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    Z_theta: np.ndarray
-    Z_x: np.ndarray
-    J_theta: np.ndarray
-    J_x: np.ndarray
-    A: np.ndarray
-    band: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +42,7 @@ class Fit:
     n_iterations : int
     converged : bool
     linearised : Linearised or None
-        At the solution.
+        At the solution; with ``near``, its slopes are those of a point so near.
     """
 
     theta: np.ndarray
@@ -81,92 +52,6 @@ class Fit:
     n_iterations: int
     converged: bool
     linearised: Linearised | None
-
-
-def linearise(model: Any, theta: np.ndarray, x: np.ndarray, unit: np.ndarray) -> Linearised:
-    """Linearise a model over the whole time axis, by differences of the whole step map.
-
-    Parameters
-    ----------
-    model : augmented model
-    theta : ndarray (n_theta,)
-    x : ndarray (n_states, n_samples)
-    unit : ndarray (n_theta,)
-        Size of each parameter.
-    """
-    n, k, starts = model.n_states, model.n_theta, model.record.starts
-    columns = np.repeat(x[:, None, :], 1 + n + k, axis=1)
-    dx = DIFFERENCE * model.scale
-    for j in range(n):
-        columns[j, 1 + j] += dx[j]
-    dtheta = THETA_DIFFERENCE * np.maximum(np.abs(theta), unit)
-    values = np.repeat(theta[:, None], 1 + n + k, axis=1)
-    values[np.arange(k), 1 + n + np.arange(k)] += dtheta
-    after = model.bind(values)(columns)
-    A = (after[:, 1 : 1 + n] - after[:, :1]) / dx[:, None]
-    band = recursion_band(A, starts)
-    b = np.zeros((n, 1 + k + n, x.shape[1]))
-    b[:, 0, 1:] = after[:, 0, :-1] - x[:, 1:]
-    b[:, 1 : 1 + k, 1:] = (after[:, 1 + n :, :-1] - after[:, :1, :-1]) / dtheta[:, None]
-    b[:, :, starts] = 0.0
-    for j in range(n):
-        b[j, 1 + k + j, starts] = 1.0
-    _start_of_hidden(model, values[:, 1 + n :], theta, dtheta, x, b[:, 1 : 1 + k], b[:, 1 + k :])
-    Z = solve_recursion(band, b)
-    Z_theta, Z_x = Z[:, 1 : 1 + k], Z[:, 1 + k :]
-    closed = x + Z[:, 0]
-    y, J_theta, J_x = _output_sensitivities(model, theta, closed, Z_theta, Z_x, dtheta)
-    return Linearised(closed, y, Z_theta, Z_x, J_theta, J_x, A, band)
-
-
-def _start_of_hidden(
-    model: Any,
-    values: np.ndarray,
-    theta: np.ndarray,
-    dtheta: np.ndarray,
-    x: np.ndarray,
-    b_theta: np.ndarray,
-    b_x: np.ndarray,
-) -> None:
-    """Hidden states whose start is known follow the nominal initial states and the parameters there."""
-    known = ~model.free_states
-    if not known.any():
-        return
-    n, m, k, starts = model.n_states, model.n_nominal, model.n_theta, model.record.starts
-    first = np.repeat(x[:m, None, starts], 1 + m + k, axis=1)
-    dx = DIFFERENCE * model.scale
-    for j in range(m):
-        first[j, 1 + j] += dx[j]
-    base = np.repeat(theta[:, None], 1 + m, axis=1)
-    begun = model.bind(np.concatenate([base, values], axis=1)).start(first)
-    for i in np.flatnonzero(known):
-        b_x[i, i, starts] = 0.0
-        for j in range(m):
-            b_x[i, j, starts] = (begun[i, 1 + j] - begun[i, 0]) / dx[j]
-        for j in range(k):
-            b_theta[i, j, starts] = (begun[i, 1 + m + j] - begun[i, 0]) / dtheta[j]
-    assert n >= m
-
-
-def _output_sensitivities(
-    model: Any, theta: np.ndarray, x: np.ndarray, Z_theta: np.ndarray, Z_x: np.ndarray, dtheta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Outputs and their sensitivities: rows of Z for plain states, differences along Z with functions and sensor effects."""
-    k, n = Z_theta.shape[1], Z_x.shape[1]
-    selected = model.plain_outputs
-    if selected is not None:
-        rows = list(selected)
-        return x[rows], Z_theta[rows], Z_x[rows]
-    size = np.maximum(np.max(np.abs(Z_x) / model.scale[:, None, None], axis=(0, 2)), 1e-300)
-    hx = np.minimum(DIFFERENCE / size, DIFFERENCE * model.scale)
-    columns = np.repeat(x[:, None, :], 1 + k + n, axis=1)
-    columns[:, 1 : 1 + k] += Z_theta * dtheta[:, None]
-    columns[:, 1 + k :] += Z_x * hx[:, None]
-    values = np.repeat(theta[:, None], 1 + k + n, axis=1)
-    values[np.arange(k), 1 + np.arange(k)] += dtheta
-    y = model.bind(values).outputs(columns)
-    J = (y[:, 1:] - y[:, :1]) / np.concatenate([dtheta, hx])[:, None]
-    return y[:, 0], J[:, :k], J[:, k:]
 
 
 def settle_hidden(model: Any, theta: np.ndarray, x: np.ndarray, steps: int = 8) -> np.ndarray:
@@ -213,6 +98,18 @@ def free_run(model: Any, theta: np.ndarray, x0: np.ndarray) -> np.ndarray:
     return out
 
 
+def approached(
+    model: Any, theta: np.ndarray, x: np.ndarray, sd: np.ndarray, *, open_steps: int, **options: Any
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Where open steps alone lead: parameters and a trajectory whose defects are closed to first order.
+
+    Arguments as for :func:`output_error`; None where the steps go astray or do not settle.
+    """
+    with np.errstate(all="ignore"):
+        end = _OutputError(model, sd, **options).opened(theta, x, open_steps)
+    return (end.theta, end.x) if end.moved < options.get("settled", SETTLED) else None
+
+
 def output_error(
     model: Any,
     theta: np.ndarray,
@@ -230,6 +127,7 @@ def output_error(
     reach: float = np.inf,
     settled: float = SETTLED,
     tries: int = 6,
+    near: float = 0.0,
 ) -> Fit | None:
     """Fit parameters and initial states through the free run.
 
@@ -262,6 +160,8 @@ def output_error(
         Open steps end where parameters and trajectory move by less than this share of their size; closed steps go on.
     tries : int
         Dampings of a closed step, each ten times the last, before the descent ends.
+    near : float
+        After a step that moves parameters and trajectory by less than this share of their size, its slopes serve again.
 
     Returns
     -------
@@ -269,22 +169,31 @@ def output_error(
         None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
-        return _OutputError(model, sd, unit, bounds, prior, fit_start, reach, settled, tries).run(
-            theta, x, open_steps, max_steps, best, fallback
-        )
+        fit = _OutputError(model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near)
+        return fit.run(theta, x, open_steps, max_steps, best, fallback)
+
+
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """Where open steps end: by what share the last one ``moved``, and the linearisation it came from."""
+
+    theta: np.ndarray
+    x: np.ndarray
+    moved: float
+    lin: Linearised | None
 
 
 class _OutputError:
     """One fit."""
 
     def __init__(
-        self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None, fit_start: bool, reach: float,
-        settled: float, tries: int,
+        self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
+        reach: float = np.inf, settled: float = SETTLED, tries: int = 6, near: float = 0.0,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd, unit
         self.low, self.high = bounds
         self.reach = reach
-        self.share, self.tries = settled, tries
+        self.share, self.tries, self.near = settled, tries, near
         self.fixed = self.low == self.high
         self.precision = np.zeros(model.n_theta) if prior is None else 1.0 / prior**2
         self.free = model.free_states if fit_start else np.zeros(model.n_states, bool)
@@ -316,11 +225,11 @@ class _OutputError:
                 return dt, dx, drop
             held[out] = (np.clip(new, low, high) - theta)[out]
 
-    def settled(self, dtheta: np.ndarray, dx: np.ndarray, theta: np.ndarray) -> bool:
-        """Whether an open step moved next to nothing: closed steps do the rest."""
+    def share_of(self, dtheta: np.ndarray, dx: np.ndarray, theta: np.ndarray) -> float:
+        """By what share of their size parameters and trajectory move."""
         size = np.maximum(np.abs(theta), self.unit)
-        still = np.max(np.abs(dtheta) / size, initial=0.0) < self.share
-        return bool(still and np.max(np.abs(dx), axis=1) @ (1.0 / self.model.scale) < self.share)
+        largest = np.maximum(dx.max(axis=1), -dx.min(axis=1))
+        return float(np.max(np.abs(dtheta) / size, initial=largest @ (1.0 / self.model.scale)))
 
     def moved(
         self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray
@@ -346,6 +255,23 @@ class _OutputError:
         y = bound.outputs(x[:, None])[:, 0]
         return x, y, self.cost(y, theta)
 
+    def opened(self, theta: np.ndarray, x: np.ndarray, most: int) -> _Opened:
+        """Open steps until one moves next to nothing: closed steps do the rest."""
+        theta = np.clip(theta, self.low, self.high)
+        end = _Opened(theta, x, np.inf, None)
+        for _ in range(most):
+            lin = linearise(self.model, end.theta, end.x, self.unit)
+            if not np.all(np.isfinite(lin.x)):
+                break
+            dt, dx, _ = self.step(self.arrow(lin, end.theta), end.theta, 1e-6)
+            if not (np.all(np.isfinite(dt)) and np.all(np.isfinite(dx))):
+                break
+            theta, x = self.moved(lin, end.theta, dt, dx)
+            end = _Opened(theta, x, self.share_of(theta - end.theta, x - end.x, theta), lin)
+            if end.moved < self.share:
+                break
+        return end
+
     def run(
         self,
         theta: np.ndarray,
@@ -355,22 +281,14 @@ class _OutputError:
         best: float,
         fallback: np.ndarray | None,
     ) -> Fit | None:
-        theta = np.clip(theta, self.low, self.high)
-        first = theta, x
-        for _ in range(open_steps):
-            lin = linearise(self.model, theta, x, self.unit)
-            if not np.all(np.isfinite(lin.x)):
-                break
-            dt, dx, _ = self.step(self.arrow(lin, theta), theta, 1e-6)
-            if not (np.all(np.isfinite(dt)) and np.all(np.isfinite(dx))):
-                break
-            before, (theta, x) = (theta, x), self.moved(lin, theta, dt, dx)
-            if self.settled(theta - before[0], x - before[1], theta):
-                break
-        x, y, cost = self.closed(theta, x, None)
+        first = np.clip(theta, self.low, self.high), x
+        end = self.opened(theta, x, open_steps)
+        lin = end.lin if end.moved < self.near else None
+        theta = end.theta
+        x, y, cost = self.closed(theta, end.x, None if lin is None else lin.band)
         if not np.isfinite(cost):
             # The open steps went astray: closed steps from the start.
-            theta = first[0]
+            theta, lin = first[0], None
             if fallback is not None:
                 x, y, cost = self.closed(theta, fallback, None)
             else:
@@ -380,24 +298,31 @@ class _OutputError:
                     cost = self.cost(y, theta)
         if not np.isfinite(cost):
             return None
-        return self.descend(theta, x, y, cost, max_steps, best)
+        return self.descend(theta, x, y, cost, max_steps, best, lin)
 
     def descend(
-        self, theta: np.ndarray, x: np.ndarray, y: np.ndarray, cost: float, max_steps: int, best: float
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        y: np.ndarray,
+        cost: float,
+        max_steps: int,
+        best: float,
+        lin: Linearised | None,
     ) -> Fit | None:
-        """Closed Levenberg-Marquardt steps: the cost is that of the free run."""
-        damping, done, steps = 1e-3, False, 0
-        lin: Linearised | None = None
+        """Closed Levenberg-Marquardt steps: the cost is that of the free run. ``lin``: slopes of a point nearby."""
+        damping, done, steps, again = 1e-3, False, 0, lin is not None
         for steps in range(1, max_steps + 1):
-            lin = linearise(self.model, theta, x, self.unit)
+            lin = linearise(self.model, theta, x, self.unit) if lin is None else replace(lin, x=x, y=y)
             if not (np.all(np.isfinite(lin.J_theta)) and np.all(np.isfinite(lin.J_x))):
                 lin = None
                 break
             arrow = self.arrow(lin, theta)
+            enough = (1e-4 * cost + 0.01) * (_STRICTER if again else 1.0)
             accepted = False
-            for _ in range(self.tries):
+            for _ in range(1 if again else self.tries):
                 dt, dx, drop = self.step(arrow, theta, damping)
-                if drop < 1e-4 * cost + 0.01:
+                if drop < enough:
                     done = True
                     break
                 new_theta, new_x = self.moved(lin, theta, dt, dx)
@@ -406,10 +331,14 @@ class _OutputError:
                     accepted = True
                     break
                 damping = min(damping * 10, 1e6)
+            if again and not (accepted or done):
+                lin, again = None, False
+                continue
             if not accepted:
                 break
+            again = self.near > 0 and self.share_of(new_theta - theta, new_x - x, new_theta) < self.near
             fell = cost - new_cost
-            theta, x, y, cost, lin = new_theta, new_x, new_y, new_cost, None
+            theta, x, y, cost, lin = new_theta, new_x, new_y, new_cost, lin if again else None
             damping = max(damping / 10, 1e-9)
             if cost - 3 * fell > 3 * best:
                 break

@@ -14,7 +14,7 @@ import numpy as np
 from sksurrogate.kernels.banded import BlockTridiagonal
 from sksurrogate.kernels.integrate import DIFFERENCE, state_jacobian
 
-__all__ = ["Smoothed", "noise_of_differences", "smooth"]
+__all__ = ["Smoothed", "drawn", "noise_of_differences", "smooth"]
 
 
 def noise_of_differences(y: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -25,12 +25,23 @@ def noise_of_differences(y: np.ndarray, starts: np.ndarray) -> np.ndarray:
     y : ndarray (n_outputs, n_samples)
     starts : ndarray of int (n_runs,)
     """
-    parts = [np.diff(part, n=3, axis=1) for part in np.split(y, starts[1:], axis=1) if part.shape[1] > 3]
     spread = np.std(y, axis=1)
     floor = np.maximum(1e-4 * spread, 1e-12)
-    if not parts:
+    within = np.ones(y.shape[1], bool)  # whether the row and the three that follow it are of one run
+    within[-3:] = False
+    for start in starts[1:]:
+        within[max(start - 3, 0) : start] = False
+    rows = np.flatnonzero(within)
+    if not len(rows):
         return np.maximum(0.01 * spread, floor)
-    return np.maximum(np.median(np.abs(np.concatenate(parts, axis=1)), axis=1) / 0.6745 / np.sqrt(20.0), floor)
+    third = np.diff(y, n=3, axis=1)
+    if len(rows) < third.shape[1]:
+        third = third[:, rows]
+    return np.maximum(np.median(np.abs(third), axis=1) / 0.6745 / np.sqrt(20.0), floor)
+
+
+#: Defects of a balance that the first step allows, in sizes of its state.
+_ALLOWANCE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +117,7 @@ def smooth(
     n_inner = max(n_samples - len(starts), 1)
     stiff = np.zeros(n, bool) if rigid is None else rigid
     part = np.ones((n, 1)) if share is None else share
-    q = np.where(stiff, floor, 0.1) * scale
+    q = np.where(stiff, floor, _ALLOWANCE) * scale
     anchor = x.copy()
     last = np.inf
     best: Smoothed | None = None
@@ -139,6 +150,25 @@ def smooth(
     if best is None:
         raise FloatingPointError("the model gives no finite step along the measured trajectory")
     return best
+
+
+def drawn(
+    bound, y: np.ndarray, starts: np.ndarray, sd: np.ndarray, x: np.ndarray, scale: np.ndarray
+) -> np.ndarray | None:
+    """A trajectory (n_states, n_samples) drawn to the measurements by the first step of :func:`smooth`; None where it is not finite."""
+    after, A = state_jacobian(bound, x, scale)
+    g, C = output_jacobian(bound, x, scale)
+    ends = np.r_[starts[1:], x.shape[1]] - 1
+    d = np.zeros_like(x)
+    d[:, :-1] = after[:, :-1] - x[:, 1:]
+    d[:, ends] = 0.0
+    if not (np.all(np.isfinite(d)) and np.all(np.isfinite(A)) and np.all(np.isfinite(g))):
+        return None
+    allowed = np.broadcast_to(1.0 / (_ALLOWANCE * scale[:, None]) ** 2, x.shape)
+    step = _step(A, C / sd[:, None, None], (y - g) / sd[:, None], d, allowed, np.zeros_like(x), scale, ends)
+    if step is None or not np.all(np.isfinite(step)):
+        return None
+    return x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])
 
 
 def _step(

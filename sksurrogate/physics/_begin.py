@@ -2,35 +2,57 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from sksurrogate.kernels.output_error import output_error
+from sksurrogate.kernels.output_error import approached
 from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._prepare import prepared, refined
+from sksurrogate.physics._prepare import fastest, first_guess, refined, smoothed_run
 
 __all__ = ["coarse_start", "thinned"]
 
 #: Rows that are kept at least, of all runs and of the shortest.
-_ROWS, _ROWS_OF_A_RUN = 800, 25
+_ROWS, _ROWS_OF_A_RUN = 400, 25
 #: One row of at least and at most so many is kept: records that would be thinned less are faster fitted at once.
-_LEAST, _MOST = 8, 10
-#: Local error that is asked of the long steps: the fit goes on from there anyway.
-_LOCAL_ERROR = 1e-3
+_LEAST, _MOST = 3, 10
+#: Third differences of the rows that are kept stay below this share of their spread, or twice the noise: else they leave
+#: out what happens between them.
+_ROUGH = 0.03
+#: As many substeps of such a row as the fastest state asks for; at most so many: else steps so long would not do.
+_SUBSTEPS = 8
+#: Open steps converge quadratically: what one leaves that moves by less than this share, the fit does in its first.
+_SETTLED = 0.2
 
 
 def thinned(record: Record, every: int, held: bool) -> Record:
     """One row of ``every`` of each run; inputs that are held are averaged over the rows that follow it."""
-    last = record.lengths // every
-    rows = np.concatenate([a + every * np.arange(n) for a, n in zip(record.starts, last)])
+    rows, counts = _kept(record, every), record.lengths // every
     u = np.mean([record.u[:, rows + k] for k in range(every)], axis=0) if held else record.u[:, rows]
-    starts = np.r_[0, np.cumsum(last[:-1])].astype(int)
-    return Record(u, record.y[:, rows], record.t[rows], starts, every * record.dt)
+    return Record(u, record.y[:, rows], record.t[rows], np.cumsum(counts) - counts, every * record.dt)
+
+
+def _kept(record: Record, every: int) -> np.ndarray:
+    """Rows that are kept."""
+    return np.concatenate([a + every * np.arange(n // every) for a, n in zip(record.starts, record.lengths)])
+
+
+def _telling_rows(record: Record, sd: np.ndarray, held: bool) -> tuple[Record, int] | None:
+    """The record thinned to one row of how many: third differences stay small, so that these tell what the others do."""
+    every = min(record.n_samples // _ROWS, int(record.lengths.min()) // _ROWS_OF_A_RUN, _MOST)
+    small = np.maximum(2.0 * sd, _ROUGH * np.std(record.y, axis=1))
+    while every >= _LEAST:
+        few = thinned(record, every, held)
+        if np.all(noise_of_differences(few.y, few.starts) < small):
+            return few, every
+        every //= 2
+    return None
 
 
 def coarse_start(
@@ -39,7 +61,7 @@ def coarse_start(
 ) -> tuple[FitModel, np.ndarray, np.ndarray] | None:  # fmt: skip
     """Model, parameters and trajectory (n_states, n_samples) that a fit to thinned data leads to.
 
-    None where the record is short, where steps so long would not do, or where that fit does not succeed.
+    None where the record is short, where steps so long would not do, or where that fit does not settle.
 
     Parameters
     ----------
@@ -48,37 +70,41 @@ def coarse_start(
     options : mapping
         Of the fit.
     """
-    every = min(record.n_samples // _ROWS, int(record.lengths.min()) // _ROWS_OF_A_RUN, _MOST)
-    if every < _LEAST or inner.plant.access != "rhs":
+    begun = _telling_rows(record, sd, inner.plant.hold == "zoh") if inner.plant.access == "rhs" else None
+    if begun is None:
         return None
-    few = thinned(record, every, inner.plant.hold == "zoh")
-    model, x = prepared(
-        inner, few, sd, names, theta, starts.copy(), given, options["fit_start"], local_error=_LOCAL_ERROR
+    few, every = begun
+    inner.probe(record.u[:, 0])
+    starts = starts.copy()
+    near = first_guess(inner, few, starts, options["fit_start"] and not given)
+    model = FitModel(inner, names, few, 1, np.ones(len(inner.plant.states)))
+    n_sub = fastest(model, theta, near)
+    if not n_sub <= _SUBSTEPS:
+        return None
+    model, x = smoothed_run(
+        replace(model, n_sub=max(math.ceil(n_sub), 1)), theta, near, starts, sd, options["fit_start"]
     )
-    if model.stiff:
+    wanted = {key: value for key, value in options.items() if key not in ("best", "max_steps", "settled")}
+    found = approached(model, theta, x, sd, open_steps=6, **wanted, settled=_SETTLED)
+    if found is None:
         return None
-    fit = output_error(model, theta, x, sd, open_steps=6, **options)
-    if fit is None or not fit.converged:
-        return None
+    theta, x = found
     fine = replace(model, record=record, n_sub=1)
-    x = _filled(fine, fit.theta, fit.x, few, every)
-    return refined(fine, fit.theta, x), fit.theta, x
+    x = _filled(fine, theta, x, every)
+    return refined(fine, theta, x), theta, x
 
 
-def _filled(model: FitModel, theta: np.ndarray, x: np.ndarray, few: Record, every: int) -> np.ndarray:
+def _filled(model: FitModel, theta: np.ndarray, x: np.ndarray, every: int) -> np.ndarray:
     """The rows between those that were kept, and those after the last: the model leads on from row to row."""
-    record = model.record
-    bound = model.bind(theta[:, None])
-    out = np.empty((model.n_states, record.n_samples))
-    rows = np.concatenate([a + every * np.arange(n) for a, n in zip(record.starts, few.lengths)])
-    ends = np.r_[record.starts[1:], record.n_samples]
-    room = np.repeat(ends, few.lengths) - rows  # rows that are left in the run
-    reach = np.minimum(np.r_[np.diff(rows), room[-1:]], room)
+    bound, rows = model.bind(theta[:, None]), _kept(model.record, every)
+    out = np.empty((model.n_states, model.record.n_samples))
+    reach = np.diff(rows, append=model.record.n_samples)  # rows to the next that was kept, or to the next run
     out[:, rows] = x
     now = x[:, None]
     for k in range(1, int(reach.max())):
         now, rows = bound(now, rows), rows + 1
-        alive = k < reach
-        now, rows, reach = now[:, :, alive], rows[alive], reach[alive]
+        if k >= every:
+            alive = k < reach
+            now, rows, reach = now[:, :, alive], rows[alive], reach[alive]
         out[:, rows] = now[:, 0]
     return out

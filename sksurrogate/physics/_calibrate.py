@@ -35,6 +35,8 @@ __all__ = ["CalibratedSimulator"]
 _POOR = 4.0
 #: Open steps converge quadratically: after one that moves by less than this share, the next would change nothing.
 _SETTLED = 3e-2
+#: Slopes serve again after a step by less than this share.
+_NEAR = 2e-2
 #: Dampings of a step before the descent ends, each ten times the last.
 _TRIES = 12
 
@@ -265,7 +267,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
     def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
         inputs = getattr(self.simulator, "inputs", None)
-        X, y = by_name(X, inputs, self.run), by_name(y, getattr(self.simulator, "outputs", None))
+        X = by_name(X, inputs, self.run, warn=reset)
+        y = by_name(y, getattr(self.simulator, "outputs", None), warn=reset)
         fewest = 0 if inputs is not None and len(inputs) == 0 else 1
         if hasattr(X, "columns"):
             _check_feature_names(self, X, reset=reset)
@@ -306,6 +309,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             "settled": _SETTLED,
             "tries": _TRIES,
             "reach": 10.0,
+            "near": _NEAR,
         }
         begun = coarse_start(inner, record, sd, names, theta, starts, given, options)
         if begun is not None:

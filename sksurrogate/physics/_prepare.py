@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.kernels.integrate import close
+from sksurrogate.kernels.integrate import DIFFERENCE, close
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.smoother import smooth
+from sksurrogate.kernels.smoother import drawn
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["LOCAL_ERROR", "prepared", "refined"]
+__all__ = ["LOCAL_ERROR", "fastest", "first_guess", "prepared", "refined", "smoothed_run"]
 
 #: Substeps are doubled until one sample differs by less than this share of the size of a state.
 LOCAL_ERROR = 1e-6
@@ -24,14 +24,12 @@ _PROBES = 250
 #: Graded steps of a stiff plant are cut into at most as many.
 _MOST_CUTS = 4
 #: Largest correction, in sizes of a state, at which the first free run counts as one: the smoother goes on from there.
-_CLOSED = 1e-2
-#: Steps of the smoother: the fit goes on from there anyway.
-_SMOOTHINGS = 2
+_CLOSED = 1e-1
 
 
 def prepared(
     inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, starts: np.ndarray, given: bool,
-    fit_x0: bool, *, local_error: float = LOCAL_ERROR,
+    fit_x0: bool,
 ) -> tuple[FitModel, np.ndarray]:  # fmt: skip
     """The model with substeps that its error asks for, and a trajectory (n_states, n_samples) to start from.
 
@@ -46,35 +44,68 @@ def prepared(
     given : bool
         Whether ``starts`` are the user's.
     fit_x0 : bool
-    local_error : float
-        Share of the size of a state by which one sample may differ from the same in half the substeps.
     """
-    plant = inner.plant
     inner.probe(record.u[:, 0])
-    places = plant.output_states
-    if places is not None and fit_x0 and not given:
-        starts[:, list(places)] = record.y[:, record.starts].T
+    near = first_guess(inner, record, starts, fit_x0 and not given)
+    model = FitModel(inner, names, record, 1, np.ones(len(inner.plant.states)))
+    if inner.plant.access == "rhs" and fastest(model, theta, near) > 1.0 and _is_stiff(model, theta, near):
+        return _stiff(model, theta, near, starts)
+    model, guess = smoothed_run(model, theta, near, starts, sd, fit_x0)
+    return refined(model, theta, guess), guess
+
+
+def first_guess(inner: PlantModel, record: Record, starts: np.ndarray, measured: bool) -> np.ndarray:
+    """Measured states as measured, others as at the start, (n_states, n_samples).
+
+    With ``measured``, those of ``starts`` (n_runs, n_states) are written too.
+    """
+    places = list(inner.plant.output_states or ())
+    if measured:
+        starts[:, places] = record.y[: len(places), record.starts].T
     near = np.repeat(starts.T, record.lengths, axis=1)
-    if places is not None:
-        near[list(places)] = record.y
+    if places:
+        near[places] = record.y
         near[:, record.starts] = starts.T
-    model, run = _first_run(FitModel(inner, names, record, 1, np.ones(len(plant.states))), theta, near, starts)
-    if model.stiff:  # off its slow manifold a stiff plant leads anywhere: measured values stay out of the trajectory
-        return replace(model, scale=np.maximum(np.max(np.abs(run), axis=1), 1e-12)), run
+    return near
+
+
+def smoothed_run(
+    model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.ndarray, sd: np.ndarray, fit_x0: bool
+) -> tuple[FitModel, np.ndarray]:
+    """The model with sizes of its states, and its free run drawn to the measurements, (n_states, n_samples)."""
+    record, places = model.record, list(model.plain_outputs or ())
+    run = _settled_run(model, theta, near, starts)
     guess = np.where(np.isfinite(run), run, np.repeat(starts.T, record.lengths, axis=1))
-    if places is not None:
-        guess[list(places)] = record.y
+    if places:
+        guess[places] = record.y
     size = np.maximum(np.std(guess, axis=1), 0.02 * np.sqrt(np.mean(guess**2, axis=1)))
     model = replace(model, scale=np.where(size > 0, size, 1.0))
-    try:
-        stepped = model.bind(theta[:, None])
-        smoothed = smooth(stepped, record.y, record.starts, sd, guess, model.scale, max_iterations=_SMOOTHINGS).x
-        guess = smoothed if np.all(np.isfinite(smoothed)) else guess
-    except FloatingPointError:
-        guess = np.where(np.isfinite(run), run, guess)
+    closer = drawn(model.bind(theta[:, None]), record.y, record.starts, sd, guess, model.scale)
+    guess = np.where(np.isfinite(run), run, guess) if closer is None else closer
     if not fit_x0:
         guess[:, record.starts] = starts.T
-    return refined(model, theta, guess, local_error=local_error), guess
+    return model, guess
+
+
+def fastest(model: FitModel, theta: np.ndarray, x: np.ndarray) -> float:
+    """How fast the plant is at most along a trajectory: a bound of the eigenvalues of its right-hand side times a sample.
+
+    None of them is larger than that of the matrix of the largest entries ``|df_i/dx_j|`` (Perron and Frobenius), whatever
+    the units of the states.
+    """
+    rows, n = _probes(x), len(x)
+    at = x[:, rows]
+    size = np.max(np.abs(at), axis=1)
+    step = DIFFERENCE * np.where(size > 0, size, 1.0)
+    columns = np.repeat(at[:, None], n + 1, axis=1)
+    columns[np.arange(n), 1 + np.arange(n)] += step[:, None]
+    t, mean, _ = model.points_at(rows, n + 1)
+    params = model.bind(theta[:, None]).params(0)
+    slopes = model.inner.derivative_points(t, columns.reshape(n, -1), mean[0], params).reshape(n, n + 1, -1)
+    largest = np.max(np.abs(slopes[:, 1:] - slopes[:, :1]), axis=2) / step
+    if not np.all(np.isfinite(largest)):
+        return np.inf
+    return model.record.dt * float(np.max(np.abs(np.linalg.eigvals(largest))))
 
 
 def _error(model: FitModel, theta: np.ndarray, x: np.ndarray) -> float:
@@ -97,24 +128,23 @@ def _all_but_worst(errors: np.ndarray) -> float:
     return float(np.partition(errors, last)[last])
 
 
-def refined(
-    model: FitModel, theta: np.ndarray, x: np.ndarray, *, most: int = _MOST_SUBSTEPS, local_error: float = LOCAL_ERROR
-) -> FitModel:
+def refined(model: FitModel, theta: np.ndarray, x: np.ndarray, *, most: int = _MOST_SUBSTEPS) -> FitModel:
     """Substeps doubled until their error along a trajectory is small."""
-    while model.inner.plant.access == "rhs" and model.n_sub < most and not _error(model, theta, x) < local_error:
+    while model.inner.plant.access == "rhs" and model.n_sub < most and not _error(model, theta, x) < LOCAL_ERROR:
         model = replace(model, n_sub=2 * model.n_sub)
     return model
 
 
-def _first_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.ndarray) -> tuple[FitModel, np.ndarray]:
-    """The model, stiff or not, and its free run (not finite where it diverges)."""
-    stiff = model.inner.plant.access == "rhs" and _is_stiff(model, theta, near)
-    if not stiff:
-        return model, _settled_run(model, theta, near, starts)
+def _stiff(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.ndarray) -> tuple[FitModel, np.ndarray]:
+    """The model in steps for stiff plants, and its free run.
+
+    Off its slow manifold a stiff plant leads anywhere: measured values stay out of the trajectory.
+    """
     model = replace(model, stiff=True)
     run = free_run(model, theta, starts.T)
     size = np.maximum(np.max(np.abs(np.where(np.isfinite(run), run, 0.0)), axis=1), 1e-12)
-    return refined(replace(model, scale=size), theta, np.where(np.isfinite(run), run, near), most=_MOST_CUTS), run
+    model = refined(replace(model, scale=size), theta, np.where(np.isfinite(run), run, near), most=_MOST_CUTS)
+    return replace(model, scale=np.maximum(np.max(np.abs(run), axis=1), 1e-12)), run
 
 
 def _settled_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -126,8 +156,8 @@ def _settled_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: n
     size = np.maximum(np.std(near, axis=1), 1.0)
     room = 10.0 * np.maximum(np.ptp(record.y, axis=1), 1e-12)
     last = np.full_like(record.y, np.inf)
-    for n_sub in (1, 4, 16):
-        finer = replace(model, n_sub=n_sub)
+    for cut in (1, 4, 16):
+        finer = replace(model, n_sub=cut * model.n_sub)
         bound = finer.bind(theta[:, None])
         # Newton over the time axis is many times faster than a loop over time, and settles for most plants.
         run, closed, _ = close(bound, near, record.starts, size, _CLOSED)

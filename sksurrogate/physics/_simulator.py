@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,12 @@ class BaseSimulator(BaseEstimator):
     >>> Gain().set_params(gain=3.0).simulate([[1.0], [2.0]]).tolist()
     [[3.0], [6.0]]
     """
+
+    @classmethod
+    @cache
+    def _get_param_names(cls) -> list[str]:
+        """Constructor arguments; scikit-learn inspects the signature anew at every clone."""
+        return super()._get_param_names()
 
     @abstractmethod
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
