@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import re
+import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any
+
+from sklearn.exceptions import DataConversionWarning
 
 from sksurrogate.exceptions import DataError
 
 __all__ = ["by_name"]
 
+#: Names that nobody chose: u0, y1, x2, 3.
+_MADE_UP = re.compile(r"[uxy]?\d+")
 
-def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None) -> Any:
+
+def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, warn: bool = True) -> Any:
     """Columns of a frame in the order of a simulator's signals; arrays pass as they are.
 
     Parameters
@@ -20,6 +28,8 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None) -> An
         Signals of the simulator.
     run : None, column name, int or "index"
         The run column, which is kept; a position leaves the frame as it is.
+    warn : bool, default=True
+        Whether a frame with other names is worth a word; not where its names have been seen before.
 
     Returns
     -------
@@ -30,9 +40,11 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None) -> An
     DataError
         Some columns carry the simulator's names and one that is needed does not.
 
-    Notes
+    Warns
     -----
-    A frame none of whose columns is named as a signal, and with as many columns, is taken in its own order.
+    DataConversionWarning
+        None of the columns carries a name of the simulator: they are taken in their own order. Names that nobody chose
+        (u0, y1, 0, 1) on either side pass without a word.
     """
     if names is None or not hasattr(data, "columns") or (run is not None and not isinstance(run, str)):
         return data
@@ -41,6 +53,15 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None) -> An
     there = [str(column) for column in data.columns]
     missing = [name for name in wanted if name not in there]
     if missing and len(there) == len(wanted) + len(kept) and not set(there) & set(wanted):
+        columns = [name for name in there if name not in kept]
+        if warn and _chosen(wanted) and _chosen(columns):
+            warnings.warn(
+                f"none of the columns {columns} is named like a signal of the simulator, {wanted}: they are taken in their "
+                "own order. Rename them (frame.rename(columns={...})) or the simulator's signals; give frame.to_numpy() "
+                "where the order is meant.",
+                DataConversionWarning,
+                stacklevel=_outside(),
+            )
         return data
     if missing:
         raise DataError(
@@ -48,3 +69,16 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None) -> An
             "Rename it, or name the signals of the simulator so."
         )
     return data[[*wanted, *(name for name in kept if name in there)]]
+
+
+def _chosen(names: Sequence[str]) -> bool:
+    """Whether somebody has chosen the names."""
+    return not all(_MADE_UP.fullmatch(name) for name in names)
+
+
+def _outside() -> int:
+    """Level of the nearest caller outside the package and scikit-learn, for a warning of :func:`by_name`."""
+    frame, level = sys._getframe(2), 2
+    while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] in ("sksurrogate", "sklearn"):
+        frame, level = frame.f_back, level + 1  # type: ignore[assignment]
+    return level

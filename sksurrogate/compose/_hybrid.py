@@ -292,8 +292,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False, min_rows: int = 1) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
-        X = by_name(X, getattr(self.simulator, "inputs", None), self.run)
-        y = by_name(y, getattr(self.simulator, "outputs", None))
+        X = by_name(X, getattr(self.simulator, "inputs", None), self.run, warn=reset)
+        y = by_name(y, getattr(self.simulator, "outputs", None), warn=reset)
         if hasattr(X, "columns"):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils.metaestimators import available_if
 
+from sksurrogate._columns import by_name
 from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
@@ -171,7 +172,7 @@ class AugmentedSimulator(BaseSimulator):
         SimulatorError
             U, x0, t, values or places do not fit.
         """
-        inputs = np.asarray(U, dtype=float)
+        inputs = np.asarray(by_name(U, self.inputs), dtype=float)
         if inputs.ndim == 1:
             inputs = inputs[:, None]
         start = None if x0 is None else np.asarray(x0, dtype=float).reshape(1, -1)

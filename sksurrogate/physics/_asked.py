@@ -25,6 +25,11 @@ def asked_names(plant: Plant, params: Sequence[str] | None) -> list[str]:
         )
     if isinstance(params, str):
         raise SimulatorError(f"params={params!r}: expected a list of names, params=[{params!r}].")
+    if params is None and not plant.params:
+        raise SimulatorError(
+            f"{type(plant.simulator).__name__} has no parameters to fit: name them in params={{...}} of the simulator and read "
+            'them in its function (p["k"]), or fit initial states alone with params=[].'
+        )
     names = list(plant.params) if params is None else list(params)
     unknown = [name for name in names if name not in plant.params]
     if unknown:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils.metaestimators import available_if
 
-from sksurrogate.exceptions import require
+from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._wrappers import StepSimulator
@@ -133,6 +133,10 @@ class ControlSimulator(ParametricSimulator):
 
     def _inner(self) -> Any:
         """The same system as one of this package's simulators."""
+        if not hasattr(self.system, "dt"):
+            raise SimulatorError(
+                f"system={self.system!r} is no system of python-control: make one with control.ss, control.tf or control.nlsys."
+            )
         own = self.system.dt
         names = {
             "states": self.states,

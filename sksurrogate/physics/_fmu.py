@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._fmu_unit import OpenUnit, describe, equal_steps, unpack
 from sksurrogate.physics._free_run import raise_if_diverged
@@ -146,7 +147,7 @@ class FMUSimulator(ParametricSimulator):
             self._variables(description, self.outputs, "output"),
         )
         initial = self._variables(description, self.initial or (), "local")
-        rows = np.asarray(U, dtype=float)
+        rows = np.asarray(by_name(U, inputs), dtype=float)
         rows = rows[:, None] if rows.ndim == 1 else rows
         if rows.ndim != 2 or rows.shape[1] != len(inputs):
             raise SimulatorError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,6 +68,16 @@ def _value(plant: Any, model: PlantModel, x: np.ndarray, u: np.ndarray, t: float
     return model.derivative(times, x, u) if plant.access == "rhs" else model.step(times, x, u, plant.dt)
 
 
+def _values(given: Any, argument: str, names: Sequence[str], what: str) -> np.ndarray:
+    """One number for each name, where the simulator names them."""
+    values = np.asarray(given, dtype=float).reshape(-1)
+    if names and len(values) != len(names):
+        raise SimulatorError(
+            f"{argument} has {len(values)} values, expected {len(names)}: one for each of {what}={list(names)}."
+        )
+    return values
+
+
 def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation:
     """Linearise a simulator with a right-hand side or a step, by central differences of it.
 
@@ -84,7 +95,7 @@ def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation
     Raises
     ------
     SimulatorError
-        The simulator gives trajectories only.
+        The simulator gives trajectories only, or x0 or u0 has the wrong length.
 
     Examples
     --------
@@ -95,7 +106,7 @@ def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation
     (1, 1)
     """
     plant, model = _point(simulator)
-    x, u = np.asarray(x0, dtype=float).reshape(-1), np.asarray(u0, dtype=float).reshape(-1)
+    x, u = _values(x0, "x0", plant.states, "states"), _values(u0, "u0", plant.inputs, "inputs")
     n, z = len(x), np.r_[x, u]
     h = 6e-6 * np.maximum(np.abs(z), 1e-2)
     columns = np.concatenate([z[:, None] + np.diag(h), z[:, None] - np.diag(h), z[:, None]], axis=1)
@@ -137,8 +148,8 @@ def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
     True
     """
     plant, model = _point(simulator)
-    u = np.asarray(u0, dtype=float).reshape(-1, 1)
-    start = plant.x0 if x0 is None else np.asarray(x0, dtype=float).reshape(-1)
+    u = _values(u0, "u0", plant.inputs, "inputs")[:, None]
+    start = plant.x0 if x0 is None else _values(x0, "x0", plant.states, "states")
 
     def moves(x: np.ndarray) -> np.ndarray:
         value = _value(plant, model, x[:, None], u, 0.0)[:, 0]

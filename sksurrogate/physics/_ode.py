@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils.metaestimators import available_if
 
+from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._events import EventMap
 from sksurrogate.physics._free_run import free_run, raise_if_diverged
@@ -192,8 +193,8 @@ class ODESimulator(BaseSimulator):
 
     def _check_inputs(self, U: Any) -> np.ndarray:
         """(n_samples, n_inputs) as float."""
-        inputs = np.asarray(U, dtype=float)
         names = self._names("inputs")
+        inputs = np.asarray(by_name(U, names), dtype=float)
         if inputs.ndim == 1 and len(names) == 1:
             inputs = inputs[:, None]
         if inputs.ndim != 2 or inputs.shape[1] != len(names):

@@ -94,6 +94,8 @@ class PointwiseFunction:
         """One point."""
         try:
             value = self.function(t, x, u, p, *extra)
+        except SimulatorError:  # says what is wrong already
+            raise
         except (KeyError, NameError, AttributeError, TypeError, IndexError, ValueError) as error:
             detail = (
                 f"parameter {error} is not in params"

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._model import PlantModel
@@ -20,7 +21,7 @@ __all__ = ["CallableSimulator", "StepSimulator", "TableSimulator"]
 
 def _inputs(U: Any, names: Sequence[str] | None = None) -> np.ndarray:
     """(n_samples, n_inputs) as float."""
-    inputs = np.asarray(U, dtype=float)
+    inputs = np.asarray(by_name(U, names), dtype=float)
     if inputs.ndim == 1:
         inputs = inputs[:, None]
     if inputs.ndim != 2 or (names is not None and inputs.shape[1] != len(names)):
@@ -42,8 +43,8 @@ class TableSimulator(BaseSimulator):
         Simulated outputs of these rows.
     groups : array-like (n_samples,), optional
         Run of each row; one run by default.
-    columns : list of int, optional
-        In place of U and Y: columns of the inputs that already hold the simulated outputs.
+    columns : list of int or of str, optional
+        In place of U and Y: columns of the inputs that already hold the simulated outputs, by number or by name in ``inputs``.
     inputs, outputs : list of str, optional
         Names.
     dt : float, default=1.0
@@ -68,7 +69,7 @@ class TableSimulator(BaseSimulator):
         Y: Any = None,
         *,
         groups: Any = None,
-        columns: Sequence[int] | None = None,
+        columns: Sequence[int | str] | None = None,
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         dt: float = 1.0,
@@ -83,14 +84,9 @@ class TableSimulator(BaseSimulator):
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Simulated outputs (n_samples, n_outputs) of inputs that are in the table."""
-        inputs = _inputs(U)
+        inputs = _inputs(by_name(U, self.inputs or getattr(self.U, "columns", None)))
         if self.columns is not None:
-            wrong = [c for c in self.columns if not -inputs.shape[1] <= c < inputs.shape[1]]
-            if wrong:
-                raise SimulatorError(
-                    f"columns={list(self.columns)}: U has {inputs.shape[1]} columns, none is number {wrong[0]}."
-                )
-            return inputs[:, list(self.columns)]
+            return inputs[:, self._places_of_columns(inputs.shape[1])]
         if self.U is None or self.Y is None:
             raise SimulatorError(
                 "TableSimulator needs U and Y (what was simulated), or columns (where U holds the outputs)."
@@ -120,6 +116,19 @@ class TableSimulator(BaseSimulator):
                 f"U fits {len(found)} places of the table with different outputs: give x0, the outputs of the first row."
             )
         return found[0].copy()
+
+    def _places_of_columns(self, n_columns: int) -> list[int]:
+        """Numbers of ``columns``, which may be names of ``inputs``."""
+        names, places = list(self.inputs or ()), []
+        for column in self.columns or ():
+            place = names.index(column) if column in names else column
+            if isinstance(place, str) or not -n_columns <= place < n_columns:
+                raise SimulatorError(
+                    f"columns={list(self.columns or ())}: U has {n_columns} columns and inputs={names}, none is {column!r}: "
+                    "give numbers of columns, or names among inputs=[...]."
+                )
+            places.append(place)
+        return places
 
 
 def _places(table: np.ndarray, inputs: np.ndarray) -> list[int]:

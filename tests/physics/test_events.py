@@ -70,7 +70,12 @@ def test_calibration_goes_through_a_bounce():
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [({"hold": "foh"}, "hold"), ({"method": "Radau"}, "method"), ({"events": [floor]}, r"\(when, then\)")],
+    [
+        ({"hold": "foh"}, "hold"),
+        ({"method": "Radau"}, "method"),
+        ({"events": [floor]}, r"^events\[0\]=.*\(when, then\)"),
+        ({"events": [(floor, lambda t, x, u, p: None)]}, r"^events\[0\] then.*returned None"),
+    ],
 )
 def test_mistakes_speak(options, message):
     with pytest.raises(SimulatorError, match=message):

@@ -35,3 +35,7 @@ def test_mistakes_speak():
     ramp = StepSimulator(lambda t, x, u, p, dt: [x[0] + 1.0], states=["x"], inputs=["u"], outputs=["x"])
     with pytest.raises(SimulatorError, match="no steady state"):
         steady_state(ramp, [0.0])
+    with pytest.raises(SimulatorError, match=r"x0 has 2 values, expected 1: one for each of states=\['x'\]"):
+        linearise(ramp, [1.0, 2.0], [0.0])
+    with pytest.raises(SimulatorError, match=r"u0 has 2 values, expected 1: one for each of inputs=\['u'\]"):
+        steady_state(ramp, [0.0, 1.0])

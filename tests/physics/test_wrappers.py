@@ -121,6 +121,16 @@ def test_the_table_finds_runs_and_pieces_again():
 def test_the_table_takes_columns_of_the_inputs():
     X = np.arange(6.0).reshape(3, 2)
     np.testing.assert_array_equal(TableSimulator(columns=[1]).simulate(X), X[:, [1]])
+    named = TableSimulator(columns=["y"], inputs=["u", "y"])
+    np.testing.assert_array_equal(named.simulate(X), X[:, [1]])
+    for wrong in ("z", 2):
+        with pytest.raises(SimulatorError, match=f"none is {wrong!r}: give numbers of columns, or names"):
+            named.set_params(columns=[wrong]).simulate(X)
+
+
+def test_what_is_no_control_system_is_refused():
+    with pytest.raises(SimulatorError, match=r"no system of python-control: make one with control\.ss"):
+        ControlSimulator(np.eye(2), dt=0.1).simulate(np.zeros((3, 1)))
 
 
 def test_a_fitted_estimator_stays_fitted_in_a_clone():
