@@ -175,12 +175,12 @@ def flat_points(
 
     def spread(values: np.ndarray) -> np.ndarray:
         if n_columns == 1:
-            return values.reshape(*values.shape[:-2], -1)
+            return values.reshape(*values.shape[:-2], values.shape[-1])
         if _same_in_all(values):
             first = spread(values[:1])
             return np.broadcast_to(first, (len(values), *first.shape[1:]))
         wide = np.broadcast_to(values, (*values.shape[:-2], n_columns, values.shape[-1]))
-        return wide.reshape(*values.shape[:-2], -1)
+        return wide.reshape(*values.shape[:-2], n_columns * values.shape[-1])
 
     return spread(t[None]), spread(mean), None if half is None else spread(half)
 

@@ -140,7 +140,8 @@ class PointwiseFunction:
     def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
         """Points ``x`` (n_states, n_points) -> (size, n_points); t and entries of p are floats or (n_points,)."""
         if self.vectorised is None:
-            at = (float(np.ravel(t)[0]), x.reshape(len(x), -1)[:, 0], u.reshape(len(u), -1)[:, 0])
+            points = x.reshape(len(x), -1)
+            at = (float(np.ravel(t)[0]), points[:, 0], u.reshape(len(u), points.shape[1])[:, 0])
             self.probe(
                 *at, {k: (float(np.ravel(v)[0]) if isinstance(v, np.ndarray) else v) for k, v in p.items()}, *extra
             )

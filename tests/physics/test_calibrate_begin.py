@@ -14,6 +14,7 @@ from sksurrogate.physics import CalibratedSimulator, ODESimulator
 from sksurrogate.physics._begin import thinned
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._prepare import fastest
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import stack_runs
 
@@ -133,3 +134,22 @@ def test_a_fit_that_is_worse_than_a_constant_says_so():
     model = CalibratedSimulator(plant, bounds={"a": (0.005, 0.05)}, fit_x0=False)
     with pytest.warns(ConvergenceWarning, match="much farther from y than a constant"):
         model.fit(np.zeros((100, 1)), y)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_the_bound_of_the_speed_is_that_of_the_eigenvalues_in_any_unit(unit):
+    def lag(t, x, u, p):  # x[1] in other units
+        return -p["a"] * x[0] + 0.5 * x[1] / unit, 0.5 * unit * x[0] - 2.0 * x[1]
+
+    plant = ODESimulator(lag, states=["x", "z"], inputs=[], outputs=["x"], params={"a": 3.0}, dt=0.1)
+    record = Record(np.zeros((0, 30)), np.ones((1, 30)), np.arange(30) * 0.1, np.array([0]), 0.1)
+    model = FitModel(PlantModel(describe(plant)), ["a"], record, 1, np.ones(2))
+    found = fastest(model, np.array([3.0]), np.stack([np.ones(30), np.zeros(30)]))
+    assert found == pytest.approx(0.1 * max(np.linalg.eigvals([[3.0, 0.5], [0.5, 2.0]])), rel=1e-6)
+
+
+def test_a_plant_without_inputs_is_calibrated():
+    decay = ODESimulator(lambda t, x, u, p: (-p["k"] * x[0],), states=["x"], inputs=[], outputs=["x"], params={"k": 1.0}, dt=0.1)  # fmt: skip
+    y = decay.set_params(params__k=0.6).simulate(np.zeros((50, 0)), x0=[2.0])[:, 0]
+    found = CalibratedSimulator(decay.set_params(params__k=1.0)).fit(np.zeros((50, 0)), y)
+    assert found.params_["k"] == pytest.approx(0.6, rel=1e-4)

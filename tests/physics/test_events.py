@@ -79,4 +79,4 @@ def test_calibration_goes_through_a_bounce():
 )
 def test_mistakes_speak(options, message):
     with pytest.raises(SimulatorError, match=message):
-        ball(**options).simulate(np.zeros((5, 1)))
+        ball(**options).simulate(np.zeros((40, 1)))
