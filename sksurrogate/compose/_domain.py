@@ -8,6 +8,9 @@ import numpy as np
 
 __all__ = ["Domain"]
 
+#: Share of a range outside it where a correction is hardly to be trusted any more, faded or not.
+DOUBTFUL = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Domain:
@@ -54,3 +57,7 @@ class Domain:
             return np.ones(len(phi))
         beyond = np.maximum(self.distance(phi) - self.fade, 0.0)
         return np.exp(-((beyond / max(self.fade, 1e-12)) ** 2))
+
+    def doubt(self, phi: np.ndarray) -> np.ndarray:
+        """0 within the box, towards 1 for rows of a run in time outside it, and from then on: a free run remembers."""
+        return 1.0 - np.exp(-((np.maximum.accumulate(self.distance(phi)) / DOUBTFUL) ** 2))

@@ -14,6 +14,7 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate._checks import checked
 from sksurrogate._columns import by_name
+from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection, ends_linear
 from sksurrogate.compose._hybrid_force import ForceCorrection
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
@@ -82,6 +83,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     left_out_rmse_ : ndarray (n_outputs,)
         What ``return_std`` starts from: on runs left out (every third of them; of one run its last third), at the price of three
         more fits; with the default residual of "output", whose nets show by their spread what they do not know, on the training runs.
+    region_ : Domain
+        Ranges of inputs and outputs in the training data.
     n_features_in_ : int
 
     Notes
@@ -210,8 +213,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
             Outputs at the first rows of each run; without it the correction starts from no deviation.
         groups : array-like (n_samples,), optional
         return_std : bool, default=False
-            Whether a standard deviation comes along: ``left_out_rmse_``, the spread of the nets, and, as far
-            as the correction has faded, the size of the gap itself.
+            Whether a standard deviation comes along: ``left_out_rmse_``, the spread of the nets, and, as far as the
+            correction has faded or the run has left the range of inputs and outputs in the data, the size of the gap
+            itself.
 
         Returns
         -------
@@ -238,8 +242,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         if not return_std:
             return mean
         parts = []
-        for f, spread, weight in zip(first, free.spread, free.weight):
-            lost = (1.0 - weight)[:, None] * self.correction_.reach
+        for run, y, f, spread, weight in zip(runs, free.y, first, free.spread, free.weight):
+            outside = self.region_.doubt(np.hstack([run.X, y]))
+            lost = np.maximum(1.0 - weight, outside)[:, None] * self.correction_.reach
             part = np.sqrt(self.left_out_rmse_**2 + spread**2 + lost**2)
             part[: 0 if f is None else len(f)] = 0.0
             parts.append(part)
@@ -319,6 +324,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     def _fit_runs(self, runs: Runs, inputs: list, measured: list, before: Any) -> HybridRegressor:
         self.y_is_1d_ = runs.y_is_1d
         self.simulator_ = self._calibrated(inputs, measured)
+        self.region_ = Domain.of(np.hstack([np.concatenate(inputs), np.concatenate(measured)]), self.fade)
         self.correction_ = self._correction().fit(inputs, measured, before)
         self.residual_ = self.correction_.fitted
         self.n_initial_ = self.correction_.n_lags

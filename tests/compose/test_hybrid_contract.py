@@ -75,6 +75,21 @@ def test_far_from_the_data_the_physics_is_left_alone_and_the_spread_says_so():
     assert mean.shape == near.shape == (60,) and np.all(wide[10:] > 5 * near[10:].max())
 
 
+def test_the_spread_grows_from_the_edge_of_the_data_on_and_stays():
+    """Where the correction has not begun to fade yet; back inside, the run still remembers where it was."""
+    X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)
+    hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    there_and_back = np.concatenate([np.full(40, 0.1), np.full(20, 0.155), np.full(40, 0.1)])[:, None]
+    _, std = hybrid.predict(there_and_back, return_std=True)
+    assert np.all(hybrid.validity(there_and_back) == 1.0)
+    assert std[40:].min() > 0.4 * hybrid.correction_.reach[0] > 2.0 * std[:40].max()
+    distance = (0.155 - X.max()) / np.ptp(X)  # half the range of the input
+    np.testing.assert_allclose(
+        hybrid.region_.doubt(np.array([[0.1, y.mean()], [0.155, y.mean()], [0.1, y.mean()]])),
+        [0.0, *2 * [1 - np.exp(-((distance / 0.5) ** 2))]],
+    )
+
+
 def test_two_standard_deviations_hold_most_of_unseen_runs():
     X, y, groups = make_reactor_runs(8, 120, noise=0.02, random_state=0)
     new_X, new_y, new = make_reactor_runs(6, 120, noise=0.02, random_state=5)
