@@ -40,9 +40,7 @@ def eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.nd
     H = G[k, k] + np.diag(precision)
     cross = G[k][:, keep].copy()
     cross[:, 0] += pull
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
-    return G[np.ix_(keep, keep)] - cross.T @ inverse @ cross
+    return G[np.ix_(keep, keep)] - cross.T @ _inverse(H) @ cross
 
 
 def eliminate_rows(
@@ -54,9 +52,16 @@ def eliminate_rows(
         return rows[0, 1:], diagonal[1:]
     H = rows[1:, 1:k] + np.diag(precision)
     cross, mine = rows[1:, k:], rows[1:, 0] + pull
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+    inverse = _inverse(H)
     return rows[0, k:] - mine @ inverse @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, inverse @ cross)
+
+
+def _inverse(H: np.ndarray) -> np.ndarray:
+    """Pseudo-inverse of normal equations, scaled; LinAlgError where a trajectory left the finite numbers."""
+    if not np.isfinite(H).all():
+        raise np.linalg.LinAlgError("the normal equations are not finite")
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    return np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
 
 
 def scores(g: np.ndarray, h: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

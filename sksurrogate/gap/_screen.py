@@ -283,10 +283,9 @@ def _screen(s: _Screener, columns: list[_Column], noise: Noise | None) -> Screen
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
         try:
             found = D.gram_rows(np.concatenate([known, V]).transpose(1, 0, 2) * problem.sd[:, None, None], noise, few)
+            forced, _ = scores(*eliminate_rows(*found, precision, pull), low, high)
         except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
             pass
-        else:
-            forced, _ = scores(*eliminate_rows(*found, precision, pull), low, high)
 
     def among(chosen: list[int]) -> np.ndarray:
         """Gram of the residual and the chosen columns."""
