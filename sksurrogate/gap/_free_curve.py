@@ -57,10 +57,11 @@ def free_curve(problem: Problem, rival: Rival) -> FreeCurve | None:
     if noise is None or not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
     band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), problem.record.starts)
+    forms = list(shapes(problem, rival))
     curves = [
         (name, variable, F)
         for b, name in enumerate(problem.balances)
-        for variable, f in shapes(problem, rival)
+        for variable, f in forms
         if np.isfinite(F := response(problem, D, band, b, f)).all()
     ]
     known, size = np.concatenate([r[:, None], J], axis=1), problem.record.y.size
@@ -129,9 +130,9 @@ def _gain(problem: Problem, rival: Rival, F: np.ndarray) -> float:
     assert noise is not None
     quiet = replace(noise, sigma=problem.sd, force=1e-3 * problem.force_unit(), coloured=1e-2 * problem.sd)
 
-    def likelihood(columns: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> float:
+    def likelihood(J: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> float:
         fits = (
-            fit_noise(D, r, start, problem.force_unit(), columns, precision, pull, caps=problem.caps)
+            fit_noise(D, r, start, problem.force_unit(), J, precision, pull, caps=problem.caps)
             for start in (noise, quiet)
         )
         return max(fit[1] for fit in fits)
