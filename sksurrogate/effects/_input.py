@@ -34,6 +34,8 @@ __all__ = [
 COARSEST, FINEST = 0.55, 40.0
 #: Largest value over the range of a signal, beyond which no finer steps are tried.
 FARTHEST = 4.0
+#: Largest move over the tenth largest in a hundred, from which jumps are rare among other moves.
+RARE = 3.0
 
 
 def quantize(u: np.ndarray, step: Any) -> np.ndarray:
@@ -264,13 +266,14 @@ class RateLimit(InputEffect):
         return rate_limit(u, np.maximum(theta[0], 0.0), h, starts)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """A large move takes from less than one to 25 samples."""
+        """A large move takes from less than one to 25 samples; the largest too, where jumps are rare among small moves."""
         moves = np.delete(np.abs(np.diff(probe.x)), probe.starts[1:] - 1)
         moves = moves[moves > 0]
         if not len(moves):
             return []
-        large = float(np.quantile(moves, 0.9))
-        return [(large / (k * probe.dt),) for k in (0.6, 1.5, 4.0, 10.0, 25.0)]
+        large, largest = float(np.quantile(moves, 0.9)), float(np.max(moves))
+        sizes = [large] if largest < RARE * large else [largest, large]
+        return [(size / (k * probe.dt),) for size in sizes for k in (0.6, 1.5, 4.0, 10.0, 25.0)]
 
 
 class InputQuantization(InputEffect):

@@ -17,19 +17,24 @@ __all__ = ["best_starts", "distinct", "fit_added", "fit_chunk", "mean_start", "n
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
 HOPELESS = 40.0
+#: Shares of a start that are tried, one after the other, where its free run does not stay finite.
+NEARER = (1.0, 0.3, 0.1)
 
 
 def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
     """Fit a base with one effect more, from the best of several starts."""
     found: Rival | None = None
-    split = base.n_parameters
+    split, n = base.n_parameters, len(problem.plant.states)
     for start in starts:
-        theta = np.concatenate([base.fit.theta[:split], start.theta, base.fit.theta[split:]])
-        n = len(problem.plant.states)
-        try:
-            rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit.x[:n], best)
-        except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
-            continue
+        for share in NEARER if start.effect.linear and len(start.theta) else (1.0,):
+            own = np.r_[share * start.theta[:1], start.theta[1:]]
+            theta = np.concatenate([base.fit.theta[:split], own, base.fit.theta[split:]])
+            try:
+                rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit.x[:n], best)
+            except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+                rival = None
+            if rival is not None:
+                break
         if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
             found = rival
     if found is not None and found.fit.cost < 3.0 * best:

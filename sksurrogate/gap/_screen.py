@@ -26,6 +26,8 @@ __all__ = ["Screen", "Start", "scaled", "screen"]
 
 #: Numbers of the null's columns that are kept (single precision).
 MOST_KEPT = 60_000_000
+#: A parameter is not started from below this share of its value: at 0 many plants have no free run.
+LEAST_FACTOR = 0.2
 
 #: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
 CONTENDERS, LEAST_DROP = 0.2, 30.0
@@ -358,9 +360,11 @@ def scaled(effect: BaseEffect, magnitude: float, amplitude: float) -> float:
     """The magnitude of a start times the amplitude of its column, within bounds; a parameter keeps its sign."""
     value = magnitude * (amplitude or 1e-3)
     first = effect.parameters[0]
-    low, high = (
-        (max(first.low, -0.8), min(first.high, 2.0)) if first.name == "relative_error" else (first.low, first.high)
-    )
+    low, high = first.low, first.high
+    if first.name == "relative_error":
+        low, high = max(low, LEAST_FACTOR - 1.0), min(high, 2.0)
+    elif effect.name == "parameter_drift":  # of a tenth at the end of a run
+        low, high = magnitude * 10.0 * (LEAST_FACTOR - 1.0), magnitude * 20.0
     return float(np.clip(value, low, high))
 
 

@@ -1,0 +1,60 @@
+"""Fits whose parameters have run to where the prediction no longer depends on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._screen import probe_of
+
+__all__ = ["dead", "revived"]
+
+#: Sensitivity over that of the most sensitive parameter, per unit of each, below which a parameter says nothing.
+SILENT = 1e-9
+
+
+def revived(problem: Problem, rival: Rival) -> Rival:
+    """The best fit from starting values of the parameters on which the prediction does not depend, the others kept.
+
+    A Stribeck velocity of 0 has no slope that leads back, and the level that it leads to has none either.
+    """
+    for i, effect in enumerate(rival.effects):
+        silent = dead(problem, rival, i)
+        if not silent.any() or silent.all():
+            continue
+        path = rival.fit.x[: len(problem.plant.states)]
+        place = rival.model.slice_of(i)
+        seen = set()
+        for start in effect.starts(probe_of(problem, effect, path, problem.rate)):
+            theta = rival.fit.theta.copy()
+            theta[place] = np.where(silent, in_scale(effect, start, theta[place], silent), theta[place])
+            if tuple(theta[place]) in seen:
+                continue
+            seen.add(tuple(theta[place]))
+            other = problem.fit(rival.effects, theta, rival.fit.x)
+            if other is not None and other.fit.cost < rival.fit.cost - 1.0:
+                return revived(problem, other)
+    return rival
+
+
+def in_scale(effect: BaseEffect, start: Sequence[float], now: np.ndarray, silent: np.ndarray) -> np.ndarray:
+    """A starting value in proportion to what was fitted: a level beside a fitted level of the same unit."""
+    given = np.array(start, dtype=float)
+    out = given.copy()
+    units = [parameter.unit for parameter in effect.parameters]
+    for k in np.flatnonzero(silent):
+        alike = [j for j in np.flatnonzero(~silent) if units[j] == units[k] and given[j] != 0]
+        if alike:
+            out[k] *= now[alike[0]] / given[alike[0]]
+    return out
+
+
+def dead(problem: Problem, rival: Rival, i: int) -> np.ndarray:
+    """Which parameters of effect i move nothing."""
+    J = problem.linearised(rival).J_theta
+    unit = np.maximum(np.abs(problem.units(rival.effects, rival.fit.theta)), 1e-300)
+    moved = np.sqrt(np.mean((J * unit[None, :, None]) ** 2, axis=(0, 2)))
+    return moved[rival.model.slice_of(i)] <= SILENT * np.max(moved, initial=0.0)
