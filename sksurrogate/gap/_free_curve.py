@@ -1,30 +1,30 @@
-"""A law that no name carries: a free curve of one signal in one balance, judged along the free run.
+"""A law that no name carries: a free curve of one signal in one balance or sensor, judged along the free run.
 
 The smoothed force of a disturbance follows the states that it pushes, and a law of the states is easily seen in it. The free
-run knows nothing of the disturbance: a curve of its states, of the inputs or of their recent past is a regressor like any
-other, and its likelihood under coloured noise is compared with that of no curve.
+run knows nothing of the disturbance: a curve of its states, of the inputs, of their recent past or of the time since the start
+is a regressor like any other, and its likelihood under coloured noise is compared with that of no curve.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.gap._curve_shapes import Curve, in_balances, in_sensors
 from sksurrogate.gap._evidence import columns
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
-from sksurrogate.gap._unknown import memory
-from sksurrogate.kernels.banded import recursion_band, solve_recursion
-from sksurrogate.kernels.disturbance import Disturbance, fit_noise
+from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
 
 __all__ = ["FreeCurve", "free_curve"]
 
-#: Knots of a piecewise linear curve, at equal shares of the samples.
-KNOTS = 8
 #: Gain under the noise of the rival, which takes a law for a force, from which the noise is fitted anew beside the curve.
 SUSPICIOUS = -15.0
+#: Residual over the noise of differences from which a noise fit may have taken a law for a force.
+MORE_THAN_NOISE = 1.2
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class FreeCurve:
     Attributes
     ----------
     location, variable : str
-        Balance, and the signal of which it is a curve ("q and its past" where a memory is likelier).
+        Balance or sensor, and the signal of which it is a curve ("q and its past" where a memory is likelier).
     gain : float
         ``2 (L_with - L_without) - k ln N - 2 ln M`` for k knots, N values and M curves tried.
     moved : float
@@ -51,66 +51,116 @@ class FreeCurve:
 
 
 def free_curve(problem: Problem, rival: Rival) -> FreeCurve | None:
-    """The likeliest curve of one signal in one balance on top of a rival; None where none can be judged."""
+    """The likeliest curve of one signal in one balance or sensor on top of a rival; None where none can be judged.
+
+    A curve that suits a noise model but brings the free run no nearer to the data is none.
+    """
     r, J, precision, pull = columns(problem, rival)
     D, noise = problem.disturbance(rival), rival.noise
     if noise is None or not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
-    band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), problem.record.starts)
-    forms = list(shapes(problem, rival))
-    curves = [
-        (name, variable, F)
-        for b, name in enumerate(problem.balances)
-        for variable, f in forms
-        if np.isfinite(F := response(problem, D, band, b, f)).all()
-    ]
-    known, size = np.concatenate([r[:, None], J], axis=1), problem.record.y.size
+    curves = [*in_balances(problem, rival, D), *in_sensors(problem, rival)]
+    fit = _CurveFit(problem, rival, D, r, J, precision, pull, [c for c in curves if np.isfinite(c[2]).all()])
     try:
-        none, alone, rank = _explained(D.gram(known, noise)[0], precision, pull)
-        found = []
-        for (name, variable, F), G in zip(curves, D.gram_each(known, [F for _, _, F in curves], noise)):
-            drop, theta, k = _explained(G, *_free(precision, pull, F))
-            found.append((drop - none - (k - rank) * np.log(size), name, variable, F, theta))
+        found = fit.candidates(noise) if fit.curves else []
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
-    if not found:
-        return None
-    gain, name, variable, F, theta = max(found, key=lambda one: one[0])
-    gain -= 2.0 * np.log(len(found))
-    if gain > SUSPICIOUS:
-        gain = max(gain, _gain(problem, rival, F) - 2.0 * np.log(len(found)))
-    theta[: J.shape[1]] -= alone
-    moved = np.einsum("okt,k->ot", np.concatenate([J, F], axis=1), theta) / problem.sd[:, None]
-    J_x = problem.linearised(rival).J_x[:, rival.model.free_states] / problem.sd[:, None, None]
-    rms = np.sqrt(np.mean(project_starts(moved[None], J_x, problem.record.starts)[0] ** 2, axis=1))
-    spread = np.maximum(np.std(problem.record.y, axis=1), 1e-300) / problem.sd
-    return FreeCurve(name, variable, float(gain), float(np.sqrt(np.mean(rms**2))), float(np.max(rms / spread)))
+    near = [one for one in found if fit.nearer(one)]
+    return fit.told(max(near, key=lambda one: one.gain)) if near else None
 
 
-def shapes(problem: Problem, rival: Rival) -> Iterator[tuple[str, np.ndarray]]:
-    """Signals of the free run with the functions whose sums are curves of them: hats (n_knots, n_samples), then the past."""
-    path = rival.fit.x[: len(problem.plant.states)]
-    signals = np.concatenate([path, problem.record.u])
-    past = memory(problem.record, path).T.reshape(-1, *signals.shape)
-    for i, (name, z) in enumerate(zip([*problem.plant.states, *problem.plant.inputs], signals)):
-        knots = np.unique(np.quantile(z, np.linspace(0.0, 1.0, KNOTS)))
-        if np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300) and len(knots) > 1:
-            yield name, np.stack([np.interp(z, knots, hat) for hat in np.eye(len(knots))])
-            yield f"{name} and its past", np.concatenate([z[None], past[:, i]])
+class _Candidate(NamedTuple):
+    """A curve, what it gains, and how far the parameters of the rival and its own move."""
+
+    k: int
+    gain: float
+    theta: np.ndarray
 
 
-def response(problem: Problem, D: Disturbance, band: np.ndarray, b: int, f: np.ndarray) -> np.ndarray:
-    """What forces (k, n_samples) in balance b move the outputs by, to first order: (n_outputs, k, n_samples)."""
-    push = np.zeros((D.n, len(f), D.n_samples))
-    push[:, :, 1:] = (D.B[:, :, b].T[:, None] * f)[:, :, :-1]
-    push[:, :, problem.record.starts] = 0.0
-    with np.errstate(all="ignore"):
-        return np.einsum("toi,ikt->okt", D.C, solve_recursion(band, push))
+@dataclass(frozen=True, eq=False)
+class _CurveFit:
+    """A residual explained by the parameters of a rival, and by each of several curves beside them."""
 
+    problem: Problem
+    rival: Rival
+    D: Disturbance
+    r: np.ndarray
+    J: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
+    curves: list[Curve]
 
-def _free(precision: np.ndarray, pull: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The prior of known parameters, and none on those of a curve."""
-    return np.r_[precision, np.zeros(F.shape[1])], np.r_[pull, np.zeros(F.shape[1])]
+    def candidates(self, noise: Noise) -> list[_Candidate]:
+        """The likeliest curve under a rival's own noise; and with the noise fitted anew, for it may have taken a law for a force.
+
+        Where more is left than noise, the curve that is likeliest under quiet forces is looked at too.
+        """
+        quiet = replace(noise, sigma=self.problem.sd, force=1e-3 * self.problem.force_unit())
+        quiet = replace(quiet, coloured=1e-2 * self.problem.sd)
+        own = self.best(noise)
+        again = [own.k] if own.gain > SUSPICIOUS else []
+        if np.max(np.sqrt(np.mean(self.r**2, axis=1)) / self.problem.sd) > MORE_THAN_NOISE:
+            again.append(self.best(quiet).k)
+        if not again:
+            return [own]
+        none, alone = self.fitted((noise, quiet))
+        out = [own]
+        for k in dict.fromkeys(again):
+            value, theta = self.fitted((noise, quiet), self.curves[k][2])
+            out.append(self.candidate(k, 2.0 * (value - none), theta, alone, self.n_knots(k)))
+        return out
+
+    def best(self, noise: Noise) -> _Candidate:
+        """The curve that gains most under a noise."""
+        known = np.concatenate([self.r[:, None], self.J], axis=1)
+        none, alone, rank = _explained(self.D.gram(known, noise)[0], self.precision, self.pull)
+        found = []
+        for k, G in enumerate(self.D.gram_each(known, [F for _, _, F in self.curves], noise)):
+            drop, theta, more = _explained(G, *self.prior(self.n_knots(k)))
+            found.append(self.candidate(k, drop - none, theta, alone, more - rank))
+        return max(found, key=lambda one: one.gain)
+
+    def candidate(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Candidate:
+        """A curve of n parameters that explains so much, among all that were tried."""
+        gain = drop - n * np.log(self.r.size) - 2.0 * np.log(len(self.curves))
+        return _Candidate(k, float(gain), theta - np.r_[alone, np.zeros(len(theta) - len(alone))])
+
+    def fitted(self, starts: Sequence[Noise], F: np.ndarray | None = None) -> tuple[float, np.ndarray]:
+        """The largest log likelihood with the noise fitted, beside a curve or none, and the parameters there."""
+        J = self.J if F is None else np.concatenate([self.J, F], axis=1)
+        prior = self.prior(0 if F is None else F.shape[1])
+        unit, caps = self.problem.force_unit(), self.problem.caps
+        fits = [fit_noise(self.D, self.r, start, unit, J, *prior, caps=caps) for start in starts]
+        noise, value, _ = max(fits, key=lambda fit: fit[1])
+        G, _ = self.D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
+        return value, _explained(G, *prior)[1]
+
+    def n_knots(self, k: int) -> int:
+        """Parameters of a curve."""
+        return self.curves[k][2].shape[1]
+
+    def prior(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """The prior of the rival's parameters, and none on n more."""
+        return np.r_[self.precision, np.zeros(n)], np.r_[self.pull, np.zeros(n)]
+
+    def moved(self, one: _Candidate) -> np.ndarray:
+        """Residual without and with a curve, and their difference, initial states having followed; over the noise."""
+        sd, F = self.problem.sd[:, None], self.curves[one.k][2]
+        moved = np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), one.theta) / sd
+        J_x = self.problem.linearised(self.rival).J_x[:, self.rival.model.free_states] / sd[:, None]
+        return project_starts(np.stack([self.r / sd, self.r / sd - moved, moved]), J_x, self.problem.record.starts)
+
+    def nearer(self, one: _Candidate) -> bool:
+        """Whether a curve brings the free run nearer to the data."""
+        before, after, _ = self.moved(one)
+        return bool(np.sum(after**2) <= np.sum(before**2))
+
+    def told(self, one: _Candidate) -> FreeCurve:
+        """A curve with its name, and what it moves."""
+        rms = np.sqrt(np.mean(self.moved(one)[2] ** 2, axis=1))
+        spread = np.maximum(np.std(self.problem.record.y, axis=1), 1e-300) / self.problem.sd
+        location, variable, _ = self.curves[one.k]
+        return FreeCurve(location, variable, one.gain, float(np.sqrt(np.mean(rms**2))), float(np.max(rms / spread)))
 
 
 def _explained(G: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> tuple[float, np.ndarray, int]:
@@ -121,22 +171,3 @@ def _explained(G: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> tuple[
     scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
     theta, _, rank, _ = np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-8)
     return float(g / scale @ theta), theta / scale, int(rank)
-
-
-def _gain(problem: Problem, rival: Rival, F: np.ndarray) -> float:
-    """``2 (L_with - L_without) - k ln N``, the noise fitted anew on both sides: it had taken the law for a force."""
-    r, J, precision, pull = columns(problem, rival)
-    D, noise = problem.disturbance(rival), rival.noise
-    assert noise is not None
-    quiet = replace(noise, sigma=problem.sd, force=1e-3 * problem.force_unit(), coloured=1e-2 * problem.sd)
-
-    def likelihood(J: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> float:
-        fits = (
-            fit_noise(D, r, start, problem.force_unit(), J, precision, pull, caps=problem.caps)
-            for start in (noise, quiet)
-        )
-        return max(fit[1] for fit in fits)
-
-    free = _free(precision, pull, F)
-    with_curve = likelihood(np.concatenate([J, F], axis=1), *free)
-    return 2.0 * (with_curve - likelihood(J, precision, pull)) - F.shape[1] * np.log(r.size)

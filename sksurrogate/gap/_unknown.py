@@ -15,7 +15,17 @@ from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = ["LatentForce", "input_push", "latent_force", "law_of", "moved_by", "of_input_alone", "places", "repeatable"]
+__all__ = [
+    "LatentForce",
+    "input_push",
+    "latent_force",
+    "law_of",
+    "moved_by",
+    "of_input_alone",
+    "past_of",
+    "places",
+    "repeatable",
+]
 
 #: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
 SMALLEST_FORCE = 2e-3
@@ -110,17 +120,21 @@ def folds(record, n_folds: int = 3) -> np.ndarray:
 
 
 def memory(record: Record, path: np.ndarray) -> np.ndarray:
-    """Past of a free run and of the inputs as columns: moving averages over 5 and 25 samples, and direction.
+    """Past of a free run and of the inputs as columns (n_samples, n_columns).
 
     Of the free run, not of the smoothed states: these follow the force, and its past would be read off them.
     """
-    signals = np.concatenate([path, record.u])
-    columns = [np.sign(first_order_scan(0.8, np.diff(signals, axis=1, prepend=signals[:, :1]), record.starts))]
+    return np.concatenate(past_of(record, np.concatenate([path, record.u]))).T
+
+
+def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
+    """Direction and moving averages over 5 and 25 samples of signals, (3, n_signals, n_samples)."""
+    found = [np.sign(first_order_scan(0.8, np.diff(signals, axis=1, prepend=signals[:, :1]), record.starts))]
     for tau in (5.0, 25.0):
         a = np.exp(-1.0 / tau)
         level = signals[:, record.starts][:, record.run_of_row]
-        columns.append(level + (1 - a) * first_order_scan(a, signals - level, record.starts))
-    return np.concatenate(columns).T
+        found.append(level + (1 - a) * first_order_scan(a, signals - level, record.starts))
+    return np.stack(found)
 
 
 def law_of(problem: Problem, latent: LatentForce, random_state: int, path: np.ndarray) -> np.ndarray:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from sksurrogate.gap._curve_shapes import shapes
 from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._free_curve import free_curve, shapes
+from sksurrogate.gap._free_curve import free_curve
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -25,15 +26,19 @@ def body(law):
     )
 
 
-def left_by_the_null(law, shaken, seed):
-    """The null and its problem: steps as inputs, a coloured force, sensor noise of 1 %."""
+def left_by_the_null(law, shaken, seed, push=0.0, lag=0):
+    """The null and its problem: steps as inputs, a coloured force, sensor noise of 1 %.
+
+    A force ``push`` that sets in halfway through each run; readings that are ``lag`` samples old.
+    """
     rng = np.random.default_rng(seed)
     U, Y = [], []
     for _ in range(RUNS):
         u, w = 2.0 * np.repeat(rng.uniform(-1, 1, N // 20), 20), np.zeros(N)
         for k in range(1, N):
             w[k] = 0.9 * w[k - 1] + shaken * rng.normal()
-        y = body(law).simulate(np.stack([u, w], axis=1))
+        y = body(law).simulate(np.stack([u, w + push * (np.arange(N) >= N // 2)], axis=1))
+        y = y[np.maximum(np.arange(N) - lag, 0)]
         U.append(np.stack([u, np.zeros(N)], axis=1))
         Y.append(y + 0.01 * y.std(axis=0) * rng.normal(size=y.shape))
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
@@ -46,7 +51,8 @@ def left_by_the_null(law, shaken, seed):
 @pytest.mark.parametrize("seed", range(4))
 def test_a_disturbance_is_no_curve_of_anything(seed):
     problem, null = left_by_the_null(0.0, 0.05, seed)
-    assert free_curve(problem, null).gain < 0.0
+    curve = free_curve(problem, null)
+    assert curve is None or curve.gain < 0.0
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -70,13 +76,30 @@ def test_without_noise_but_that_of_the_sensor_less_is_enough():
     assert curve.variable in ("v", "q and its past")
 
 
+def test_a_force_that_sets_in_at_one_time_is_a_curve_of_time():
+    problem, null = left_by_the_null(0.0, 0.05, 0, push=0.3)
+    curve = free_curve(problem, null)
+    assert curve.gain > 20.0
+    assert (curve.location, curve.variable) == ("v", "time")
+
+
+def test_a_sensor_that_reads_late_is_a_curve_of_its_own_past():
+    problem, null = left_by_the_null(0.0, 0.05, 0, lag=2)
+    curve = free_curve(problem, null)
+    assert curve.gain > 20.0
+    assert (curve.location, curve.variable) == ("q", "q and its past")
+
+
 def test_shapes_are_hats_that_add_up_to_one_and_signals_with_their_past():
     problem, null = left_by_the_null(0.0, 0.0, 1)
-    named = list(shapes(problem, null))
+    signals = np.concatenate([null.fit.x, problem.record.u])
+    *named, time = shapes(problem.record, signals, ["q", "v", "u", "w"])
     assert [name for name, _ in named][::2] == ["q", "v", "u"]  # w stands still
-    for (_, hats), (_, past), signal in zip(named[::2], named[1::2], [*null.fit.x, problem.record.u[0]]):
-        assert np.allclose(hats.sum(axis=0), 1.0)
+    for (_, curve), (_, past), signal in zip(named[::2], named[1::2], signals):
+        assert np.allclose(curve.sum(axis=0), 1.0)
         assert np.array_equal(past[0], signal)
+    assert time[0] == "time"
+    assert np.allclose(time[1].reshape(-1, RUNS, N), time[1].reshape(-1, RUNS, N)[:, :1])  # the same in all runs
 
 
 def test_one_factor_serves_all_blocks():

@@ -1,0 +1,73 @@
+"""Free curves: piecewise linear functions of a signal, of its recent past or of time, in a balance or in a sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._unknown import past_of
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.disturbance import Disturbance
+from sksurrogate.kernels.record import Record
+
+__all__ = ["Curve", "in_balances", "in_sensors", "shapes"]
+
+#: Knots of a piecewise linear curve, at equal shares of the samples; of one of time, which may step.
+KNOTS, KNOTS_OF_TIME = 8, 13
+#: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
+RUNS = 3
+
+#: Place, signal, and what the functions of the signal move the outputs by (n_outputs, n_functions, n_samples).
+Curve = tuple[str, str, np.ndarray]
+
+
+def in_balances(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]:
+    """Balance, signal, and what the functions of the signal in that balance move the outputs by."""
+    band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), problem.record.starts)
+    signals = np.concatenate([rival.fit.x[: len(problem.plant.states)], problem.record.u])
+    forms = list(shapes(problem.record, signals, [*problem.plant.states, *problem.plant.inputs]))
+    for b, name in enumerate(problem.balances):
+        for variable, f in forms:
+            yield name, variable, response(problem, D, band, b, f)
+
+
+def in_sensors(problem: Problem, rival: Rival) -> Iterator[Curve]:
+    """Sensor, signal, and the functions of the signal in that sensor; of other outputs their curves alone."""
+    names = problem.plant.outputs
+    for o, name in enumerate(names):
+        for variable, f in shapes(problem.record, rival.fit.y, names):
+            if variable not in (f"{other} and its past" for other in names if other != name):
+                F = np.zeros((len(names), len(f), problem.record.n_samples))
+                F[o] = f
+                yield name, variable, F
+
+
+def shapes(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
+    """Functions whose sums are curves of a signal, (n_functions, n_samples): hats, then the signal with its past; of the time hats."""
+    past = past_of(record, signals)
+    for i, (name, z) in enumerate(zip(names, signals)):
+        curve = hats(z, KNOTS)
+        if len(curve) > 1:
+            yield name, curve
+            yield f"{name} and its past", np.concatenate([z[None], past[:, i]])
+    if len(record.starts) >= RUNS:
+        yield "time", hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME)
+
+
+def hats(z: np.ndarray, n_knots: int) -> np.ndarray:
+    """Piecewise linear functions of a signal that add up to one, (n_knots, n_samples); one where it stands still."""
+    knots = np.unique(np.quantile(z, np.linspace(0.0, 1.0, n_knots)))
+    if np.ptp(z) <= 1e-9 * max(float(np.max(np.abs(z))), 1e-300):
+        knots = knots[:1]
+    return np.stack([np.interp(z, knots, hat) for hat in np.eye(len(knots))])
+
+
+def response(problem: Problem, D: Disturbance, band: np.ndarray, b: int, f: np.ndarray) -> np.ndarray:
+    """What forces (k, n_samples) in balance b move the outputs by, to first order: (n_outputs, k, n_samples)."""
+    push = np.zeros((D.n, len(f), D.n_samples))
+    push[:, :, 1:] = (D.B[:, :, b].T[:, None] * f)[:, :, :-1]
+    push[:, :, problem.record.starts] = 0.0
+    with np.errstate(all="ignore"):
+        return np.einsum("toi,ikt->okt", D.C, solve_recursion(band, push))
