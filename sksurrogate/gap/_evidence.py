@@ -11,7 +11,16 @@ from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.kernels.disturbance import Noise, fit_noise
 from sksurrogate.kernels.output_error import Fit, output_error
 
-__all__ = ["bar", "columns", "estimate_noise", "frozen_fit", "quick_likelihood"]
+__all__ = [
+    "bar",
+    "columns",
+    "estimate_noise",
+    "follow_noise",
+    "forces_and_white",
+    "frozen_fit",
+    "likeliest",
+    "quick_likelihood",
+]
 
 #: A residual below this many times the sensor noise may be white.
 NEARLY_WHITE = 1.5
@@ -107,35 +116,49 @@ def estimate_noise(
     residual are others, followed too where they are likelier: a fit that explains what was coloured before must not start
     from that colour, and the likelihood has a top for coloured sensors and one for forces.
     """
+    other = likeliest(problem, rival, [start, *forces_and_white(problem, rival, start)])
+    follow_noise(problem, rival, start, curvature, max_iterations)
+    if other is not start:
+        first = (rival.log_likelihood, rival.noise, rival.curvature)
+        follow_noise(problem, rival, other, None, max_iterations)
+        if rival.log_likelihood <= first[0]:
+            rival.log_likelihood, rival.noise, rival.curvature = first
+    return rival
+
+
+def likeliest(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> Noise:
+    """The first of the likeliest of some noises."""
+    return noises[int(np.argmax([quick_likelihood(problem, rival, [noise]) for noise in noises]))]
+
+
+def follow_noise(
+    problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Rival:
+    """Fill in the top of the likelihood that is reached from one start."""
     r, J, precision, pull = columns(problem, rival)
     D = problem.disturbance(rival)
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
         rival.noise, rival.log_likelihood = start, -np.inf
         return rival
-    others = _other_starts(problem, start, np.sqrt(np.mean(r**2, axis=1)))
-    likely = [quick_likelihood(problem, rival, [noise]) for noise in (start, *others)]
-    best = int(np.argmax(likely))
-    found = []
-    for noise, inverse in [(start, curvature)] + ([(others[best - 1], None)] if best else []):
-        noise, _, inverse = fit_noise(
-            D,
-            r,
-            noise,
-            problem.force_unit(),
-            J,
-            precision,
-            pull,
-            curvature=inverse,
-            max_iterations=max_iterations,
-            caps=problem.caps,
-        )
-        found.append((quick_likelihood(problem, rival, [noise]), noise, inverse))
-    rival.log_likelihood, rival.noise, rival.curvature = max(found, key=lambda one: one[0])
+    rival.noise, _, rival.curvature = fit_noise(
+        D,
+        r,
+        start,
+        problem.force_unit(),
+        J,
+        precision,
+        pull,
+        curvature=curvature,
+        max_iterations=max_iterations,
+        caps=problem.caps,
+    )
+    rival.log_likelihood = quick_likelihood(problem, rival, [rival.noise])
     return rival
 
 
-def _other_starts(problem: Problem, start: Noise, rms: np.ndarray) -> list[Noise]:
-    """Where the noise fit may start too: forces of three sizes beside quiet sensors, white noise near the data."""
+def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise]:
+    """Where a noise fit may start too: forces of three sizes beside quiet sensors, white noise near the data."""
+    rms = np.sqrt(np.mean((problem.record.y - rival.fit.y) ** 2, axis=1))
     quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
     others = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
     if np.all(rms < NEARLY_WHITE * problem.sd):

@@ -19,6 +19,7 @@ from sksurrogate.gap._free_curve import FreeCurve, free_curve
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, Shrink, Table, Trace, Where
+from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares
@@ -112,8 +113,8 @@ class Questions:
         if final.effects and NEARLY_WHITE < left(final) <= FAR:
             # Coloured sensor noise may have taken what is a law of the states.
             found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
-        found.curve = free_curve(at, final) if left(final) <= FAR else None
-        closed = bool(final.effects) and left(final) < 1.2
+        found.curve = free_curve(at, final)
+        closed = left(final) < 1.2
         found.places = places(problem, null, (10.0,) if closed else (5.0, 25.0))
         if not closed and left(null) > 2.0:
             found.places = places_by_law(problem, null, found.places)
@@ -159,7 +160,7 @@ class Questions:
         search.final, found.slots = null, []
         found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
         found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
-        found.curve = free_curve(search.at(null), null) if left(null) <= FAR else None
+        found.curve = free_curve(search.at(null), null)
         held = found.held
         after = held.before if not self.problem.free else held.retuned
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
@@ -196,8 +197,14 @@ class Questions:
         most = MOST_NOISE * self.problem.sd
         at = self.search.at(final)
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
-        facts = facts_of(at, final, found.shrink, found.latent, found.law, found.curve, found.retuned, gap, most)
-        return decide(facts)
+        rounding = self.rounding()
+        return decide(
+            facts_of(at, final, found.shrink, found.latent, found.law, found.curve, rounding, found.retuned, gap, most)
+        )
+
+    def rounding(self) -> Rounding | None:
+        """A grid of readings that nothing named explains."""
+        return unnamed_rounding(self.final)
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found
@@ -244,6 +251,8 @@ class Questions:
             kinds = {e.key: e.kind for e in self.final.effects}
             location = effects[0].location
             kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
+        elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
+            location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and found.places:
             location, kind = accused(
                 found.places, lambda b, u: of_input_alone(self.problem, self.null_force(), b, u, self.seed)
@@ -258,6 +267,10 @@ class Questions:
             *where_and_when(self.problem, self.null_force(), location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
+
+    def closed(self) -> bool:
+        """Whether the free run follows the readings but for what looks like noise."""
+        return left(self.final) < NEARLY_WHITE
 
     def null_force(self) -> LatentForce:
         """Latent force that the null leaves: the gap itself, in the balances."""
@@ -312,6 +325,9 @@ class Questions:
                 "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
                 "repeat a run with the same inputs to tell a disturbance from an effect."
             )
+        rounding = self.rounding()
+        if verdict == "unknown" and rounding is not None:
+            notes.append(STEPS.format(name=rounding.sensor, step=rounding.step))
         if self.whole.n_samples > self.problem.record.n_samples:
             notes.append(
                 f"The rivals were compared on {self.problem.record.n_samples} of {self.whole.n_samples} samples, in pieces "

@@ -8,18 +8,26 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap._evidence import bar, estimate_noise, quick_likelihood
+from sksurrogate.gap._evidence import (
+    bar,
+    estimate_noise,
+    follow_noise,
+    forces_and_white,
+    likeliest,
+    quick_likelihood,
+)
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._problem import Rival
+from sksurrogate.gap._revive import revived
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["EQUAL", "Search"]
 
 #: A further effect must beat the bar by this much more: a mismatch of numerics can pass the bar alone.
 EXTRA = 10.0
-#: A further effect must remove this share of the gap's power: less is a mismatch of numerics.
+#: A further effect must remove this share of the gap's power, or lead to the noise: less is a mismatch of numerics.
 SMALLEST_SHARE = 1e-3
 #: Free runs that stay within this many times the noise need no further effect where none passed.
 FAR = 5.0
@@ -122,14 +130,17 @@ class Search(Expander):
         return self.null
 
     def estimate_null(self, *starts: Noise) -> None:
-        """Noise of the null from several starts: what it misses there would count for every rival."""
+        """Noise of the null: what it misses there would count for every rival.
+
+        The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed.
+        """
         null, problem = self.null, self.problem
         assert null is not None
         sensor = [replace(s, coloured=1.0 * s.sigma, force=0.01 * s.force) for s in starts]
         force = [replace(s, coloured=0.05 * s.sigma, force=10.0 * s.force) for s in starts]
         best = (null.log_likelihood, null.noise, null.curvature)
-        for start in [*starts, *sensor, *force]:
-            estimate_noise(problem, null, start, max_iterations=25)
+        for kind in ([*starts, *sensor], [*force, *forces_and_white(problem, null, starts[0])]):
+            follow_noise(problem, null, likeliest(problem, null, kind), max_iterations=25)
             if null.log_likelihood > best[0]:
                 best = (null.log_likelihood, null.noise, null.curvature)
         null.log_likelihood, null.noise, null.curvature = best
@@ -226,7 +237,8 @@ class Search(Expander):
             return self.gain(rival) > self.bar(rival.n_parameters) + 2.0 * np.log(len(self.candidates))
         assert self.null is not None
         removed = best.fit.cost - rival.fit.cost
-        if removed < SMALLEST_SHARE * (self.null.fit.cost - self.n_values):
+        arrived = rival.noise is not None and left(rival) < NEAR < left(best)
+        if removed < SMALLEST_SHARE * (self.null.fit.cost - self.n_values) and not arrived:
             return False
         extra = 2.0 * (self.evidence(rival) - self.evidence(best))
         if self.is_far(rival):
@@ -322,7 +334,7 @@ class Search(Expander):
     def polish(self, rival: Rival) -> Rival:
         """Refit with kinks sharper and steps shorter where that matters."""
         problem = self.at(rival)
-        best = rival
+        best = rival if self.is_far(rival) else revived(problem, rival)
         for n_sub, sharpness in () if self.is_far(rival) else ((4, 150.0), (8, 500.0)):
             finer = replace(problem, n_sub=max(n_sub, 2 * best.model.n_sub), sharpness=sharpness)
             if not numerics_matter(finer, best):

@@ -12,6 +12,7 @@ from sksurrogate.gap._free_curve import FreeCurve
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
+from sksurrogate.gap._rounding import Rounding
 from sksurrogate.gap._select import MOST_EFFECTS, Search, left
 from sksurrogate.gap._unknown import LatentForce, moved_by
 
@@ -27,6 +28,9 @@ CLEAR_FORCE = 0.008
 #: Two names that leave more than the noise, and in it a law of even this R2, are stand-ins for one missing effect; three
 #: or more, or two that are static laws of one variable in one balance, are it without a law. What the numerics of a true pair leave is a smaller share than the last.
 LEFT_BY_SEVERAL, LAW_BY_TWO, NUMERICS_SHARE = 1.03, 0.03, 0.01
+#: Names that leave more than this share of the gap (amplitude), where the error is over this many times the noise, explain
+#: less of it than they leave: no disturbance beside a true name was found to be as large.
+MOST_LEFT, LEFT_FOR_MOST = 0.5, 1.5
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
 #: A gap closed to this share (amplitude) is explained however precise the sensors are: no real plant's model is exact.
@@ -40,8 +44,14 @@ FORCE = 0.06
 #: Near the noise, what is left is no disturbance when laws make up this share of the gap (amplitude), or when it moves an
 #: output by this share of its deviation.
 LAWFUL_SHARE, MOVED = 0.12, 0.03
-#: A free curve is certain from this gain (twice nats) on; beside names it must move an output by this share of its deviation.
-CURVE, CURVE_MOVED = 10.0, 0.01
+#: A free curve is certain from this gain (twice nats) on.
+CURVE = 10.0
+#: Beside names it must make up the first share of the gap, and move an output by the second share of its deviation. Within
+#: so many times the noise, where no other flaw of the model hides it, less of both.
+CURVE_SHARE, CURVE_MOVED = 0.01, 0.005
+WITHIN, CURVE_SHARE_WITHIN, CURVE_MOVED_WITHIN = 1.15, 0.003, 0.001
+#: A grid of readings is a quantizer that is missing when its rounding is this share of the output's deviation.
+ROUNDING = 0.01
 #: A gap of which no effect explains anything is below the practical bar when its free-run error is below the first share
 #: of the output's deviation, or below the second and no repeatable law of states and inputs.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
@@ -81,6 +91,10 @@ class Facts:
         Gain of the likeliest free curve on top of what is named.
     curve_share, curve_moved : float
         What it moves an output by: over the gap, and over the output's deviation.
+    rounding : float
+        Error of a rounding that nothing names, over the deviation of the output.
+    input_curve : bool
+        Whether that variable is an input: a curve of an input, which no pair of laws in a balance is.
     """
 
     accepted: bool
@@ -97,24 +111,31 @@ class Facts:
     curve: float = -np.inf
     curve_share: float = 0.0
     curve_moved: float = 0.0
+    rounding: float = 0.0
+    input_curve: bool = False
 
 
 def decide(facts: Facts) -> str:
     """None, explained or unknown."""
     law = facts.law > max(LAW, FEW / facts.n_samples)
     lawful = law or facts.force > FORCE
+    if facts.rounding > ROUNDING or facts.input_curve:
+        return "unknown"
     if facts.accepted or facts.retuned:
+        within = facts.left < WITHIN
+        hidden = unnamed_curve(facts, CURVE_MOVED_WITHIN if within else CURVE_MOVED)
+        hidden = hidden and facts.curve_share > (CURVE_SHARE_WITHIN if within else CURVE_SHARE)
+        most = facts.accepted and facts.share_left > MOST_LEFT and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
             stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
-            too_much = stack or (lawful and facts.share_left > SMALL_SHARE)
+            too_much = stack or most or ((lawful or hidden) and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
             clear = clear and facts.force > CLEAR_FORCE
             lasting = law and facts.share_left * facts.law**0.5 > LAWFUL_SHARE
             large = facts.force > FORCE and facts.moved > MOVED
             much = (lasting or large) and facts.share_left > SHARE and facts.left > 1.05
-            hidden = unnamed_curve(facts, CURVE_MOVED) and facts.curve_share > NUMERICS_SHARE
-            too_much = clear or much or hidden or stand_ins(facts)
+            too_much = clear or much or hidden or most or stand_ins(facts)
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
         return "none"
@@ -141,6 +162,7 @@ def facts_of(
     latent: LatentForce,
     law: np.ndarray,
     curve: FreeCurve | None,
+    rounding: Rounding | None,
     retuned: bool,
     gap: float,
     most_noise: np.ndarray,
@@ -151,6 +173,7 @@ def facts_of(
     """
     most = np.inf if final.effects or retuned else most_noise
     left_over = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
+    parts = curves_in_parts(final.effects)
     return Facts(
         bool(final.effects),
         float(left_over),
@@ -162,16 +185,18 @@ def facts_of(
         float(shrink.before) if np.isfinite(shrink.before) else np.inf,
         final.model.record.n_samples,
         _moved(problem, latent),
-        one_curve(final.effects),
-        *((curve.gain, curve.moved / max(gap, 1e-300), curve.deviation) if curve is not None else ()),
+        bool(parts),
+        *((curve.gain, curve.moved / max(gap, 1e-300), curve.deviation) if curve is not None else (-np.inf, 0.0, 0.0)),
+        rounding.share if rounding is not None else 0.0,
+        any(variable in problem.plant.inputs for _, variable in parts),
     )
 
 
-def one_curve(effects: Sequence[BaseEffect]) -> bool:
-    """Whether two of the effects are static laws of the same variable in the same balance."""
+def curves_in_parts(effects: Sequence[BaseEffect]) -> set[tuple[str, str]]:
+    """Balances and variables of which more than one of the effects is a static law: parts of one curve."""
     static = [e for e in effects if isinstance(e, BalanceEffect) and not isinstance(e, HiddenEffect)]
-    places = [(e.location, e.variable) for e in static if e.variable is not None]
-    return len(set(places)) < len(places)
+    places = [(str(e.location), e.variable) for e in static if e.variable is not None]
+    return {place for place in places if places.count(place) > 1}
 
 
 def _moved(problem: Problem, latent: LatentForce) -> float:

@@ -1,0 +1,68 @@
+"""Readings that stand on a grid which nothing named explains: a quantizer that no rival knows.
+
+The error of a rounding looks like white noise to every likelihood; the grid, and the saw tooth along the free run, tell them apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.effects._lattice import lattice_steps, shows_steps
+from sksurrogate.gap._problem import Rival
+
+__all__ = ["STEPS", "Rounding", "unnamed_rounding"]
+
+#: Share of the residual's power that the saw tooth must be: a grid by chance, or by the levels of an input, is none of it.
+SAW_TOOTH = 0.5
+
+STEPS = (
+    "The readings of {name!r} stand on steps of {step:.3g}, and nothing named rounds them: "
+    "the error of such a rounding looks like noise."
+)
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """A grid of readings.
+
+    Attributes
+    ----------
+    sensor : str
+    step : float
+        Unit of the output.
+    share : float
+        Deviation of an error that is even over one step, ``step / sqrt(12)``, over the deviation of the output.
+    """
+
+    sensor: str
+    step: float
+    share: float
+
+
+def unnamed_rounding(rival: Rival) -> Rounding | None:
+    """The coarsest grid that rounds the free run of a rival to the readings, where nothing named does; None without one."""
+    rounded = {effect.location for effect in rival.effects if effect.name == "sensor_quantization"}
+    found = [
+        Rounding(name, step, step / 12**0.5 / max(float(np.std(y)), 1e-300))
+        for name, y, fitted in zip(rival.model.plant.outputs, rival.model.record.y, rival.fit.y)
+        if name not in rounded
+        for step in lattice_steps(y)
+        if shows_steps(y, step)[0] and is_rounded(y, fitted, step)
+    ]
+    return max(found, key=lambda one: one.share, default=None)
+
+
+def is_rounded(y: np.ndarray, fitted: np.ndarray, step: float) -> bool:
+    """Whether what a free run leaves is the saw tooth of its rounding.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> true = np.linspace(0.0, 9.0, 500)
+    >>> is_rounded(np.round(true), true, 1.0), is_rounded(true + 0.3, true, 1.0)
+    (True, False)
+    """
+    r, saw_tooth = y - fitted, step * np.round(fitted / step) - fitted
+    return bool(np.sum((r - saw_tooth) ** 2) < (1.0 - SAW_TOOTH) * np.sum((r - r.mean()) ** 2))

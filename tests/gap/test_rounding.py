@@ -1,0 +1,88 @@
+"""A grid of readings that nothing named explains is a missing quantizer, wherever its name is not known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects._lattice import lattice_steps
+from sksurrogate.effects._sensor import SensorQuantization
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap._rounding import is_rounded, unnamed_rounding
+from sksurrogate.physics import ODESimulator
+
+
+def tank():
+    return ODESimulator(
+        lambda t, x, u, p: [u[0] - p["k"] * x[0]],
+        states=["level"],
+        inputs=["flow"],
+        outputs=["level"],
+        params={"k": 1.0},
+        dt=0.1,
+    )
+
+
+def experiment(step, noise, seed=0):
+    rng = np.random.default_rng(seed)
+    U = np.repeat(rng.uniform(0.5, 3.0, (6, 15)), 20, axis=1)
+    Y = np.stack([tank().simulate(u[:, None])[:, 0] for u in U])
+    Y = step * np.round(Y / step) if step else Y
+    Y += noise * rng.normal(size=Y.shape)
+    return U.reshape(-1, 1), Y.reshape(-1, 1), np.repeat(np.arange(6), 300)
+
+
+def free_run(step, noise, effects=()):
+    """A rival whose free run is that of the true tank, beside readings in steps."""
+    _, Y, _ = experiment(step, noise)
+    true = experiment(0.0, 0.0)[1]
+    record = SimpleNamespace(y=Y.T)
+    model = SimpleNamespace(plant=SimpleNamespace(outputs=("level",)), record=record)
+    return SimpleNamespace(effects=effects, model=model, fit=SimpleNamespace(y=true.T))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
+def test_the_step_and_the_error_of_the_rounding_are_found(noise):
+    rival = free_run(0.3, noise)
+    found = unnamed_rounding(rival)
+    assert found.sensor == "level"
+    assert found.step == pytest.approx(0.3, rel=1e-3)
+    assert found.share == pytest.approx(0.3 / 12**0.5 / rival.model.record.y.std(), rel=1e-3)
+
+
+@pytest.mark.parametrize(("step", "noise"), [(0.0, 0.01), (0.3, 0.15)])
+def test_smooth_readings_and_steps_below_the_noise_stand_on_no_grid(step, noise):
+    assert unnamed_rounding(free_run(step, noise)) is None
+
+
+def test_a_named_quantizer_explains_its_grid():
+    assert unnamed_rounding(free_run(0.3, 0.01, (SensorQuantization("level"),))) is None
+
+
+def test_levels_of_an_input_are_no_grid_of_the_sensor():
+    level = np.repeat([0.0, 1.0, 2.0, 3.0, 1.0], 100)
+    y = level + 0.05 * np.random.default_rng(0).normal(size=500)
+    assert lattice_steps(y)
+    assert not is_rounded(y, level, lattice_steps(y)[0])
+
+
+def test_without_its_name_the_sensor_is_accused_and_the_step_is_told():
+    U, Y, runs = experiment(0.3, 0.02)
+    report = GapDiagnoser(tank(), effects=["linear_loss", "sensor_gain"], random_state=0).fit(U, Y, groups=runs).report_
+    assert report.verdict == "unknown"
+    assert report.where.location == "level"
+    assert any("steps of 0.3" in note for note in report.notes)
+
+
+def test_with_its_name_it_is_named():
+    U, Y, runs = experiment(0.3, 0.02)
+    effects = ["linear_loss", "sensor_gain", "sensor_quantization"]
+    report = GapDiagnoser(tank(), effects=effects, random_state=0).fit(U, Y, groups=runs).report_
+    assert report.verdict == "explained"
+    assert [effect.name for effect in report.effects] == ["sensor_quantization"]
+
+
+def test_a_fine_grid_is_what_every_converter_has():
+    U, Y, runs = experiment(0.01, 0.002)
+    report = GapDiagnoser(tank(), effects=["linear_loss", "sensor_gain"], random_state=0).fit(U, Y, groups=runs).report_
+    assert report.verdict == "none"
