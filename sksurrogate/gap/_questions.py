@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
+from sksurrogate.gap._accused import accused, told_by
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._correction import generic_correction
@@ -23,7 +24,7 @@ from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares
-from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, of_input_alone, places
+from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
     FAR,
     _of,
@@ -255,7 +256,7 @@ class Questions:
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and found.places:
             location, kind = accused(
-                found.places, lambda b, u: of_input_alone(self.problem, self.null_force(), b, u, self.seed)
+                found.places, lambda b, u: told_by(self.problem, self.null_force(), b, u, self.seed)
             )
         if found.shrink is None or found.latent is None or found.held is None:
             return Where(location, kind)
@@ -372,20 +373,3 @@ class Questions:
 def certified(shrink: Shrink) -> bool:
     """Whether the effects close a practical share of the gap on runs left out; of a gap within the noise, any of it."""
     return shrink.fraction > CERTIFICATE if np.isfinite(shrink.fraction) else not shrink.after > shrink.before
-
-
-def accused(found: list[Place], alone: Callable[[str, str], bool]) -> tuple[str, str]:
-    """The place with most evidence; a state where a balance explains as much as an input or sensor.
-
-    An input and the one balance that it pushes are the same place to the data, but for what tells the force:
-    ``alone(balance, input)`` is true where the input alone does.
-    """
-    best = found[0]
-    for place in found:
-        if place.kind == "state" and place.log_likelihood > best.log_likelihood - 3.0:
-            for other in found:
-                same = abs(other.log_likelihood - place.log_likelihood) < 1e-9
-                if other.kind == "input" and same and alone(place.location, other.location):
-                    return other.location, other.kind
-            return place.location, place.kind
-    return best.location, best.kind

@@ -17,11 +17,12 @@ from sksurrogate.kernels.smoother import output_jacobian
 
 __all__ = [
     "LatentForce",
+    "features",
+    "forest",
     "input_push",
     "latent_force",
     "law_of",
     "moved_by",
-    "of_input_alone",
     "past_of",
     "places",
     "repeatable",
@@ -32,8 +33,6 @@ SMALLEST_FORCE = 2e-3
 
 #: A force that moves the outputs by less than this share of what all forces do is numerics, whatever law it follows.
 LEAST_MOVED = 0.15
-#: R2 from which a force counts as a law of one input, and by how much all states and inputs must tell it better.
-LAW_OF_INPUT, AS_WELL = 0.3, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,13 +166,13 @@ def repeatable(
     record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, path: np.ndarray, random_state: int
 ) -> np.ndarray:
     """R2 on runs left out of a forest from columns Z, with or without the past of ``path``, to every force."""
-    now = _forest(record, force, size, Z, random_state)
+    now = forest(record, force, size, Z, random_state)
     if np.max(now, initial=0.0) > 0.5:
         return now
-    return np.maximum(now, _forest(record, force, size, np.hstack([Z, memory(record, path)]), random_state))
+    return np.maximum(now, forest(record, force, size, np.hstack([Z, memory(record, path)]), random_state))
 
 
-def _forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, random_state: int) -> np.ndarray:
+def forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, random_state: int) -> np.ndarray:
     """R2 on runs left out of a forest from columns Z to every force."""
     fold = folds(record)
     stride = max(1, len(Z) // 4000)
@@ -191,19 +190,6 @@ def _forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, 
             total += float(np.sum((w[test] - w[train].mean()) ** 2))
         out[b] = 1.0 - error / total if total > 0 else 0.0
     return out
-
-
-def of_input_alone(problem: Problem, latent: LatentForce, balance: str, name: str, random_state: int) -> bool:
-    """Whether one input, now and a few samples ago, tells the force in a balance as well as all states and inputs do."""
-    b, i = problem.balances.index(balance), problem.plant.inputs.index(name)
-    record, u = problem.record, problem.record.u[i]
-    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
-    past = [u[np.arange(len(u)) - np.minimum(age, k)] for k in (1, 3)]
-    own = np.stack([u, *(u - v for v in past), np.sign(u - past[0])], axis=1)
-    force, size = latent.force[[b]], latent.size[[b]]
-    alone = float(_forest(record, force, size, own, random_state)[0])
-    everything, _ = features(problem, latent.x)
-    return alone > max(LAW_OF_INPUT, float(_forest(record, force, size, everything, random_state)[0]) - AS_WELL)
 
 
 @dataclass(frozen=True)
