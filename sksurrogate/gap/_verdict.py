@@ -25,9 +25,12 @@ SHARE = 0.20
 SHARE_LAWFUL, LEFT_LAWFUL, CLEAR_LAW = 0.05, 1.1, 0.3
 #: A clear law in a force below this share of the RMS of dx/dt is what any model of a real plant leaves.
 CLEAR_FORCE = 0.008
-#: Two names that leave more than the noise, and in it a law of even this R2, are stand-ins for one missing effect; three
-#: or more, or two that are static laws of one variable in one balance, are it without a law. What the numerics of a true pair leave is a smaller share than the last.
-LEFT_BY_SEVERAL, LAW_BY_TWO, NUMERICS_SHARE = 1.03, 0.03, 0.01
+#: Three names or more that leave so many times the noise, and more of the gap than the numerics of true ones, are stand-ins
+#: for one missing effect.
+LEFT_BY_SEVERAL, NUMERICS_SHARE = 1.03, 0.01
+#: So are two where a law of even this R2 is left or both are static laws of one variable in one balance; two that leave less
+#: of the gap than this share are a good model of a real plant.
+LAW_BY_TWO, SHARE_BY_TWO = 0.03, 0.08
 #: Names that leave more than this share of the gap (amplitude), where the error is over this many times the noise, explain
 #: less of it than they leave: no disturbance beside a true name was found to be as large.
 MOST_LEFT, LEFT_FOR_MOST = 0.5, 1.5
@@ -152,7 +155,8 @@ def unnamed_curve(facts: Facts, moved: float) -> bool:
 def stand_ins(facts: Facts) -> bool:
     """Whether several names, near the noise, only stand in for one effect that is missing."""
     beyond = facts.left > max(LEFT_BY_SEVERAL, 1.0 + facts.n_samples**-0.5) and facts.share_left > NUMERICS_SHARE
-    return beyond and (facts.names >= 3 or (facts.names == 2 and (facts.law > LAW_BY_TWO or facts.one_curve)))
+    lawful = facts.share_left > SHARE_BY_TWO and (facts.law > LAW_BY_TWO or facts.one_curve)
+    return beyond and (facts.names >= 3 or (facts.names == 2 and lawful))
 
 
 def facts_of(

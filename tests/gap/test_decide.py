@@ -42,6 +42,8 @@ def test_a_real_circuit_with_its_cubic_spring_named_is_explained_though_a_faint_
     facts = Facts(True, 0.068, 1.22, 0.455, 0.0063, False, 1, 0.137, 6000, moved=0.0073)
     assert decide(facts) == "explained"
     assert decide(replace(facts, force=0.02, moved=0.02)) == "unknown"
+    with_offset = replace(facts, names=2, share_left=0.055, retuned=True)  # all parameters free
+    assert decide(with_offset) == "explained"
 
 
 def test_two_static_laws_of_one_variable_in_one_balance_are_one_unknown_curve():
