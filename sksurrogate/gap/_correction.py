@@ -55,7 +55,7 @@ def generic_correction(
 
         model = correction
         if correction is None:
-            model = HybridRegressor(Remembered(simulator), FreeRunResidual(hidden=UNITS, n_starts=MAPS))
+            model = HybridRegressor(Remembered(simulator), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=0))
         if not len(record.u):  # regressors want a column
             return np.full(record.y.shape, np.nan)
         row_of = record.run_of_row

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,29 +21,36 @@ KNOTS, KNOTS_OF_TIME = 8, 13
 #: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
 RUNS = 3
 
-#: Place, signal, and what the functions of the signal move the outputs by (n_outputs, n_functions, n_samples).
-Curve = tuple[str, str, np.ndarray]
+
+class Curve(NamedTuple):
+    """Place, signal, number of functions of the signal, and what these move the outputs by (n_outputs, n, n_samples).
+
+    The last is computed when it is asked for: all curves at once would be large.
+    """
+
+    location: str
+    variable: str
+    n: int
+    moved: Callable[[], np.ndarray]
 
 
 def in_balances(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]:
-    """Balance, signal, and what the functions of the signal in that balance move the outputs by."""
+    """Curves of states, inputs and time in every balance."""
     band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), problem.record.starts)
     signals = np.concatenate([rival.fit.x[: len(problem.plant.states)], problem.record.u])
     forms = list(shapes(problem.record, signals, [*problem.plant.states, *problem.plant.inputs]))
     for b, name in enumerate(problem.balances):
         for variable, f in forms:
-            yield name, variable, response(problem, D, band, b, f)
+            yield Curve(name, variable, len(f), partial(response, problem, D, band, b, f))
 
 
 def in_sensors(problem: Problem, rival: Rival) -> Iterator[Curve]:
-    """Sensor, signal, and the functions of the signal in that sensor; of other outputs their curves alone."""
+    """Curves of outputs and time in every sensor; of other outputs without their past."""
     names = problem.plant.outputs
     for o, name in enumerate(names):
         for variable, f in shapes(problem.record, rival.fit.y, names):
             if variable not in (f"{other} and its past" for other in names if other != name):
-                F = np.zeros((len(names), len(f), problem.record.n_samples))
-                F[o] = f
-                yield name, variable, F
+                yield Curve(name, variable, len(f), partial(reading, len(names), o, f))
 
 
 def shapes(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
@@ -62,6 +71,13 @@ def hats(z: np.ndarray, n_knots: int) -> np.ndarray:
     if np.ptp(z) <= 1e-9 * max(float(np.max(np.abs(z))), 1e-300):
         knots = knots[:1]
     return np.stack([np.interp(z, knots, hat) for hat in np.eye(len(knots))])
+
+
+def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
+    """What functions (k, n_samples) in sensor o move the outputs by: (n_outputs, k, n_samples)."""
+    out = np.zeros((n_outputs, *f.shape))
+    out[o] = f
+    return out
 
 
 def response(problem: Problem, D: Disturbance, band: np.ndarray, b: int, f: np.ndarray) -> np.ndarray:

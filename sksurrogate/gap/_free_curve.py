@@ -60,9 +60,9 @@ def free_curve(problem: Problem, rival: Rival) -> FreeCurve | None:
     if noise is None or not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
     curves = [*in_balances(problem, rival, D), *in_sensors(problem, rival)]
-    fit = _CurveFit(problem, rival, D, r, J, precision, pull, [c for c in curves if np.isfinite(c[2]).all()])
+    fit = _CurveFit(problem, rival, D, r, J, precision, pull, curves)
     try:
-        found = fit.candidates(noise) if fit.curves else []
+        found = fit.candidates(noise) if curves else []
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
     near = [one for one in found if fit.nearer(one)]
@@ -106,18 +106,19 @@ class _CurveFit:
         none, alone = self.fitted((noise, quiet))
         out = [own]
         for k in dict.fromkeys(again):
-            value, theta = self.fitted((noise, quiet), self.curves[k][2])
-            out.append(self.candidate(k, 2.0 * (value - none), theta, alone, self.n_knots(k)))
+            value, theta = self.fitted((noise, quiet), self.curves[k].moved())
+            out.append(self.candidate(k, 2.0 * (value - none), theta, alone, self.curves[k].n))
         return out
 
     def best(self, noise: Noise) -> _Candidate:
         """The curve that gains most under a noise."""
         known = np.concatenate([self.r[:, None], self.J], axis=1)
         none, alone, rank = _explained(self.D.gram(known, noise)[0], self.precision, self.pull)
-        found = []
-        for k, G in enumerate(self.D.gram_each(known, [F for _, _, F in self.curves], noise)):
-            drop, theta, more = _explained(G, *self.prior(self.n_knots(k)))
-            found.append(self.candidate(k, drop - none, theta, alone, more - rank))
+        found = [_Candidate(0, -np.inf, np.zeros(len(alone) + self.curves[0].n))]
+        for k, G in enumerate(self.D.gram_each(known, (curve.moved() for curve in self.curves), noise)):
+            if np.isfinite(G).all():
+                drop, theta, more = _explained(G, *self.prior(self.curves[k].n))
+                found.append(self.candidate(k, drop - none, theta, alone, more - rank))
         return max(found, key=lambda one: one.gain)
 
     def candidate(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Candidate:
@@ -135,17 +136,13 @@ class _CurveFit:
         G, _ = self.D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
         return value, _explained(G, *prior)[1]
 
-    def n_knots(self, k: int) -> int:
-        """Parameters of a curve."""
-        return self.curves[k][2].shape[1]
-
     def prior(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """The prior of the rival's parameters, and none on n more."""
         return np.r_[self.precision, np.zeros(n)], np.r_[self.pull, np.zeros(n)]
 
     def moved(self, one: _Candidate) -> np.ndarray:
         """Residual without and with a curve, and their difference, initial states having followed; over the noise."""
-        sd, F = self.problem.sd[:, None], self.curves[one.k][2]
+        sd, F = self.problem.sd[:, None], self.curves[one.k].moved()
         moved = np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), one.theta) / sd
         J_x = self.problem.linearised(self.rival).J_x[:, self.rival.model.free_states] / sd[:, None]
         return project_starts(np.stack([self.r / sd, self.r / sd - moved, moved]), J_x, self.problem.record.starts)
@@ -159,7 +156,7 @@ class _CurveFit:
         """A curve with its name, and what it moves."""
         rms = np.sqrt(np.mean(self.moved(one)[2] ** 2, axis=1))
         spread = np.maximum(np.std(self.problem.record.y, axis=1), 1e-300) / self.problem.sd
-        location, variable, _ = self.curves[one.k]
+        location, variable, *_ = self.curves[one.k]
         return FreeCurve(location, variable, one.gain, float(np.sqrt(np.mean(rms**2))), float(np.max(rms / spread)))
 
 

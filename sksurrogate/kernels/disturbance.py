@@ -11,7 +11,7 @@ Kristensen, Madsen, Jorgensen, *Parameter estimation in stochastic grey-box mode
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,7 +165,7 @@ class Disturbance:
         flat, half = self._whitened(factor, r, noise)
         return flat @ flat.T - half @ half.T, self._log_det(factor, prior, noise)
 
-    def gram_each(self, r: np.ndarray, blocks: Sequence[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
+    def gram_each(self, r: np.ndarray, blocks: Iterable[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
         """The matrix of :meth:`gram` of columns r with each block of further columns beside them, from one factor."""
         factor, _ = self._factor(noise)
         known = self._whitened(factor, r, noise)
