@@ -1,8 +1,9 @@
-"""Free curves: piecewise linear functions of a signal, of its recent past or of time, in a balance or in a sensor."""
+"""Free curves: piecewise linear functions of a signal, of its recent past or of time, in a balance, an input or a sensor."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -14,10 +15,11 @@ from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 
-__all__ = ["Curve", "in_balances", "in_sensors", "shapes"]
+__all__ = ["Curve", "in_balances", "in_inputs", "in_sensors", "shapes"]
 
-#: Knots of a piecewise linear curve, at equal shares of the samples; of one of time, which may step.
-KNOTS, KNOTS_OF_TIME = 8, 13
+#: Knots of a piecewise linear curve, at equal shares of the samples; of one of time, which may step; of one of an input in its
+#: place, which may be a staircase.
+KNOTS, KNOTS_OF_TIME, KNOTS_OF_INPUT = 8, 13, 40
 #: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
 RUNS = 3
 
@@ -41,7 +43,21 @@ def in_balances(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curv
     forms = list(shapes(problem.record, signals, [*problem.plant.states, *problem.plant.inputs]))
     for b, name in enumerate(problem.balances):
         for variable, f in forms:
-            yield Curve(name, variable, len(f), partial(response, problem, D, band, b, f))
+            yield Curve(name, variable, len(f), partial(response, D, band, problem.record.starts, D.B[:, :, b].T, f))
+
+
+def in_inputs(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]:
+    """A fine curve of every input in its place, through the balances that it pushes and the outputs that show it.
+
+    None where a named effect lets the input jump: that input has no slope to follow.
+    """
+    jumps = {e.location for i, e in enumerate(rival.effects) if e.scan(tuple(rival.theta_of(i)))}
+    band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), problem.record.starts)
+    for i, name in enumerate(problem.plant.inputs):
+        f = hats(problem.record.u[i], KNOTS_OF_INPUT)
+        if len(f) > 1 and name not in jumps:
+            push, shown = channel(problem, rival, i)
+            yield Curve(name, name, len(f), partial(response, D, band, problem.record.starts, push, f, shown))
 
 
 def in_sensors(problem: Problem, rival: Rival) -> Iterator[Curve]:
@@ -80,10 +96,33 @@ def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
     return out
 
 
-def response(problem: Problem, D: Disturbance, band: np.ndarray, b: int, f: np.ndarray) -> np.ndarray:
-    """What forces (k, n_samples) in balance b move the outputs by, to first order: (n_outputs, k, n_samples)."""
-    push = np.zeros((D.n, len(f), D.n_samples))
-    push[:, :, 1:] = (D.B[:, :, b].T[:, None] * f)[:, :, :-1]
-    push[:, :, problem.record.starts] = 0.0
+def channel(problem: Problem, rival: Rival, i: int) -> tuple[np.ndarray, np.ndarray]:
+    """What a unit of input i moves the next states (n_states, n_samples) and this sample's outputs (n_outputs, n_samples) by."""
+    record, u = problem.record, problem.record.u.copy()
+    step = 1e-4 * max(float(np.std(u[i])), 1e-9)
+    u[i] += step
+    theta, x = rival.fit.theta[:, None], rival.fit.x[:, None]
+    given = rival.model.bind(theta)
+    shifted = replace(problem, record=replace(record, u=u)).augmented(rival.effects).bind(theta)
     with np.errstate(all="ignore"):
-        return np.einsum("toi,ikt->okt", D.C, solve_recursion(band, push))
+        return (shifted(x) - given(x))[:, 0] / step, (shifted.outputs(x) - given.outputs(x))[:, 0] / step
+
+
+def response(
+    D: Disturbance,
+    band: np.ndarray,
+    starts: np.ndarray,
+    push: np.ndarray,
+    f: np.ndarray,
+    shown: np.ndarray | None = None,
+) -> np.ndarray:
+    """What functions f (k, n_samples) move the outputs by, to first order: (n_outputs, k, n_samples).
+
+    They act on the next states through ``push`` (n_states, n_samples), and on this sample's outputs through ``shown``.
+    """
+    b = np.zeros((D.n, len(f), D.n_samples))
+    b[:, :, 1:] = (push[:, None] * f)[:, :, :-1]
+    b[:, :, starts] = 0.0
+    with np.errstate(all="ignore"):
+        moved = np.einsum("toi,ikt->okt", D.C, solve_recursion(band, b))
+    return moved if shown is None else moved + shown[:, None] * f

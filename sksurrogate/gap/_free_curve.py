@@ -1,4 +1,4 @@
-"""A law that no name carries: a free curve of one signal in one balance or sensor, judged along the free run.
+"""A law that no name carries: a free curve of one signal in one balance, input or sensor, judged along the free run.
 
 The smoothed force of a disturbance follows the states that it pushes, and a law of the states is easily seen in it. The free
 run knows nothing of the disturbance: a curve of its states, of the inputs, of their recent past or of the time since the start
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap._curve_shapes import Curve, in_balances, in_sensors
+from sksurrogate.gap._curve_shapes import Curve, in_balances, in_inputs, in_sensors
 from sksurrogate.gap._evidence import columns
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
@@ -34,7 +34,7 @@ class FreeCurve:
     Attributes
     ----------
     location, variable : str
-        Balance or sensor, and the signal of which it is a curve ("q and its past" where a memory is likelier).
+        Balance, input or sensor, and the signal of which it is a curve ("q and its past" where a memory is likelier).
     gain : float
         ``2 (L_with - L_without) - k ln N - 2 ln M`` for k knots, N values and M curves tried.
     moved : float
@@ -51,7 +51,7 @@ class FreeCurve:
 
 
 def free_curve(problem: Problem, rival: Rival) -> FreeCurve | None:
-    """The likeliest curve of one signal in one balance or sensor on top of a rival; None where none can be judged.
+    """The likeliest curve of one signal in one balance, input or sensor on top of a rival; None where none can be judged.
 
     A curve that suits a noise model but brings the free run no nearer to the data is none.
     """
@@ -59,7 +59,7 @@ def free_curve(problem: Problem, rival: Rival) -> FreeCurve | None:
     D, noise = problem.disturbance(rival), rival.noise
     if noise is None or not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
-    curves = [*in_balances(problem, rival, D), *in_sensors(problem, rival)]
+    curves = [*in_balances(problem, rival, D), *in_inputs(problem, rival, D), *in_sensors(problem, rival)]
     fit = _CurveFit(problem, rival, D, r, J, precision, pull, curves)
     try:
         found = fit.candidates(noise) if curves else []

@@ -26,6 +26,7 @@ from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares
 from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
+    CURVE,
     FAR,
     _of,
     decide,
@@ -254,6 +255,8 @@ class Questions:
             kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
         elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
             location, kind = rounding.sensor, "output"
+        elif verdict == "unknown" and (curved := self.curved_input()) is not None:
+            location, kind = curved, "input"
         elif verdict == "unknown" and found.places:
             location, kind = accused(
                 found.places, lambda b, u: told_by(self.problem, self.null_force(), b, u, self.seed)
@@ -268,6 +271,12 @@ class Questions:
             *where_and_when(self.problem, self.null_force(), location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
+
+    def curved_input(self) -> str | None:
+        """The input whose own curve is likelier than all others, where nothing is named."""
+        curve = self.found.curve
+        certain = curve is not None and not self.final.effects and curve.gain > CURVE
+        return curve.location if curve and certain and curve.location in self.problem.plant.inputs else None
 
     def closed(self) -> bool:
         """Whether the free run follows the readings but for what looks like noise."""

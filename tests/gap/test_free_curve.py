@@ -26,18 +26,19 @@ def body(law):
     )
 
 
-def left_by_the_null(law, shaken, seed, push=0.0, lag=0):
+def left_by_the_null(law, shaken, seed, push=0.0, lag=0, step=0.0):
     """The null and its problem: steps as inputs, a coloured force, sensor noise of 1 %.
 
-    A force ``push`` that sets in halfway through each run; readings that are ``lag`` samples old.
+    A force ``push`` that sets in halfway through each run; readings that are ``lag`` samples old; an input in a ``step``.
     """
-    rng = np.random.default_rng(seed)
+    rng, held = np.random.default_rng(seed), 4 if step else 20
     U, Y = [], []
     for _ in range(RUNS):
-        u, w = 2.0 * np.repeat(rng.uniform(-1, 1, N // 20), 20), np.zeros(N)
+        u, w = 2.0 * np.repeat(rng.uniform(-1, 1, N // held), held), np.zeros(N)
         for k in range(1, N):
             w[k] = 0.9 * w[k - 1] + shaken * rng.normal()
-        y = body(law).simulate(np.stack([u, w + push * (np.arange(N) >= N // 2)], axis=1))
+        acting = step * np.round(u / step) if step else u
+        y = body(law).simulate(np.stack([acting, w + push * (np.arange(N) >= N // 2)], axis=1))
         y = y[np.maximum(np.arange(N) - lag, 0)]
         U.append(np.stack([u, np.zeros(N)], axis=1))
         Y.append(y + 0.01 * y.std(axis=0) * rng.normal(size=y.shape))
@@ -88,6 +89,13 @@ def test_a_sensor_that_reads_late_is_a_curve_of_its_own_past():
     curve = free_curve(problem, null)
     assert curve.gain > 20.0
     assert (curve.location, curve.variable) == ("q", "q and its past")
+
+
+def test_an_actuator_that_moves_in_steps_is_a_fine_curve_of_its_input():
+    problem, null = left_by_the_null(0.0, 0.0, 0, step=0.5)
+    curve = free_curve(problem, null)
+    assert curve.gain > 20.0
+    assert (curve.location, curve.variable) == ("u", "u")
 
 
 def test_shapes_are_hats_that_add_up_to_one_and_signals_with_their_past():
