@@ -124,6 +124,23 @@ class AugmentedModel:
         """Where the hidden states of effect i stand among the states."""
         return self._hidden[i]
 
+    def variable(self, i: int, x: np.ndarray, u: np.ndarray) -> Any:
+        """Values of the variable of effect i: an array, a pair for "v*w", None where there is none."""
+        found = tuple(x[place] if is_state else u[place] for is_state, place in self.wires[i].drivers)
+        if not found:
+            return None
+        return found[0] if len(found) == 1 else found
+
+    def force_of(
+        self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, parameters: Sequence[np.ndarray], width: float
+    ) -> Any:
+        """What balance effect i adds to its dx/dt with these parameters, its kinks smoothed over a width."""
+        effect, v = self.effects[i], self.variable(i, x, u)
+        assert isinstance(effect, BalanceEffect)
+        if i in self._hidden:
+            return effect.force(x[self._hidden[i]], v, parameters)  # type: ignore[attr-defined]
+        return effect.term(t, x[self.wires[i].place], v, parameters, width)
+
     @property
     def free_states(self) -> np.ndarray:
         """Which initial states are unknown: all nominal ones, and hidden ones that need not have been at rest."""
@@ -281,13 +298,8 @@ class BoundModel:
     def _effect_rates(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Add the terms of the balance effects to ``dx`` and fill in the rates of the hidden states."""
         a = self.a
-        for i, effect in self._balances:
-            wire = a.wires[i]
-            v = self.variable(i, x, u)
-            if i in a._hidden:
-                dx[wire.place] += effect.force(x[a._hidden[i]], v, self._parameters[i])  # type: ignore[attr-defined]
-            else:
-                dx[wire.place] += effect.term(t, x[wire.place], v, self._parameters[i], self.width(i))
+        for i, _ in self._balances:
+            dx[a.wires[i].place] += self.force_of(i, t, x, u)
         for i, rows in a._hidden.items():
             effect, v = a.effects[i], self.variable(i, x, u)
             is_state, driver = a.wires[i].drivers[0]
@@ -298,6 +310,14 @@ class BoundModel:
                 dx[row] = rate
         return dx
 
+    def force_of(self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Any:
+        """What balance effect i adds to its dx/dt."""
+        return self.a.force_of(i, t, x, u, self._parameters[i], self.width(i))
+
+    def acting(self, t: int) -> np.ndarray:
+        """Inputs that act in substep t (n_inputs, n_columns | 1, n_samples)."""
+        return self._mean[t]
+
     def width(self, i: int) -> float:
         """Smoothing of the kinks of effect i: in units of its variable, of time where it has none."""
         width = self.a.wires[i].width
@@ -305,10 +325,7 @@ class BoundModel:
 
     def variable(self, i: int, x: np.ndarray, u: np.ndarray) -> Any:
         """Values of the variable of effect i: an array, a pair for "v*w", None where there is none."""
-        found = tuple(x[place] if is_state else u[place] for is_state, place in self.a.wires[i].drivers)
-        if not found:
-            return None
-        return found[0] if len(found) == 1 else found
+        return self.a.variable(i, x, u)
 
     def clip(self, x: np.ndarray, final: bool = False) -> np.ndarray:
         """Limits on states."""

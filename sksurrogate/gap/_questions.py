@@ -117,7 +117,7 @@ class Questions:
             found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
         found.curve = free_curve(at, final)
         closed = left(final) < 1.2
-        found.places = places(problem, null, (10.0,) if closed else (5.0, 25.0))
+        found.places = places(problem, null, rough=closed)
         if not closed and left(null) > 2.0:
             found.places = places_by_law(problem, null, found.places)
         say("how far the gap shrinks on runs left out")

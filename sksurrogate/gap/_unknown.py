@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -201,11 +200,13 @@ class Place:
     log_likelihood: float
 
 
-def places(problem: Problem, null: Rival, starts: Sequence[float] = (5.0, 25.0)) -> list[Place]:
+def places(problem: Problem, null: Rival, rough: bool = False) -> list[Place]:
     """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
 
-    ``starts`` are correlation times, in samples, from which the signal's size is fitted.
+    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is to be accused, from
+    one and with the white noise of differences.
     """
+    starts, most = ((10.0,), 6) if rough else ((5.0, 25.0), 10)
     theta, model, record = null.fit.theta, null.model, problem.record
     with np.errstate(all="ignore"):
         smoothed = problem.smooth(model, theta, null.fit.x)
@@ -222,6 +223,7 @@ def places(problem: Problem, null: Rival, starts: Sequence[float] = (5.0, 25.0))
             coloured = np.maximum(tiny, 1e-12)
             held = np.zeros(2 * m + 3, bool)
             held[m + 2 : 2 * m + 2] = True
+            held[:m] = rough
             force, best = 0.1 * unit, -np.inf
             if sensor is not None:
                 held[m + 2 + sensor] = False
@@ -232,7 +234,7 @@ def places(problem: Problem, null: Rival, starts: Sequence[float] = (5.0, 25.0))
             for tau in starts:
                 start = Noise(problem.sd.copy(), np.array([force]), tau, coloured, tau)
                 try:
-                    best = max(best, fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=10)[1])
+                    best = max(best, fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=most)[1])
                 except np.linalg.LinAlgError:
                     continue
             return best
