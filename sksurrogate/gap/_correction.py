@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.exceptions import SurrogateError
+from sksurrogate.gap._problem import Problem
 from sksurrogate.kernels.record import Record
 
-__all__ = ["generic_correction"]
+__all__ = ["generic_correction", "known_runs"]
+
+#: Inputs, initial states, outputs.
+Run = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 #: The correction is learned on this many parts only, by one small map: a bar beside the diagnosis, not its aim.
 FOLDS, MAPS, UNITS = 2, 1, 3
 
 
 class Remembered:
-    """A simulator that runs each batch of runs once: the parts that teach and that judge are the same ones in turn."""
+    """A simulator that runs each run once: the parts that teach and that judge are the same ones in turn.
 
-    def __init__(self, simulator: Any):
+    Parameters
+    ----------
+    simulator : simulator
+    runs : iterable of (U, x0, y)
+        Runs that are known already: inputs (n_samples, n_inputs), initial states, outputs (n_samples, n_outputs).
+    """
+
+    def __init__(self, simulator: Any, runs: Iterable[Run] = ()):
         self._simulator = simulator
-        self._known: dict[tuple, Any] = {}
+        self._known: dict[bytes, np.ndarray] = {_key(U, x0): y for U, x0, y in runs}
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "get_params":  # for clone it is one object, not an estimator
@@ -36,16 +48,38 @@ class Remembered:
 
     def _once(self, simulate: Callable, U: Any, x0: Any = None) -> np.ndarray:
         """What ``simulate`` gave for these inputs and initial states."""
-        key = tuple(None if a is None else (np.shape(a), np.asarray(a, dtype=float).tobytes()) for a in (U, x0))
-        if key not in self._known:
-            self._known[key] = simulate(U, x0)
-        return self._known[key]
+        batch = np.ndim(U) == 3
+        keys = [_key(*run) for run in zip(U, [None] * len(U) if x0 is None else x0)] if batch else [_key(U, x0)]
+        if not all(key in self._known for key in keys):
+            found = simulate(U, x0)
+            self._known.update(zip(keys, found if batch else [found]))
+        return np.stack([self._known[key] for key in keys]) if batch else self._known[keys[0]]
+
+
+def _key(U: Any, x0: Any) -> bytes:
+    """Inputs and initial states of a run."""
+    start = b"" if x0 is None else np.ascontiguousarray(x0, dtype=float).tobytes()
+    return np.ascontiguousarray(U, dtype=float).tobytes() + b"|" + start
+
+
+def known_runs(problem: Problem) -> list[Run]:
+    """The runs of the simulator alone that a problem holds; none where they did not stay finite."""
+    record, run = problem.record, problem.run
+    if run is None or not np.isfinite(run).all() or run.shape[1] != record.n_samples:
+        return []
+    model = AugmentedModel(problem.model, (), (), record, n_sub=2, scale=problem.scale)
+    y = model.bind(np.zeros((0, 1))).outputs(run[:, None])[:, 0]
+    ends = record.starts + record.lengths
+    return [(record.u[:, a:b].T, run[:, a], y[:, a:b].T) for a, b in zip(record.starts, ends)]
 
 
 def generic_correction(
-    simulator: Any, correction: Any, labels: tuple[str, ...]
+    simulator: Any, correction: Any, labels: tuple[str, ...], runs: Iterable[Run] = ()
 ) -> Callable[[Record, np.ndarray], np.ndarray]:
-    """The waterfall's learned correction: fitted on the training runs, free run on the others."""
+    """The waterfall's learned correction: fitted on the training runs, free run on the others.
+
+    ``runs`` of the simulator that are known already (inputs, initial states, outputs) are not simulated again.
+    """
 
     def run(record: Record, fold: np.ndarray) -> np.ndarray:
         from sklearn.base import clone
@@ -55,7 +89,9 @@ def generic_correction(
 
         model = correction
         if correction is None:
-            model = HybridRegressor(Remembered(simulator), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=0))
+            model = HybridRegressor(
+                Remembered(simulator, runs), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=0)
+            )
         if not len(record.u):  # regressors want a column
             return np.full(record.y.shape, np.nan)
         row_of = record.run_of_row

@@ -93,6 +93,8 @@ class Problem:
     sharpness : float
     caps : (ndarray (n_balances,), ndarray (n_outputs,))
         Largest force of every balance and coloured noise of every sensor that count as disturbance.
+    run : ndarray (n_states, n_samples), optional
+        States of the simulator alone, measured ones begun at their first readings.
     """
 
     plant: Plant
@@ -106,6 +108,7 @@ class Problem:
     n_sub: int
     sharpness: float = 50.0
     caps: tuple[np.ndarray, np.ndarray] | None = None
+    run: np.ndarray | None = None
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""
@@ -298,26 +301,23 @@ def nominal_run(problem: Problem) -> np.ndarray:
         return free_run(nominal, np.zeros(nominal.n_theta), start)
 
 
-def measured_guess(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
-    """States (n_states, n_samples): measured ones as measured, others from the nominal free run or the initial state."""
-    n = len(plant.states)
-    guess = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
-    places = plant.output_states
+def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
+    """States (n_states, n_samples) of the simulator alone, measured ones begun at their first readings."""
     start = np.repeat(plant.x0[:, None], len(record.starts), axis=1)
-    if places is not None:
-        for j, i in enumerate(places):
-            start[i] = record.y[j, record.starts]
-    nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=np.ones(n))
+    for j, i in enumerate(plant.output_states or ()):
+        start[i] = record.y[j, record.starts]
+    nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=np.ones(len(plant.states)))
     with np.errstate(all="ignore"):
-        run = free_run(nominal, np.zeros(0), start)
+        return free_run(nominal, np.zeros(0), start)
+
+
+def measured_guess(plant: Plant, record: Record, run: np.ndarray) -> np.ndarray:
+    """States (n_states, n_samples): measured ones as measured, others from the nominal free run or the initial state."""
+    guess = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
     finite = np.isfinite(run).all(axis=0)
-    if finite.all():
-        guess = run
-    else:
-        guess[:, finite] = run[:, finite]
-    if places is not None:
-        for j, i in enumerate(places):
-            guess[i] = record.y[j]
+    guess[:, finite] = run[:, finite]
+    for j, i in enumerate(plant.output_states or ()):
+        guess[i] = record.y[j]
     return guess
 
 
@@ -352,9 +352,10 @@ def build_problem(
     """
     sd = noise_of_differences(record.y, record.starts)
     with np.errstate(all="ignore"):
-        guess = measured_guess(plant, model, record)
+        run = run_from_readings(plant, model, record)
+        guess = measured_guess(plant, record, run)
         scale = sizes(guess, plant, record)
-        problem = Problem(plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), 2)
+        problem = Problem(plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), 2, run=run)
         nominal = replace(problem, free=()).augmented(())
         smoothed = problem.smooth(nominal, np.zeros(0), guess)
         scale = np.maximum(sizes(smoothed.x, plant, record), 0.02 * scale)

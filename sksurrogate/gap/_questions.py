@@ -13,7 +13,7 @@ from sksurrogate.gap import _where
 from sksurrogate.gap._accused import accused, told_by
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
-from sksurrogate.gap._correction import generic_correction
+from sksurrogate.gap._correction import generic_correction, known_runs
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._free_curve import FreeCurve, free_curve
@@ -47,6 +47,8 @@ _NAN = float("nan")
 CERTIFICATE = 0.15
 #: A free run this near to the noise has no gap that a correction could learn.
 WITHIN_NOISE = 1.05
+#: Named effects that leave less over the noise leave no law.
+NOTHING_LEFT = 1.02
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
 #: What is known of the shrink after an early interrupt.
@@ -111,7 +113,9 @@ class Questions:
         say("what is left")
         found.latent = latent_force(at, final, quiet_sensors=left(final) > FAR)
         path = final.fit.x[: len(problem.plant.states)]
-        found.law = law_of(at, found.latent, self.seed, path)
+        found.law = np.zeros(1)
+        if not final.effects or left(final) > NOTHING_LEFT:
+            found.law = law_of(at, found.latent, self.seed, path)
         if final.effects and NEARLY_WHITE < left(final) <= FAR:
             # Coloured sensor noise may have taken what is a law of the states.
             found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
@@ -121,7 +125,8 @@ class Questions:
         if not closed and left(null) > 2.0:
             found.places = places_by_law(problem, null, found.places)
         say("how far the gap shrinks on runs left out")
-        correction: Any = generic_correction(problem.plant.simulator, self.correction, problem.plant.outputs)
+        simulator, outputs = problem.plant.simulator, problem.plant.outputs
+        correction: Any = generic_correction(simulator, self.correction, outputs, known_runs(problem))
         if not final.effects and left(null) < WITHIN_NOISE:
             correction = None  # nothing to learn
         found.held = held_out(problem, final, null, correction)
