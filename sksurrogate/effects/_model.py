@@ -299,9 +299,9 @@ class BoundModel:
         """Add the terms of the balance effects to ``dx`` and fill in the rates of the hidden states."""
         a = self.a
         for i, _ in self._balances:
-            dx[a.wires[i].place] += self.force_of(i, t, x, u)
+            dx[a.wires[i].place] += a.force_of(i, t, x, u, self._parameters[i], self.width(i))
         for i, rows in a._hidden.items():
-            effect, v = a.effects[i], self.variable(i, x, u)
+            effect, v = a.effects[i], self.a.variable(i, x, u)
             is_state, driver = a.wires[i].drivers[0]
             dv = dx[driver] if is_state else np.zeros_like(v)
             given = (x[rows], t, v, dv, self._parameters[i], self.width(i), self.h)
@@ -309,10 +309,6 @@ class BoundModel:
             for row, rate in zip(range(rows.start, rows.stop), rates):
                 dx[row] = rate
         return dx
-
-    def force_of(self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Any:
-        """What balance effect i adds to its dx/dt."""
-        return self.a.force_of(i, t, x, u, self._parameters[i], self.width(i))
 
     def acting(self, t: int) -> np.ndarray:
         """Inputs that act in substep t (n_inputs, n_columns | 1, n_samples)."""
@@ -322,10 +318,6 @@ class BoundModel:
         """Smoothing of the kinks of effect i: in units of its variable, of time where it has none."""
         width = self.a.wires[i].width
         return self.h if width is None else width
-
-    def variable(self, i: int, x: np.ndarray, u: np.ndarray) -> Any:
-        """Values of the variable of effect i: an array, a pair for "v*w", None where there is none."""
-        return self.a.variable(i, x, u)
 
     def clip(self, x: np.ndarray, final: bool = False) -> np.ndarray:
         """Limits on states."""
@@ -351,7 +343,7 @@ class BoundModel:
         u0 = (self._mean if self._half is None else self._mean - self._half)[0][..., self.record.starts]
         for i, effect in enumerate(a.effects):
             if isinstance(effect, HiddenEffect):
-                v = np.broadcast_to(self.variable(i, x0, u0), x0.shape[1:])
+                v = np.broadcast_to(self.a.variable(i, x0, u0), x0.shape[1:])
                 for row, value in zip(
                     range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rest(v, self._parameters[i])
                 ):

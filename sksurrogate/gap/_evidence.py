@@ -16,9 +16,8 @@ __all__ = [
     "columns",
     "estimate_noise",
     "follow_noise",
-    "forces_and_white",
+    "follow_null",
     "frozen_fit",
-    "likeliest",
     "quick_likelihood",
 ]
 
@@ -154,6 +153,21 @@ def follow_noise(
     )
     rival.log_likelihood = quick_likelihood(problem, rival, [rival.noise])
     return rival
+
+
+def follow_null(problem: Problem, null: Rival, start: Noise) -> None:
+    """Noise of the null: what it misses there would count for every rival.
+
+    The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed.
+    """
+    sensors = [start, replace(start, coloured=1.0 * start.sigma, force=0.01 * start.force)]
+    force = replace(start, coloured=0.05 * start.sigma, force=10.0 * start.force)
+    best = (null.log_likelihood, null.noise, null.curvature)
+    for kind in (sensors, [force, *forces_and_white(problem, null, start)]):
+        follow_noise(problem, null, likeliest(problem, null, kind), max_iterations=25)
+        if null.log_likelihood > best[0]:
+            best = (null.log_likelihood, null.noise, null.curvature)
+    null.log_likelihood, null.noise, null.curvature = best
 
 
 def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise]:

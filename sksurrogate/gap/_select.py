@@ -8,20 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap._evidence import (
-    bar,
-    estimate_noise,
-    follow_noise,
-    forces_and_white,
-    likeliest,
-    quick_likelihood,
-)
+from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, quick_likelihood
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
-from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["EQUAL", "Search"]
 
@@ -125,25 +117,9 @@ class Search(Expander):
         if not found:
             found = [open_null(problem, theta, self.x)]
         self.null = min(found, key=lambda rival: rival.fit.cost)
-        self.estimate_null(problem.first_noise())
+        follow_null(problem, self.null, problem.first_noise())
         self.final = self.null
         return self.null
-
-    def estimate_null(self, *starts: Noise) -> None:
-        """Noise of the null: what it misses there would count for every rival.
-
-        The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed.
-        """
-        null, problem = self.null, self.problem
-        assert null is not None
-        sensor = [replace(s, coloured=1.0 * s.sigma, force=0.01 * s.force) for s in starts]
-        force = [replace(s, coloured=0.05 * s.sigma, force=10.0 * s.force) for s in starts]
-        best = (null.log_likelihood, null.noise, null.curvature)
-        for kind in ([*starts, *sensor], [*force, *forces_and_white(problem, null, starts[0])]):
-            follow_noise(problem, null, likeliest(problem, null, kind), max_iterations=25)
-            if null.log_likelihood > best[0]:
-                best = (null.log_likelihood, null.noise, null.curvature)
-        null.log_likelihood, null.noise, null.curvature = best
 
     def run(self) -> Rival:
         """The whole search; returns the final rival (the null where nothing passes)."""
@@ -155,7 +131,9 @@ class Search(Expander):
             self.final = self.first_round[0]  # what an interrupt leaves
         best = self.simplify(self.best_polished(self.first_round))
         if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
-            self.estimate_null(best.noise)  # a weak gain must not be what the null's noise fit left on the table
+            follow_null(
+                self.problem, null, best.noise
+            )  # a weak gain must not be what the null's noise fit left on the table
         passed = self.gain(best) > self.bar(best.n_parameters) and not may_follow_noise(self.at(best), best, null)
         if passed:
             self.final = best

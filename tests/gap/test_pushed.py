@@ -6,7 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._evidence import estimate_noise
 from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._screen import _Screener
+from sksurrogate.gap._responses import Responses
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -30,7 +30,7 @@ def screener(dt):
     record = Record.from_runs(U, Y, [dt * np.arange(n)] * RUNS, dt)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
     null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
-    return _Screener(problem, null, smoothed.x)
+    return Responses(problem, null, smoothed.x)
 
 
 def error(dt, effect, theta):

@@ -1,0 +1,103 @@
+"""What every effect changes in the outputs, to first order about the smoothed trajectory: the columns of the screen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.effects._balance import ConstantBias
+from sksurrogate.effects._effect import (
+    BalanceEffect,
+    BaseEffect,
+    HiddenEffect,
+    InputEffect,
+    ParameterEffect,
+    SensorEffect,
+)
+from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.gap._hidden_path import hidden_paths
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.kernels.banded import solve_recursion
+from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.smoother import output_jacobian
+
+__all__ = ["Responses"]
+
+
+class Responses:
+    """One linearisation of a base, for all candidates.
+
+    Parameters
+    ----------
+    problem : Problem
+    base : Rival
+        The model that effects are added to.
+    x : ndarray (n_states, n_samples)
+        Trajectory near the measured one, to start the smoother.
+    """
+
+    def __init__(self, problem: Problem, base: Rival, x: np.ndarray):
+        self.problem, self.base = problem, base
+        theta = base.fit.theta
+        with np.errstate(all="ignore"):
+            self.smoothed = problem.smooth(base.model, theta, x)
+            x = self.smoothed.x
+            self.lin = linearise(base.model, theta, x, problem.units(base.effects, theta))
+            self.bound = base.model.bind(theta[:, None])
+            self.after = self.bound(x[:, None])
+            _, self.C = output_jacobian(self.bound, x, base.model.scale)
+            self.y = self.bound.outputs(self.lin.x[:, None])
+        self.n_effect = sum(len(e.parameters) for e in base.effects)
+        self.pushes: dict[int, np.ndarray] = {}
+
+    def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Change of the outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
+        problem, base = self.problem, self.base
+        n, x = base.model.n_states, self.smoothed.x
+        model = problem.augmented((*base.effects, effect))
+        fitted = np.repeat(base.fit.theta[:, None], starts.shape[1], axis=1)
+        theta = np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
+        paths = [x] * starts.shape[1]
+        hidden = isinstance(effect, HiddenEffect)
+        if isinstance(effect, HiddenEffect):
+            z = hidden_paths(effect, model, starts, x)
+            paths = [np.concatenate([x, z[:, s]]) for s in range(starts.shape[1])]
+        bound = None if isinstance(effect, BalanceEffect) else model.bind(theta)
+        out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
+        if not isinstance(effect, SensorEffect):
+            now = np.stack(paths, axis=1) if hidden else np.repeat(x[:, None], starts.shape[1], axis=1)
+            change = self.pushed(model, starts, now) if bound is None else bound(now)[:n] - self.after
+            b = np.zeros_like(change)
+            b[:, :, 1:] = change[:, :, :-1]
+            b[:, :, problem.record.starts] = 0.0
+            Z = solve_recursion(self.lin.band, b)
+            out += np.einsum("oit,ist->ost", self.C, Z)
+        direct = isinstance(effect, SensorEffect) or (
+            problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect))
+        )
+        if direct and bound is not None:
+            out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
+        return out, paths
+
+    def pushed(self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What the force of the last effect changes in the next states (n_states, n_starts, n_samples).
+
+        Its mean over the sample, times what a unit force in its balance changes: no step of the plant for every start.
+        """
+        i, record, wire = len(self.base.effects), self.problem.record, model.wires[-1]
+        later = np.concatenate([x[:, :, 1:], x[:, :, -1:]], axis=2)
+        later[: self.base.model.n_states] = self.after
+        how = [row[:, None] for row in starts], self.bound.h if wire.width is None else wire.width
+        first = model.force_of(i, record.t, x, self.bound.acting(0), *how)
+        last = model.force_of(i, record.t + record.dt, later, self.bound.acting(-1), *how)
+        return self.unit_push(wire.place)[:, None] * (0.5 * (first + last))
+
+    def unit_push(self, place: int) -> np.ndarray:
+        """What a constant unit force in one balance changes in the next states (n_states, n_samples)."""
+        if place not in self.pushes:
+            problem, base = self.problem, self.base
+            force = ConstantBias(problem.plant.states[place])
+            unit = 1e-2 * float(problem.rate[place]) or 1e-6
+            theta = np.r_[base.fit.theta[: self.n_effect], unit, base.fit.theta[self.n_effect :]]
+            bound = problem.augmented((*base.effects, force)).bind(theta[:, None])
+            self.pushes[place] = (bound(self.smoothed.x[:, None]) - self.after)[:, 0] / unit
+        return self.pushes[place]
