@@ -183,6 +183,11 @@ class HiddenMode(HiddenEffect):
         """``c (z - v)``."""
         return theta[0] * (z[0] - v)
 
+    def lower_bounds(self, duration: float) -> tuple[float, ...]:
+        """Three quarters of a period: what is slower is no ringing, and runs away beyond the record."""
+        low = [parameter.low for parameter in self.parameters]
+        return low[0], 1.5 * np.pi / duration if duration > 0 else low[1], low[2]
+
     def simpler(self, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
         """A mode that does not ring is a relaxation with ``2 d / w`` as time constant."""
         _, w, damping = theta

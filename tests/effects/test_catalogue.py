@@ -350,3 +350,10 @@ def test_canonical_oscillation_is_the_same_oscillation(amplitude, phase):
     c, w, turned = effect.canonical((amplitude, 2.0, phase))
     assert c >= 0 and -np.pi < turned <= np.pi
     np.testing.assert_allclose(c * np.sin(w * t + turned), amplitude * np.sin(w * t + phase), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["hidden_mode", "periodic_disturbance"])
+def test_what_shows_no_three_quarters_of_a_period_is_no_oscillation(name):
+    effect = CATALOGUE[name]("first", "first") if name == "hidden_mode" else CATALOGUE[name]("first")
+    frequency = [p.name for p in effect.parameters].index("angular_frequency")
+    assert effect.lower_bounds(20.0)[frequency] * 20.0 == pytest.approx(0.75 * 2 * np.pi)
