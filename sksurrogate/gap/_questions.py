@@ -28,6 +28,7 @@ from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, p
 from sksurrogate.gap._verdict import (
     CURVE,
     FAR,
+    ROUNDING,
     _of,
     decide,
     facts_of,
@@ -210,8 +211,9 @@ class Questions:
         )
 
     def rounding(self) -> Rounding | None:
-        """A grid of readings that nothing named explains."""
-        return unnamed_rounding(self.final)
+        """A grid of readings that nothing named explains, where it is coarse enough to matter."""
+        found = unnamed_rounding(self.final)
+        return found if found is not None and found.share > ROUNDING else None
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found
