@@ -16,7 +16,8 @@ from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, r
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._stand_in import StandIn, learn
-from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._simulator import Plant

@@ -9,7 +9,8 @@ import numpy as np
 from sksurrogate.gap._around import Around, Trial
 from sksurrogate.gap._shape import Channel
 from sksurrogate.gap._unknown import Place
-from sksurrogate.kernels.disturbance import Noise, fit_noise
+from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.noise_fit import fit_noise
 
 __all__ = ["channel_of", "equivalent_places", "forces_on_states", "left_of", "variables"]
 

@@ -13,7 +13,8 @@ from sksurrogate.gap._shape import Channel, evidence_of_law, shape_of
 from sksurrogate.gap._shrink import blocked
 from sksurrogate.gap._unknown import LatentForce, Place, features, input_push
 from sksurrogate.gap._where import regions, times
-from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 

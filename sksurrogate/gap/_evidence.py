@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.kernels.disturbance import Noise, fit_noise
+from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, output_error
 
 __all__ = [
@@ -25,6 +26,8 @@ __all__ = [
 NEARLY_WHITE = 1.5
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)
+#: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
+LIKELIER = 5.0
 
 
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
@@ -111,15 +114,20 @@ def estimate_noise(
 ) -> Rival:
     """Fill in a rival's own noise and its likelihood under it.
 
-    The noise of another rival is a start; forces beside quiet sensors and, near the data, white noise of the size of the
-    residual are others, followed too where they are likelier: a fit that explains what was coloured before must not start
-    from that colour, and the likelihood has a top for coloured sensors and one for forces.
+    The noise of another rival is a start; forces beside quiet sensors are others, followed too where they are likelier:
+    the likelihood has a top for coloured sensors and one for forces. Near the data white noise of the size of the residual
+    takes the start's place where it is likelier: a fit that explains what was coloured before must not start from that
+    colour.
     """
-    other = likeliest(problem, rival, [start, *forces_and_white(problem, rival, start)])
+    noises = [start, *forces_and_white(problem, rival, start)]
+    value = [quick_likelihood(problem, rival, [noise]) for noise in noises]
+    k = int(np.argmax(value)) if max(value) > value[0] + LIKELIER else 0
+    if k > len(FORCES):
+        return follow_noise(problem, rival, noises[k], None, max_iterations)
     follow_noise(problem, rival, start, curvature, max_iterations)
-    if other is not start:
+    if k:
         first = (rival.log_likelihood, rival.noise, rival.curvature)
-        follow_noise(problem, rival, other, None, max_iterations)
+        follow_noise(problem, rival, noises[k], None, max_iterations)
         if rival.log_likelihood <= first[0]:
             rival.log_likelihood, rival.noise, rival.curvature = first
     return rival

@@ -17,7 +17,8 @@ from sksurrogate.gap._curve_shapes import Curve, in_balances, in_inputs, in_sens
 from sksurrogate.gap._evidence import columns
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
-from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
 
 __all__ = ["FreeCurve", "free_curve"]
 

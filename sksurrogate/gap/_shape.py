@@ -16,7 +16,8 @@ from sksurrogate.effects._law import LawEffect
 from sksurrogate.gap._laws import Library, library, sparse_laws
 from sksurrogate.gap._report import Curve, MissingTerm
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
-from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.record import Record
 
 __all__ = ["Channel", "evidence_of_law", "shape_of"]

@@ -9,7 +9,8 @@ from sklearn.ensemble import ExtraTreesRegressor
 
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
-from sksurrogate.kernels.disturbance import Disturbance, Noise, fit_noise
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import output_jacobian

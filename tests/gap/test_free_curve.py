@@ -78,7 +78,7 @@ def test_without_noise_but_that_of_the_sensor_less_is_enough():
 
 
 def test_a_force_that_sets_in_at_one_time_is_a_curve_of_time():
-    problem, null = left_by_the_null(0.0, 0.05, 0, push=0.3)
+    problem, null = left_by_the_null(0.0, 0.05, 0, push=0.4)
     curve = free_curve(problem, null)
     assert curve.gain > 20.0
     assert (curve.location, curve.variable) == ("v", "time")

@@ -1,0 +1,228 @@
+"""Fit of the noise of a free-run residual: the likelihood of :class:`~sksurrogate.kernels.disturbance.Disturbance`, maximised.
+
+The parameters of the model move along to first order, so that noise and model are fitted together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+
+__all__ = ["fit_noise"]
+
+#: Correlation times of forces and of coloured sensor noise stay within these numbers of samples.
+TAU_RANGE = (2.0, 60.0)
+#: Mean square of the whitened residual beyond which, or below whose inverse, a noise fit starts from all noises resized.
+FAR = 4.0
+
+
+def _log_prior(noise: Noise, sigma_unit: np.ndarray) -> float:
+    """Weak log-normal priors on the correlation times; they keep flat directions in place."""
+    prior = -0.5 * (np.log(noise.tau / 10.0)) ** 2 - 0.5 * (np.log(noise.tau_sensor / 10.0)) ** 2
+    return float(prior - 0.005 * np.sum(np.log(noise.coloured / sigma_unit) ** 2))
+
+
+def _noise_bounds(
+    unit: np.ndarray, force_unit: np.ndarray, caps: tuple[np.ndarray, np.ndarray] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of :meth:`Noise.pack`."""
+    low = np.concatenate(
+        [
+            np.log(unit * 0.05),
+            np.log(1e-4 * force_unit),
+            [np.log(TAU_RANGE[0])],
+            np.log(unit * 1e-2),
+            [np.log(TAU_RANGE[0])],
+        ]
+    )
+    force_high, coloured_high = (10 * force_unit, 100 * unit) if caps is None else caps
+    coloured_high = np.maximum(coloured_high, 0.1 * unit)
+    force_high = np.maximum(force_high, 1e-3 * force_unit)
+    high = np.concatenate(
+        [np.log(unit * 20.0), np.log(force_high), [np.log(TAU_RANGE[1])], np.log(coloured_high), [np.log(TAU_RANGE[1])]]
+    )
+    return low, high
+
+
+def fit_noise(
+    model: Disturbance,
+    r: np.ndarray,
+    start: Noise,
+    force_unit: np.ndarray,
+    J: np.ndarray | None = None,
+    precision: np.ndarray | None = None,
+    pull: np.ndarray | None = None,
+    *,
+    max_iterations: int = 15,
+    curvature: np.ndarray | None = None,
+    held: np.ndarray | None = None,
+    caps: tuple[np.ndarray, np.ndarray] | None = None,
+) -> tuple[Noise, float, np.ndarray]:
+    """Maximise the likelihood over the noise parameters, with parameters of the model moved along.
+
+    Parameters
+    ----------
+    model : Disturbance
+    r : ndarray (n_outputs, n_samples)
+    start : Noise
+    force_unit : ndarray (n_balances,)
+        RMS of dx/dt of every balance; forces stay within 1e-4 and 10 of it.
+    J : ndarray (n_outputs, n_theta, n_samples), optional
+        Sensitivities: the likelihood is taken at the best parameters to first order.
+    precision, pull : ndarray (n_theta,), optional
+        Gaussian prior on the parameters.
+    curvature : ndarray, optional
+        Inverse Hessian of an earlier fit, to start from.
+    held : ndarray of bool, optional
+        Entries of ``start.pack()`` that stay where they are.
+    caps : (force, coloured), optional
+        Largest force of every balance and coloured noise of every sensor that count as noise.
+
+    Returns
+    -------
+    noise : Noise
+    log_likelihood : float
+    curvature : ndarray
+        Approximate inverse Hessian at the end.
+    """
+    columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
+    none = np.zeros(columns.shape[1] - 1)
+    low, high = _noise_bounds(start.sigma, force_unit, caps)
+    if held is not None:
+        low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
+    f = _Likelihood(
+        model, columns, start, none if precision is None else precision, none if pull is None else pull, low, high
+    )
+    first = f.resized(np.clip(start.pack(), low, high))
+    eta, value, inverse = _quasi_newton(f, *first, max_iterations, curvature)
+    noise = start.unpack(eta)
+    return noise, -value - _log_prior(noise, start.sigma), inverse
+
+
+class _Value(NamedTuple):
+    """Negative log likelihood at the best parameters of the model, these, its value with them frozen, and the mean square
+    of the whitened residual."""
+
+    best: float
+    theta: np.ndarray
+    frozen: float
+    square: float
+
+
+LOST = _Value(np.inf, np.zeros(0), np.inf, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Negative log likelihood of packed noise parameters, up to what does not depend on them; its columns are the residual
+    and the sensitivities."""
+
+    model: Disturbance
+    columns: np.ndarray
+    start: Noise
+    precision: np.ndarray
+    pull: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def __call__(self, eta: np.ndarray) -> _Value:
+        noise = self.start.unpack(eta)
+        try:
+            G, logdet = self.model.gram(self.columns, noise)
+        except np.linalg.LinAlgError:
+            return LOST
+        if not np.all(np.isfinite(G)):
+            return LOST
+        H, g = G[1:, 1:] + np.diag(self.precision), G[1:, 0] + self.pull
+        scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+        normal, right = H / np.outer(scale, scale), g / scale
+        if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
+            return LOST
+        theta = np.linalg.lstsq(normal, right, rcond=1e-10)[0] if len(g) else g
+        logdet -= 2.0 * _log_prior(noise, self.start.sigma)
+        value = 0.5 * (G[0, 0] - float(right @ theta) + logdet)
+        if not np.isfinite(value):
+            return LOST
+        weights = np.r_[1.0, -theta / scale]  # of the columns in the residual that is left
+        square = float(weights @ G @ weights)
+        return _Value(float(value), theta / scale, 0.5 * (square + logdet), square / self.columns[:, 0].size)
+
+    def frozen(self, eta: np.ndarray, residual: np.ndarray) -> float:
+        """Of one residual."""
+        noise = self.start.unpack(eta)
+        try:
+            G, logdet = self.model.gram(residual, noise)
+        except np.linalg.LinAlgError:
+            return np.inf
+        value = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, self.start.sigma)
+        return float(value) if np.isfinite(value) else np.inf
+
+    def gradient(self, eta: np.ndarray, at: _Value) -> np.ndarray:
+        """Forward differences with the parameters frozen at their best (envelope theorem)."""
+        residual = self.columns[:, :1] - np.einsum("okt,k->ot", self.columns[:, 1:], at.theta)[:, None]
+        out, step = np.zeros(len(eta)), 1e-3
+        for i in np.flatnonzero(self.low < self.high):
+            h = step if eta[i] + step <= self.high[i] else -step
+            shifted = eta.copy()
+            shifted[i] += h
+            out[i] = (self.frozen(shifted, residual) - at.frozen) / h
+        return out
+
+    def resized(self, eta: np.ndarray) -> tuple[np.ndarray, _Value]:
+        """All noises in their best common size where they are far from it: it has a closed form, but for bounds and prior."""
+        at = self(eta)
+        if not np.isfinite(at.best) or 1.0 / FAR < at.square < FAR:
+            return eta, at
+        m, b = len(self.start.sigma), len(self.start.force)
+        sizes = np.r_[np.ones(m + b), 0, np.ones(m), 0]
+        other = np.clip(eta + 0.5 * np.log(at.square) * sizes, self.low, self.high)
+        return min([(eta, at), (other, self(other))], key=lambda found: found[1].best)
+
+
+def _quasi_newton(
+    f: _Likelihood, eta: np.ndarray, at: _Value, max_iterations: int, inverse: np.ndarray | None
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """BFGS within bounds, from a given inverse Hessian; stops when little is to be gained."""
+    n, low, high = len(eta), f.low, f.high
+    H = 0.02 * np.eye(n) if inverse is None else inverse.copy()
+    if not np.isfinite(at.best):
+        return eta, at.best, H
+    g = f.gradient(eta, at)
+    for _ in range(max_iterations):
+        if not np.all(np.isfinite(g)):
+            break
+        stuck = ((eta <= low + 1e-9) & (g > 0)) | ((eta >= high - 1e-9) & (g < 0))
+        free = ~stuck
+        if not free.any():
+            break
+        d = np.zeros(n)
+        d[free] = -H[np.ix_(free, free)] @ g[free]
+        if g @ d > 0:
+            d[free] = -g[free] / max(np.max(np.abs(g[free])), 1.0)
+        d *= min(1.0, 2.0 / max(np.max(np.abs(d)), 1e-300))
+        if -(g @ d) < 0.05:
+            break
+        t = 1.0
+        for _ in range(8):
+            new = np.clip(eta + t * d, low, high)
+            there = f(new)
+            if there.best < at.best + 1e-4 * (g @ (new - eta)):
+                break
+            t *= 0.3
+        else:
+            break
+        gained = at.best - there.best
+        if gained < 0.02:
+            return new, there.best, H
+        new_g = f.gradient(new, there)
+        s, yv = new - eta, new_g - g
+        if s @ yv > 1e-10:
+            rho = 1.0 / (s @ yv)
+            V = np.eye(n) - rho * np.outer(s, yv)
+            H = V @ H @ V.T + rho * np.outer(s, s)
+        eta, at, g = new, there, new_g
+    return eta, at.best, H
