@@ -11,8 +11,8 @@ from sksurrogate.kernels.integrate import rk4
 
 __all__ = ["hidden_paths"]
 
-#: Newton steps, difference of a hidden state and largest step, in units of the size of the variable.
-STEPS, DIFFERENCE, LARGEST, CLOSED = 5, 1e-6, 10.0, 1e-6
+#: Newton steps; difference of a hidden state and step that ends them, in units of the size of the variable.
+STEPS, DIFFERENCE, CLOSED = 5, 1e-6, 1e-6
 
 
 def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -37,10 +37,10 @@ def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray,
     mean, half, slope, first = _driver(model, x)
     width = record.dt / model.n_sub if wire.width is None else wire.width
     h = record.dt / model.n_sub
-    columns = np.repeat(theta, 1 + n, axis=1)
-    parameters = [row[:, None] for row in columns]
+    columns = theta
 
     def rates(t: np.ndarray, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        parameters = [row[:, None] for row in columns]
         v, dv = np.broadcast_to(v[0], z.shape[1:]), np.broadcast_to(slope, z.shape[1:])
         return np.stack(
             [np.broadcast_to(r, z.shape[1:]) for r in effect.rates_within(z, t, v, dv, parameters, width, h)]
@@ -49,19 +49,24 @@ def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray,
     rest = effect.rest(np.broadcast_to(first, (n_starts, n_samples)), [row[:, None] for row in theta])
     z = np.stack([np.array(np.broadcast_to(row, (n_starts, n_samples))) for row in rest])
     all_starts = (np.arange(n_starts)[:, None] * n_samples + record.starts).ravel()  # one start behind the other
-    for _ in range(STEPS):
-        varied = np.repeat(z, 1 + n, axis=1)
-        for j in range(n):
+    band = np.zeros(0)
+    for k in range(2 * STEPS):
+        fresh = 0 if k % 2 else n  # every other step keeps the slopes: enough where the hidden states are linear
+        varied = np.repeat(z, 1 + fresh, axis=1)
+        for j in range(fresh):
             varied[j, 1 + j :: 1 + n] += DIFFERENCE * size
-        after = rk4(rates, record.t, varied, mean, half, h).reshape(n, n_starts, 1 + n, n_samples)
-        A = ((after[:, :, 1:] - after[:, :, :1]) / (DIFFERENCE * size)).transpose(0, 2, 1, 3).reshape(n, n, -1)
+        columns = np.repeat(theta, 1 + fresh, axis=1)
+        after = rk4(rates, record.t, varied, mean, half, h).reshape(n, n_starts, 1 + fresh, n_samples)
+        if fresh:
+            A = ((after[:, :, 1:] - after[:, :, :1]) / (DIFFERENCE * size)).transpose(0, 2, 1, 3).reshape(n, n, -1)
+            band = recursion_band(A, all_starts)
         defect = np.zeros_like(z)
         defect[:, :, 1:] = after[:, :, 0, :-1] - z[:, :, 1:]
         defect[:, :, record.starts] = 0.0
-        step = solve_recursion(recursion_band(A, all_starts), defect.reshape(n, 1, -1)).reshape(z.shape)
+        step = solve_recursion(band, defect.reshape(n, 1, -1)).reshape(z.shape)
         lost = ~np.isfinite(step).all(axis=(0, 2))
         step[:, lost] = 0.0
-        z += np.clip(step, -LARGEST * size, LARGEST * size)
+        z += step
         if np.max(np.abs(step)) < CLOSED * size:
             break
     z[:, lost] = np.nan

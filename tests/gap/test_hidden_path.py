@@ -20,8 +20,11 @@ SHAPES = {
 }
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-3])
 @pytest.mark.parametrize(("name", "values"), SHAPES.items())
-def test_hidden_states_are_those_of_the_whole_models_free_run(name, values):
+def test_hidden_states_are_those_of_the_whole_models_free_run(name, values, size):
+    """Also where they are a thousand times larger than the size that is known beforehand."""
+
     def rhs(t, x, u, params):
         return np.stack([x[1], -2.0 * x[0] - 0.4 * x[1] + u[0]])
 
@@ -30,11 +33,13 @@ def test_hidden_states_are_those_of_the_whole_models_free_run(name, values):
     u = np.sin(1.3 * t) + 0.5 * np.sin(4.0 * t)
     record = Record(u[None], np.zeros((1, 400)), t, np.array([0, 200]), 0.05)
     effect = CATALOGUE[name]("v", "q" if name == "hidden_mode" else "v")
-    model = AugmentedModel(PlantModel(describe(plant)), (effect,), (), record, n_sub=4, scale=np.array([0.5, 0.8]))
+    model = AugmentedModel(
+        PlantModel(describe(plant)), (effect,), (), record, n_sub=4, scale=size * np.array([0.5, 0.8])
+    )
     theta = np.array(values).T
     for k in range(2):
         first = model.bind(theta[:, [k]]).start(np.array([[[0.5, -0.3]], [[0.0, 0.4]]]))[:, 0]
         whole = free_run(model, theta[:, k], first)
         found = hidden_paths(effect, model, theta, whole[:2])[:, k]
-        size = np.std(whole[2:], axis=1)
-        assert np.all(np.sqrt(np.mean((found - whole[2:]) ** 2, axis=1)) < 0.02 * size)
+        spread = np.std(whole[2:], axis=1)
+        assert np.all(np.sqrt(np.mean((found - whole[2:]) ** 2, axis=1)) < 0.02 * spread)
