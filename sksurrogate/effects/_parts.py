@@ -56,6 +56,8 @@ class Probe:
         First rows of the runs.
     factors : tuple of ndarray (n_samples,)
         The two signals of a variable "v*w" one by one.
+    noise : float
+        White noise of the readings of an output; 0 elsewhere, and where it is not known.
 
     Examples
     --------
@@ -74,6 +76,7 @@ class Probe:
     duration: float
     starts: np.ndarray
     factors: tuple[np.ndarray, ...] = ()
+    noise: float = 0.0
 
     def unit(self, form: np.ndarray) -> float:
         """Size of a coefficient that makes ``c * form`` a tenth of the derivative."""

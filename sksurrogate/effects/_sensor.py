@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
 from sksurrogate.effects._input import levels_inside, neighbouring_steps, quantize, step_sizes, times
-from sksurrogate.effects._lattice import lattice_steps, shows_steps
+from sksurrogate.effects._lattice import LEVELS, lattice_steps, shows_steps
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.physics._simulator import Plant
 
@@ -30,6 +30,8 @@ __all__ = [
 #: Nodes and weights on [0, 1]: exact for the smooth kernels of lags longer than a sample.
 _GAUSS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
+#: Steps of more than this many times the noise show in readings that span some of them (:func:`lattice_steps`).
+HIDDEN = 8.0
 #: What an output outside the interval of its reading counts, of its distance.
 EXCESS = 0.3
 
@@ -314,8 +316,9 @@ class SensorQuantization(SensorEffect):
         return quantize(y, theta[0])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """From one step to 40 steps to the largest reading."""
-        return step_sizes(probe.x)
+        """From one step to 40 steps to the largest reading; of steps that show in the readings, those that they show."""
+        shown = HIDDEN * probe.noise, float(np.ptp(probe.x)) / LEVELS
+        return [(step,) for (step,) in step_sizes(probe.x) if probe.noise == 0 or not shown[0] < step < shown[1]]
 
     def evident(self, probe: Probe) -> list[tuple[float, ...]]:
         """The step whose multiples the readings crowd at."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-__all__ = ["eliminate", "eliminate_rows", "project_starts", "scores", "start_bases"]
+__all__ = ["eliminate", "eliminate_rows", "project_starts", "scores", "start_bases", "start_coordinates"]
 
 
 def start_bases(J_x: np.ndarray, starts: np.ndarray, n_samples: int) -> Iterator[tuple[int, int, np.ndarray]]:
@@ -20,6 +20,17 @@ def start_bases(J_x: np.ndarray, starts: np.ndarray, n_samples: int) -> Iterator
             continue
         q, r = np.linalg.qr((basis / np.linalg.norm(basis, axis=1)[:, None]).T)
         yield a, b, q[:, np.abs(np.diag(r)) > 1e-8]
+
+
+def start_coordinates(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """What the initial states of every run can make of columns (n_columns, n_outputs, n_samples): (n_columns, n_bases).
+
+    Their Gram is what the Gram of the columns loses with the initial states projected out.
+    """
+    parts = [
+        columns[:, :, a:b].reshape(len(columns), -1) @ q for a, b, q in start_bases(J_x, starts, columns.shape[-1])
+    ]
+    return np.concatenate([np.zeros((len(columns), 0)), *parts], axis=1)
 
 
 def project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:

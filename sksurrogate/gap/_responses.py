@@ -14,6 +14,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
 )
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.effects._parameter import ParameterStep
 from sksurrogate.gap._hidden_path import hidden_paths
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.kernels.banded import solve_recursion
@@ -61,19 +62,26 @@ class Responses:
         if isinstance(effect, HiddenEffect):
             z = hidden_paths(effect, model, starts, x)
             paths = [np.concatenate([x, z[:, s]]) for s in range(starts.shape[1])]
-        bound = None if isinstance(effect, BalanceEffect) else model.bind(theta)
+        direct = isinstance(effect, SensorEffect) or (
+            problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect))
+        )
+        jumps = isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0
+        bound = None if isinstance(effect, BalanceEffect) or (jumps and not direct) else model.bind(theta)
         out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
         if not isinstance(effect, SensorEffect):
             now = np.stack(paths, axis=1) if hidden else np.repeat(x[:, None], starts.shape[1], axis=1)
-            change = self.pushed(model, starts, now) if bound is None else bound(now)[:n] - self.after
+            if isinstance(effect, BalanceEffect):
+                change = self.pushed(model, starts, now)
+            elif jumps:
+                change = self.switched(model, theta)
+            else:
+                assert bound is not None
+                change = bound(now)[:n] - self.after
             b = np.zeros_like(change)
             b[:, :, 1:] = change[:, :, :-1]
             b[:, :, problem.record.starts] = 0.0
             Z = solve_recursion(self.lin.band, b)
             out += np.einsum("oit,ist->ost", self.C, Z)
-        direct = isinstance(effect, SensorEffect) or (
-            problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect))
-        )
         if direct and bound is not None:
             out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
         return out, paths
@@ -90,6 +98,17 @@ class Responses:
         first = model.force_of(i, record.t, x, self.bound.acting(0), *how)
         last = model.force_of(i, record.t + record.dt, later, self.bound.acting(-1), *how)
         return self.unit_push(wire.place)[:, None] * (0.5 * (first + last))
+
+    def switched(self, model: AugmentedModel, theta: np.ndarray) -> np.ndarray:
+        """What a parameter that jumps by one value at several times changes in the next states (n_states, n_starts, n_samples).
+
+        Before the jump nothing, after it what the new value changes, within the sample of the jump its share.
+        """
+        record, place = self.problem.record, self.n_effect + 1
+        always = theta[:, :1].copy()
+        always[place] = -record.dt - float(np.ptp(record.t))
+        new = (model.bind(always)(self.smoothed.x[:, None]) - self.after)[: self.base.model.n_states]
+        return new * np.clip((record.t + record.dt - theta[place][:, None]) / record.dt, 0.0, 1.0)
 
     def unit_push(self, place: int) -> np.ndarray:
         """What a constant unit force in one balance changes in the next states (n_states, n_samples)."""

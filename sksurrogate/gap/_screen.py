@@ -17,7 +17,7 @@ from sksurrogate.effects._effect import (
     Probe,
 )
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores
+from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
 from sksurrogate.gap._responses import Responses
 from sksurrogate.gap._shortlist import Shortlist, shortlist
 from sksurrogate.kernels.disturbance import Noise
@@ -26,6 +26,8 @@ __all__ = ["Screen", "Start", "scaled", "screen"]
 
 #: Numbers of the null's columns that are kept (single precision).
 MOST_KEPT = 60_000_000
+#: Least share of a column's power that counts as beyond what the initial states can make of it.
+ROUNDING = 1e-12
 #: A parameter is not started from below this share of its value: at 0 many plants have no free run.
 LEAST_FACTOR = 0.2
 
@@ -127,7 +129,8 @@ def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndar
         where = signal(str(effect.location))
         v = where if v is None else v
     duration = record.dt * int(record.lengths.max())
-    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else ())
+    noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
+    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else (), noise)
 
 
 def _range(columns: Sequence[_Column]) -> tuple[np.ndarray, np.ndarray]:
@@ -230,27 +233,31 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
     rest = known, J_x, precision, pull, problem.record.starts, low, high
     if not columns or not np.isfinite(known).all():  # a base that cannot be linearised along the measured path
         return Screen([], [], None, *rest)
-    V = np.stack([c.column for c in columns]) / sd
-    white = project_starts(np.concatenate([known, V]), J_x, problem.record.starts)
-    flat = white.reshape(len(white), -1)
-    rows, diagonal = flat[:few] @ flat.T, np.einsum("kn,kn->k", flat, flat)
+    whole = np.empty((few + len(columns), *known.shape[1:]))
+    whole[:few] = known
+    for row, c in zip(whole[few:], columns):
+        np.divide(c.column, sd[0], out=row)
+    flat, moved = whole.reshape(len(whole), -1), start_coordinates(whole, J_x, problem.record.starts)
+    size = np.einsum("kn,kn->k", flat, flat)
+    rows = flat[:few] @ flat.T - moved[:few] @ moved.T
+    diagonal = np.maximum(size - np.einsum("kn,kn->k", moved, moved), ROUNDING * size)
     drop, amplitude = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
         try:
-            found = D.gram_rows(np.concatenate([known, V]).transpose(1, 0, 2) * problem.sd[:, None, None], noise, few)
+            found = D.gram_rows(whole.transpose(1, 0, 2) * problem.sd[:, None, None], noise, few)
             forced, _ = scores(*eliminate_rows(*found, precision, pull), low, high)
         except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
             pass
 
     def among(chosen: list[int]) -> np.ndarray:
         """Gram of the residual and the chosen columns."""
-        part = flat[[*range(few), *(few + k for k in chosen)]]
-        return eliminate(part @ part.T, len(P), precision, pull)
+        k = [*range(few), *(few + k for k in chosen)]
+        return eliminate(flat[k] @ flat[k].T - moved[k] @ moved[k].T, len(P), precision, pull)
 
     starts = _starts(columns, among, drop, amplitude, forced)
-    kept = None if base.effects or V.size > MOST_KEPT else V.astype(np.float32)
+    kept = None if base.effects or whole.size > MOST_KEPT else whole[few:].astype(np.float32)
     return Screen(starts, [c.theta for c in columns], kept, *rest)
 
 

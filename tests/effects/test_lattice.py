@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sksurrogate.effects import CATALOGUE, Probe
 from sksurrogate.effects._lattice import lattice_steps
 
 
@@ -35,3 +36,13 @@ def test_a_smooth_signal_has_none(seed):
 def test_a_constant_signal_and_a_short_one_have_none():
     assert lattice_steps(np.full(100, 3.0)) == []
     assert lattice_steps(np.arange(5.0)) == []
+
+
+def test_steps_that_would_show_in_the_readings_are_no_other_starts():
+    """Of a known noise: only steps near it, and steps of which the readings span hardly one."""
+    y = 3.0 + np.sin(np.linspace(0, 30, 2000))
+    quantization, rest = CATALOGUE["sensor_quantization"](), (1.0, 0.1, 200.0, np.array([0]))
+    steps = [np.array(quantization.starts(Probe(None, y, *rest, noise=noise)))[:, 0] for noise in (0.0, 0.01)]
+    assert set(steps[1]) < set(steps[0])
+    assert all(step <= 0.08 or step >= np.ptp(y) / 1.7 for step in steps[1])
+    assert np.any(steps[1] < 0.08) and np.any(steps[1] > np.ptp(y) / 1.7)

@@ -64,3 +64,16 @@ def test_a_kink_costs_a_few_percent_where_it_is_crossed():
     friction = CATALOGUE["coulomb_friction"]("v", "v")
     coarse, fine = error(0.2, friction, [0.3]), error(0.05, friction, [0.3])
     assert fine < 0.6 * coarse < 0.1
+
+
+@pytest.mark.parametrize("moment", [0.0, 2.35, 6.0])
+def test_a_parameter_that_jumps_changes_what_its_two_whole_steps_change(moment):
+    """Exactly but for the samples within a substep of the jump, which the model smears over as much (0.2 and 2.1 %)."""
+    s, effect = screener(0.1), CATALOGUE["parameter_step"]("k")
+    model, theta, x = s.problem.augmented((effect,)), np.array([[0.1], [moment]]), s.smoothed.x[:, None]
+    whole = model.bind(theta)(x) - s.after
+    switched = s.switched(model, theta)
+    t = s.problem.record.t
+    outside = (t + 0.1 < moment - 0.051) | (t > moment + 0.051)
+    assert np.allclose(switched[:, :, outside], whole[:, :, outside], atol=1e-12)
+    assert np.linalg.norm(switched - whole) < 0.03 * np.linalg.norm(whole)
