@@ -116,7 +116,7 @@ class FreeRunResidual(BaseEstimator):
         good = [entry for entry in ranked if np.isfinite(entry[0]) and entry[0] <= 4.0 * ranked[0][0]] or ranked[:1]
         self._penalties = [(penalty, prior) for _, _, penalty, prior in good]
         nets = [net for _, net, _, _ in good]
-        steps = 15 if len(starts) > 1 else 15 + self.max_iter
+        steps = 15 if len(starts) > 1 else self.max_iter
         self._settle([self._learn(n, whole, p, q, steps) for n, (p, q) in zip(nets, self._penalties)], judged)
         return self
 

@@ -20,7 +20,7 @@ __all__ = ["generic_correction", "known_runs"]
 Run = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 #: The correction is learned on this many parts only, by one small map: a bar beside the diagnosis, not its aim.
-FOLDS, MAPS, UNITS = 2, 1, 3
+FOLDS, MAPS, UNITS, ITERATIONS = 2, 1, 3, 8
 
 
 class Remembered:
@@ -90,7 +90,7 @@ def generic_correction(
         model = correction
         if correction is None:
             model = HybridRegressor(
-                Remembered(simulator, runs), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=0)
+                Remembered(simulator, runs), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=ITERATIONS)
             )
         if not len(record.u):  # regressors want a column
             return np.full(record.y.shape, np.nan)

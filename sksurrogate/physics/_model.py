@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -58,22 +59,11 @@ class PlantModel:
         """Flatten, call, restore."""
         shape = x.shape[1:]
         p: Mapping[str, Any] = self.plant.params
-        if len(shape) == 1:
-            times, flat, inputs = (
-                np.broadcast_to(t, shape),
-                x,
-                u if u.shape[1:] == shape else np.broadcast_to(u, (len(u), *shape)),
-            )
-            if varied:
-                p = {**p, **{k: np.broadcast_to(v, shape) for k, v in varied.items()}}
-            return function(times, flat, inputs, p, *extra)
-        size = int(np.prod(shape))
-        times = np.broadcast_to(t, shape).reshape(size)
-        inputs = np.broadcast_to(u, (len(u), *shape)).reshape(len(u), size)
+        size = math.prod(shape)
+        inputs = _flat(u, (len(u), *shape)).reshape(len(u), size)
         if varied:
-            spread = {k: v if v.shape == shape else np.broadcast_to(v, shape) for k, v in varied.items()}
-            p = {**p, **{k: v.reshape(size) for k, v in spread.items()}}
-        return function(times, x.reshape(len(x), size), inputs, p, *extra).reshape(function.size, *shape)
+            p = {**p, **{name: _flat(value, shape) for name, value in varied.items()}}
+        return function(_flat(t, shape), x.reshape(len(x), size), inputs, p, *extra).reshape(function.size, *shape)
 
     def derivative_points(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any]) -> np.ndarray:
         """dx/dt at flat points: t (n_points,), x (n_states, n_points), u (n_inputs, n_points), all parameters in ``p``."""
@@ -107,3 +97,12 @@ class PlantModel:
             return x[list(self._selected)]
         assert self._output is not None
         return self._call(self._output, t, x, u, varied)
+
+
+def _flat(value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Broadcast to a shape and flat; quicker than :func:`numpy.broadcast_to` on arrays of this size."""
+    if np.shape(value) == shape:
+        return np.reshape(value, -1)
+    out = np.empty(shape)
+    out[...] = value
+    return out.reshape(-1)
