@@ -57,7 +57,7 @@ def channel_of(problem: Problem, null: Rival, location: str, kind: str) -> Chann
     channel, closed = _about(problem, null, x, location, kind, soft)
     again = closed + channel.D.states(channel.r, channel.noise)[0]
     if np.all(np.isfinite(again)) and np.max(np.abs(again - x) / problem.scale[:, None]) < 3.0:
-        channel, _ = _about(problem, null, again, location, kind, soft)
+        channel, _ = _about(problem, null, again, location, kind, soft, channel.noise)
     return channel
 
 
@@ -88,9 +88,18 @@ def _soft(problem: Problem, null: Rival, location: str, kind: str) -> tuple[str,
 
 
 def _about(
-    problem: Problem, null: Rival, x: np.ndarray, location: str, kind: str, soft: Sequence[str]
+    problem: Problem,
+    null: Rival,
+    x: np.ndarray,
+    location: str,
+    kind: str,
+    soft: Sequence[str],
+    known: Noise | None = None,
 ) -> tuple[Channel, np.ndarray]:
-    """The channel linearised about a path x, and the free run without the force to first order."""
+    """The channel linearised about a path x, and the free run without the force to first order.
+
+    Its noise is fitted from one that is known, that of a path nearby, else from several starts.
+    """
     model, theta, record = null.model, null.fit.theta, problem.record
     lin = linearise(model, theta, x, problem.units((), theta))
     whole = problem.disturbance_along(model, theta, x, lin.A, soft)
@@ -105,9 +114,8 @@ def _about(
     r = record.y - lin.y
     held = np.zeros(2 * m + 3, bool)
     held[m + 2 :] = True
-    noise = _fitted(
-        D, r, [Noise(problem.sd.copy(), np.array([0.1 * unit]), t, 1e-2 * problem.sd, 10.0) for t in STARTS], unit, held
-    )
+    starts = [Noise(problem.sd.copy(), np.array([0.1 * unit]), t, 1e-2 * problem.sd, 10.0) for t in STARTS]
+    noise = _fitted(D, r, starts if known is None else [known], unit, held)
     Z, names = features(problem, x)
     return Channel(record, D, noise, r, B[:, 0], None, unit, held, Z, names), lin.x
 
