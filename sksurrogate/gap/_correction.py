@@ -23,7 +23,7 @@ Run = tuple[np.ndarray, np.ndarray, np.ndarray]
 FOLDS, MAPS, UNITS, ITERATIONS = 2, 1, 3, 8
 
 
-class Remembered:
+class SimulatedOnce:
     """A simulator that runs each run once: the parts that teach and that judge are the same ones in turn.
 
     Parameters
@@ -43,7 +43,7 @@ class Remembered:
         value = getattr(self._simulator, name)
         return partial(self._once, value) if name in ("simulate", "simulate_batch") else value
 
-    def __deepcopy__(self, memo: dict) -> Remembered:
+    def __deepcopy__(self, memo: dict) -> SimulatedOnce:
         return self
 
     def _once(self, simulate: Callable, U: Any, x0: Any = None) -> np.ndarray:
@@ -90,7 +90,7 @@ def generic_correction(
         model = correction
         if correction is None:
             model = HybridRegressor(
-                Remembered(simulator, runs), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=ITERATIONS)
+                SimulatedOnce(simulator, runs), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=ITERATIONS)
             )
         if not len(record.u):  # regressors want a column
             return np.full(record.y.shape, np.nan)

@@ -175,7 +175,7 @@ class _Likelihood:
     def resized(self, eta: np.ndarray) -> tuple[np.ndarray, _Value]:
         """All noises in their best common size where they are far from it: it has a closed form, but for bounds and prior."""
         at = self(eta)
-        if not np.isfinite(at.best) or 1.0 / FAR < at.square < FAR:
+        if not np.isfinite(at.best) or at.square <= 0 or 1.0 / FAR < at.square < FAR:
             return eta, at
         m, b = len(self.start.sigma), len(self.start.force)
         sizes = np.r_[np.ones(m + b), 0, np.ones(m), 0]
