@@ -237,10 +237,13 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
     whole[:few] = known
     for row, c in zip(whole[few:], columns):
         np.divide(c.column, sd[0], out=row)
-    flat, moved = whole.reshape(len(whole), -1), start_coordinates(whole, J_x, problem.record.starts)
+    # Known columns are projected, of the others only the Gram: a difference that may round to less than nothing.
+    white = project_starts(known, J_x, problem.record.starts).reshape(few, -1)
+    flat, moved = whole[few:].reshape(len(columns), -1), start_coordinates(whole[few:], J_x, problem.record.starts)
     size = np.einsum("kn,kn->k", flat, flat)
-    rows = flat[:few] @ flat.T - moved[:few] @ moved.T
-    diagonal = np.maximum(size - np.einsum("kn,kn->k", moved, moved), ROUNDING * size)
+    rows = np.concatenate([white @ white.T, white @ flat.T], axis=1)
+    power = np.maximum(size - np.einsum("kn,kn->k", moved, moved), ROUNDING * size)
+    diagonal = np.r_[np.einsum("kn,kn->k", white, white), power]
     drop, amplitude = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
     forced = np.zeros_like(drop)
     if noise is not None:
@@ -253,8 +256,10 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
 
     def among(chosen: list[int]) -> np.ndarray:
         """Gram of the residual and the chosen columns."""
-        k = [*range(few), *(few + k for k in chosen)]
-        return eliminate(flat[k] @ flat[k].T - moved[k] @ moved[k].T, len(P), precision, pull)
+        part = np.concatenate([white, flat[chosen]])
+        G = part @ part.T
+        G[few:, few:] -= moved[chosen] @ moved[chosen].T
+        return eliminate(G, len(P), precision, pull)
 
     starts = _starts(columns, among, drop, amplitude, forced)
     kept = None if base.effects or whole.size > MOST_KEPT else whole[few:].astype(np.float32)
