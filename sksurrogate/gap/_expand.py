@@ -109,10 +109,13 @@ class Expander:
     def from_nominal(self, null: Rival, n_white: int, n_forced: int) -> list[Rival]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
         base = nominal(self.problem, null)
-        if base is None:
-            return []
-        starts = screen(self.problem, self.candidates, base, self.x, base.noise).starts
-        rivals = self.fit_all(self.problem, base, best_starts(starts, n_white, n_forced, self.n_values))
+        return [] if base is None else self.anew(self.problem, base, n_white, n_forced)
+
+    def anew(self, problem: Problem, base: Rival, n_white: int, n_forced: int, best: float = np.inf) -> list[Rival]:
+        """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
+        candidates = [e for e in self.candidates if e.key not in set(base.keys)]
+        starts = screen(problem, candidates, base, self.guess(base), base.noise).starts
+        rivals = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
         self.remember(rivals)
         return rivals
 

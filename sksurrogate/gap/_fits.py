@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._problem import Problem, Rival, fit_last
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Start
-from sksurrogate.kernels.output_error import Fit
+from sksurrogate.kernels.output_error import Fit, settle_hidden
 
 __all__ = ["best_starts", "distinct", "fit_added", "fit_chunk", "mean_start", "nominal", "numerics_matter", "open_null"]
 
@@ -96,6 +97,19 @@ def nominal(problem: Problem, null: Rival) -> Rival | None:
     """The null with its free parameters back at their nominal values; None where that has no free run."""
     fit = frozen_fit(problem, null, np.zeros(len(null.fit.theta)))
     return None if fit is None else Rival((), null.model, fit, null.noise, curvature=null.curvature)
+
+
+def taken_out(problem: Problem, rival: Rival, i: int) -> Rival | None:
+    """A rival without effect i, everything else as it is but for the initial states; None where that has no free run."""
+    keep = np.ones(len(rival.fit.theta), bool)
+    keep[rival.model.slice_of(i)] = False
+    rest = tuple(e for j, e in enumerate(rival.effects) if j != i)
+    at = replace(problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+    model, theta, x = at.augmented(rest), rival.fit.theta[keep], rival.fit.x[: rival.model.n_nominal]
+    if model.n_states > model.n_nominal:
+        x = settle_hidden(model, theta, x)
+    fit = frozen_fit(at, Rival(rest, model, replace(rival.fit, theta=theta, x=x)), theta)
+    return None if fit is None else Rival(rest, model, fit, rival.noise, curvature=rival.curvature)
 
 
 def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import estimate_noise, quick_likelihood
+from sksurrogate.gap._fits import taken_out
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment, Table
 from sksurrogate.gap._select import EQUAL, NESTED, Search
@@ -20,6 +21,8 @@ __all__ = ["Slot", "equivalents", "next_experiment"]
 
 #: Rivals further than this under the final noise are not judged under their own; nor are more than this many.
 NEAR, MOST_JUDGED = 40.0, 8
+#: Rivals fitted from where the others stand, with the effect of a slot taken out.
+MOST_ANEW = 6
 #: Initial states are pushed by this share of their size for sensitivities.
 PUSH = 1e-4
 #: Nats of log likelihood that settle between two rivals.
@@ -71,8 +74,12 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
         else search.expand(base, 24, 10, siblings=True, best=final.fit.cost)
     )
     if len(final.effects) == 1:  # those of the search may have begun at other re-tuned parameters
-        nearest = {rival.keys: rival for rival in sorted([*rivals, *search.first_round], key=lambda r: -r.fit.cost)}
-        rivals = list(nearest.values())
+        rivals.extend(search.first_round)
+    elif (
+        not few and (rest := taken_out(fine, final, i)) is not None
+    ):  # the others, fitted again alone, may have run away
+        rivals.extend(search.anew(fine, rest, MOST_ANEW, 0, final.fit.cost))
+    rivals = list({rival.keys: rival for rival in sorted(rivals, key=lambda r: -r.fit.cost)}.values())
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
     same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
     reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])

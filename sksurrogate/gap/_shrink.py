@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sksurrogate.gap._evidence import frozen_fit
+from sksurrogate.gap._fits import taken_out
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import Shrink, Table
 from sksurrogate.kernels.record import Record
@@ -186,19 +187,8 @@ def shares(problem: Problem, final: Rival, total: float) -> list[float]:
         return [total]
     returned = []
     for i in range(len(final.effects)):
-        keep = np.ones(len(final.fit.theta), bool)
-        keep[final.model.slice_of(i)] = False
-        rest = tuple(e for j, e in enumerate(final.effects) if j != i)
-        at = replace(problem, n_sub=final.model.n_sub, sharpness=final.model.sharpness)
-        x = final.fit.x[: final.model.n_nominal]
-        theta = final.fit.theta[keep]
-        start = Rival(rest, at.augmented(rest), replace(final.fit, theta=theta, x=x))
-        if start.model.n_states > start.model.n_nominal:
-            from sksurrogate.kernels.output_error import settle_hidden
-
-            start.fit = replace(start.fit, x=settle_hidden(start.model, theta, x))
-        fit = frozen_fit(at, start, theta)
-        returned.append(max(fit.cost - final.fit.cost, 0.0) if fit is not None else final.fit.cost)
+        rest = taken_out(problem, final, i)
+        returned.append(max(rest.fit.cost - final.fit.cost, 0.0) if rest is not None else final.fit.cost)
     sum_ = sum(returned)
     return [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
 
