@@ -141,11 +141,15 @@ class Search(Expander):
             self.final = null
             if left(null) < FAR:
                 return null
+        left_behind = set()
         while len(best.effects) < MOST_EFFECTS:
             if passed and not self.is_far(best):
                 best = self.final = self.enrich(best)
             better = self.one_more(best, passed)
-            if better is None:
+            left_behind.add(frozenset(best.keys))
+            if (
+                better is None or frozenset(better.keys) in left_behind
+            ):  # by likelihood and by size sets can beat in a ring
                 break
             best, passed = better, True
             self.final = best
