@@ -1,0 +1,51 @@
+"""One of several effects taken out: the others stay as they are, and its exact twin is found from there."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.gap._expand import Expander
+from sksurrogate.gap._fits import taken_out
+from sksurrogate.gap._problem import build_problem
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+DT, N = 0.1, 200
+TANK = ODESimulator(
+    lambda t, x, u, p: [p["lift"] * u[0] - 0.5 * x[0]],
+    dt=DT, x0=[1.0], states=["level"], inputs=["pump"], outputs=["level"], params={"lift": 1.0},
+)  # fmt: skip
+EFFECTS = (CATALOGUE["quadratic_loss"]("level", "level"), CATALOGUE["input_gain"]("pump"))
+TRUTH = (0.2, 0.15)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """The problem, and the rival with both effects fitted."""
+    rng = np.random.default_rng(0)
+    U = [np.repeat(rng.uniform(0.5, 2.0, N // 20), 20)[:, None] for _ in range(2)]
+    whole = AugmentedSimulator(TANK, EFFECTS, [(value,) for value in TRUTH])
+    Y = [whole.simulate(u).reshape(N, 1) + 0.005 * rng.normal(size=(N, 1)) for u in U]
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * 2, DT)
+    plant = describe(TANK, n_inputs=1, n_outputs=1, dt=DT)
+    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("level",))
+    return problem, problem.fit(EFFECTS, np.array(TRUTH), smoothed.x)
+
+
+@pytest.mark.parametrize("i", [0, 1])
+def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
+    problem, rival = fitted
+    rest = taken_out(problem, rival, i)
+    assert rest.effects == (EFFECTS[1 - i],)
+    assert np.array_equal(rest.fit.theta, rival.fit.theta[[1 - i]])
+    assert rest.fit.cost > 3.0 * rival.fit.cost
+
+
+def test_the_exact_twin_is_found_from_there(fitted):
+    problem, rival = fitted
+    search = Expander(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], rival.fit.x)
+    found = {r.effects[-1].name: r for r in search.anew(problem, taken_out(problem, rival, 1), 2, 0)}
+    assert found["parameter_error"].fit.cost == pytest.approx(rival.fit.cost, rel=1e-6)
+    assert found["parameter_error"].fit.theta == pytest.approx(rival.fit.theta, rel=1e-3)
