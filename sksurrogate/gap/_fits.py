@@ -14,7 +14,17 @@ from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Start
 from sksurrogate.kernels.output_error import Fit, settle_hidden
 
-__all__ = ["best_starts", "distinct", "fit_added", "fit_chunk", "mean_start", "nominal", "numerics_matter", "open_null"]
+__all__ = [
+    "best_starts",
+    "distinct",
+    "fit_added",
+    "fit_chunk",
+    "mean_start",
+    "nominal",
+    "numerics_matter",
+    "open_null",
+    "taken_out",
+]
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
 HOPELESS = 40.0

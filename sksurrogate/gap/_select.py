@@ -147,9 +147,8 @@ class Search(Expander):
                 best = self.final = self.enrich(best)
             better = self.one_more(best, passed)
             left_behind.add(frozenset(best.keys))
-            if (
-                better is None or frozenset(better.keys) in left_behind
-            ):  # by likelihood and by size sets can beat in a ring
+            # One set may beat another by likelihood and lose to it by size: a ring.
+            if better is None or frozenset(better.keys) in left_behind:
                 break
             best, passed = better, True
             self.final = best

@@ -75,10 +75,9 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     )
     if len(final.effects) == 1:  # those of the search may have begun at other re-tuned parameters
         rivals.extend(search.first_round)
-    elif (
-        not few and (rest := taken_out(fine, final, i)) is not None
-    ):  # the others, fitted again alone, may have run away
-        rivals.extend(search.anew(fine, rest, MOST_ANEW, 0, final.fit.cost))
+    elif not few:
+        rest = taken_out(fine, final, i)  # the others, fitted again alone, may have run away
+        rivals.extend([] if rest is None else search.anew(fine, rest, MOST_ANEW, 0, final.fit.cost))
     rivals = list({rival.keys: rival for rival in sorted(rivals, key=lambda r: -r.fit.cost)}.values())
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
     same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
