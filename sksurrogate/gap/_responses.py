@@ -10,6 +10,7 @@ from sksurrogate.effects._effect import (
     BaseEffect,
     HiddenEffect,
     InputEffect,
+    LimitEffect,
     ParameterEffect,
     SensorEffect,
 )
@@ -18,6 +19,7 @@ from sksurrogate.effects._parameter import ParameterStep
 from sksurrogate.gap._hidden_path import hidden_paths
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.kernels.banded import solve_recursion
+from sksurrogate.kernels.limited import limited_recursion
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.smoother import output_jacobian
 
@@ -66,9 +68,12 @@ class Responses:
             problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect))
         )
         jumps = isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0
-        bound = None if isinstance(effect, BalanceEffect) or (jumps and not direct) else model.bind(theta)
+        stepless = isinstance(effect, (BalanceEffect, LimitEffect)) or (jumps and not direct)
+        bound = None if stepless else model.bind(theta)
         out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
-        if not isinstance(effect, SensorEffect):
+        if isinstance(effect, LimitEffect):
+            out += np.einsum("oit,ist->ost", self.C, self.limited(effect, starts))
+        elif not isinstance(effect, SensorEffect):
             now = np.stack(paths, axis=1) if hidden else np.repeat(x[:, None], starts.shape[1], axis=1)
             if isinstance(effect, BalanceEffect):
                 change = self.pushed(model, starts, now)
@@ -85,6 +90,29 @@ class Responses:
         if direct and bound is not None:
             out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
         return out, paths
+
+    def limited(self, effect: LimitEffect, starts: np.ndarray) -> np.ndarray:
+        """What a limit changes in the free run (n_states, n_starts, n_samples).
+
+        The free run is first order in the states about the path and limited at every sample: an unmeasured state may lie
+        far beyond the limit along a path that knows of none.
+        """
+        x, record, states = self.smoothed.x, self.problem.record, self.problem.plant.states
+        place, other = states.index(str(effect.location)), states.index(effect.variable or str(effect.location))
+        theta = [row[:, None] for row in starts]
+
+        def limit(s: np.ndarray, rows: np.ndarray) -> np.ndarray:
+            near = x[:, None, rows]
+            within, received = effect.clip(s[place] + near[place], s[other] + near[other], theta, True)
+            s[place] = within - near[place]
+            if received is not None:
+                s[other] = received - near[other]
+            return s
+
+        b = np.zeros((len(x), starts.shape[1], record.n_samples))
+        b[:, :, 1:] = (self.after[:, 0, :-1] - x[:, 1:])[:, None]
+        b[:, :, record.starts] = 0.0
+        return limited_recursion(self.lin.A, b, record.starts, limit) - (self.lin.x - x)[:, None]
 
     def pushed(self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray) -> np.ndarray:
         """What the force of the last effect changes in the next states (n_states, n_starts, n_samples).
