@@ -28,6 +28,8 @@ __all__ = [
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
 HOPELESS = 40.0
+#: Starts of an effect whose prediction jumps, and the share by which they differ at least.
+MOST_APART, APART = 3, 0.02
 #: Shares of a start that are tried, one after the other, where its free run does not stay finite.
 NEARER = (1.0, 0.3, 0.1)
 
@@ -59,7 +61,10 @@ def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> li
 
 
 def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:
-    """The best rivals by either score, hopeless ones left out; for each its best starts (two where it is not linear)."""
+    """The best rivals by either score, hopeless ones left out; for each its best starts (two where it is not linear).
+
+    Of an effect whose prediction jumps three starts that lie apart: neighbours lead to one value.
+    """
     by_key: dict = {}
     if not starts:
         return []
@@ -78,6 +83,9 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
     out = []
     for key in chosen:
         group = by_key[key]
+        if group[0].effect.scan(tuple(group[0].theta)):
+            out.append(apart(group, MOST_APART))
+            continue
         n = 1 if group[0].effect.linear and not isinstance(group[0].effect, HiddenEffect) else 2
         picked = group[:n]
         first = max(group, key=lambda s: s.forced)
@@ -85,6 +93,16 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
             picked.append(first)
         out.append(picked)
     return out
+
+
+def apart(group: Sequence[Start], most: int) -> list[Start]:
+    """The first starts whose magnitudes differ by :data:`APART`, evident ones all."""
+    picked = [start for start in group if start.evident]
+    for start in group:
+        near = any(abs(start.theta[0] / other.theta[0] - 1.0) < APART for other in picked)
+        if len(picked) < most and not near:
+            picked.append(start)
+    return picked
 
 
 def mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
