@@ -24,6 +24,8 @@ __all__ = [
 
 #: A residual below this many times the sensor noise may be white.
 NEARLY_WHITE = 1.5
+#: Steps of an effect's parameters, over their size, that slopes are good for.
+REACH = 1.0
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
@@ -36,9 +38,11 @@ def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
 
 
 def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Residual, sensitivities, and the prior on the parameters.
+    """Residual, sensitivities, and what holds a step of the parameters: its precision, and the pull of their prior.
 
-    A prediction that jumps with a parameter has no slope to be followed: its sensitivity counts as none.
+    A prediction that jumps with a parameter has no slope to be followed: its sensitivity counts as none. Steps beyond the
+    size of an effect's parameter are held back: there the slopes say nothing, and parameters that only act together, as a
+    level and a velocity far beyond the data, would explain to first order what the effect cannot.
     """
     lin = problem.linearised(rival)
     J = lin.J_theta
@@ -47,9 +51,10 @@ def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.
             J = J.copy()
             J[:, rival.model.slice_of(i)] = 0.0
     r = problem.record.y - rival.fit.y
-    prior = problem.prior(rival.effects, rival.fit.theta)
-    precision = 1.0 / prior**2
-    return r, J, precision, -precision * rival.fit.theta
+    theta = rival.fit.theta
+    precision = 1.0 / problem.prior(rival.effects, theta) ** 2
+    reach = np.where((theta != 0) & (np.arange(len(theta)) < rival.n_parameters), np.abs(theta), np.inf)
+    return r, J, precision + (REACH * reach) ** -2.0, -precision * theta
 
 
 def _profile(
@@ -61,7 +66,7 @@ def _profile(
     bounds: tuple[np.ndarray, np.ndarray],
 ) -> float:
     """Log likelihood at the best parameters within bounds, to first order."""
-    base = -0.5 * (G[0, 0] + logdet) - 0.5 * float(np.sum(precision * theta**2))
+    base = -0.5 * (G[0, 0] + logdet) + 0.5 * float(pull @ theta)
     if len(G) == 1:
         return base
     H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
@@ -184,7 +189,7 @@ def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise
     quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
     others = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
     if np.all(rms < NEARLY_WHITE * problem.sd):
-        small = np.minimum(start.force, 1e-3 * problem.force_unit())
+        small = np.minimum(start.force, problem.quiet_force())
         others.append(replace(start, sigma=rms, force=small, coloured=np.minimum(start.coloured, 0.05 * start.sigma)))
     return others
 

@@ -96,7 +96,7 @@ class _CurveFit:
 
         Where more is left than noise, the curve that is likeliest under quiet forces is looked at too.
         """
-        quiet = replace(noise, sigma=self.problem.sd, force=1e-3 * self.problem.force_unit())
+        quiet = replace(noise, sigma=self.problem.sd, force=self.problem.quiet_force())
         quiet = replace(quiet, coloured=1e-2 * self.problem.sd)
         own = self.best(noise)
         again = [own.k] if own.gain > SUSPICIOUS else []

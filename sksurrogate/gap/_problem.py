@@ -26,6 +26,8 @@ PRIOR = 0.10
 LOCAL_ERROR = 2e-5
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
+#: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.
+QUIET, QUIET_FORCE = 0.05, 1e-3
 #: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
 SOFT = 4.0
 #: A parameter further than this factor (log) from nominal is out of the question.
@@ -268,6 +270,14 @@ class Problem:
     def force_unit(self) -> np.ndarray:
         """RMS of dx/dt of every balance."""
         return self.rate[[self.plant.states.index(name) for name in self.balances]]
+
+    def quiet_force(self) -> np.ndarray:
+        """Force of every balance that moves no output by more than :data:`QUIET` of its noise."""
+        unit = self.force_unit()
+        if self.caps is None:
+            return QUIET_FORCE * unit
+        spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
+        return np.minimum(QUIET * self.caps[0] * np.min(self.sd / spread) / LARGEST_DISTURBANCE, QUIET_FORCE * unit)
 
 
 def fit_last(

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, quick_likelihood
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap._loop import may_follow_noise
+from sksurrogate.gap._nested import NESTED, related, simpler
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
 
@@ -32,19 +32,7 @@ SCREENED = 0.4
 RUNNERS = 3
 #: Pairs that are fitted because the screen expects most of them.
 MOST_PAIRS = 10
-#: Forms that contain a simpler one; it is named where the richer form removes hardly more of the gap's power.
-NESTED = {
-    "stribeck_friction": ("coulomb_friction",),
-    "asymmetric_friction": ("coulomb_friction",),
-    "lugre_friction": ("coulomb_friction",),
-    "hysteresis": ("coulomb_friction",),
-    "end_stop": ("state_saturation",),
-    "overflow": ("state_saturation",),
-    "power_law": ("linear_loss", "quadratic_loss", "quadratic_drag", "cubic_stiffness", "sqrt_leak"),
-    "parameter_step": ("parameter_error",),
-    "step_disturbance": ("constant_bias",),
-    "hidden_relaxation": ("linear_loss",),
-}
+#: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
 NESTED_SHARE = 5e-4
 #: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
@@ -52,6 +40,8 @@ EQUAL = 6.0
 FAR_RETUNED = 6.0
 #: Samples of a structural error that count as one.
 CORRELATED = 10.0
+#: A set of effects that was left is taken up again where it comes back with less than this share of its cost.
+COMES_BACK = 0.9
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
@@ -74,6 +64,7 @@ class Search(Expander):
     runners: list[Rival] = field(default_factory=list)
     richer: dict = field(default_factory=dict)
     nominal_left: float = float("nan")
+    least: float = SMALLEST_SHARE
 
     def bar(self, k: int) -> float:
         return bar(k, len(self.candidates), self.n_values)
@@ -141,20 +132,27 @@ class Search(Expander):
             self.final = null
             if left(null) < FAR:
                 return null
-        left_behind = set()
+        left_behind: dict = {}
         while len(best.effects) < MOST_EFFECTS:
             if passed and not self.is_far(best):
                 best = self.final = self.enrich(best)
             better = self.one_more(best, passed)
-            left_behind.add(frozenset(best.keys))
-            # One set may beat another by likelihood and lose to it by size: a ring.
-            if better is None or frozenset(better.keys) in left_behind:
+            left_behind[frozenset(best.keys)] = best.fit.cost
+            # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
+            if better is None or better.fit.cost > COMES_BACK * left_behind.get(frozenset(better.keys), np.inf):
                 break
             best, passed = better, True
             self.final = best
         if self.final is not None:
             self.final = self.simplify(self.final, far=True) if self.is_far(self.final) else self.merge(self.final)
         return self.final or null
+
+    def further(self, best: Rival) -> Rival | None:
+        """The best set with one effect more, however little of the gap it removes; None where the evidence is not for it."""
+        self.least = 0.0
+        better = self.one_more(best, True)
+        self.least = SMALLEST_SHARE
+        return better
 
     def singles(self, null: Rival) -> list[Rival]:
         """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
@@ -218,8 +216,7 @@ class Search(Expander):
             return self.gain(rival) > self.bar(rival.n_parameters) + 2.0 * np.log(len(self.candidates))
         assert self.null is not None
         removed = best.fit.cost - rival.fit.cost
-        arrived = rival.noise is not None and left(rival) < NEAR < left(best)
-        if removed < SMALLEST_SHARE * (self.null.fit.cost - self.n_values) and not arrived:
+        if removed < self.least * (self.null.fit.cost - self.n_values) and not arrived(rival, best):
             return False
         extra = 2.0 * (self.evidence(rival) - self.evidence(best))
         if self.is_far(rival):
@@ -339,8 +336,7 @@ class Search(Expander):
         for i, effect in enumerate(rival.effects):
             shapes = effect.simpler(tuple(rival.theta_of(i)))
             for name in (*NESTED.get(effect.name, ()), *shapes):
-                simple = [e for e in self.candidates if e.name == name and e.location == effect.location]
-                simple = [e for e in simple if e.variable in (effect.variable, None)]
+                simple = simpler(effect, name, self.candidates)
                 base = self.without(rival, i) if simple else None
                 if base is None:
                     continue
@@ -356,14 +352,9 @@ class Search(Expander):
         """The richer form of an effect where it removes more of the gap and no fit has looked at it yet."""
         for i, effect in enumerate(rival.effects):
             others = {key for j, key in enumerate(rival.keys) if j != i}
-            richer = [
-                e
-                for e in self.candidates
-                if effect.name in NESTED.get(e.name, ())
-                and e.location == effect.location
-                and effect.variable in (e.variable, None)
-                and frozenset((*others, e.key)) not in self.fitted
-            ]
+            richer = [e for e in self.candidates if effect.name in NESTED.get(e.name, ())]
+            richer = [e for e in richer if e.location == effect.location and effect.variable in (e.variable, None)]
+            richer = [e for e in richer if frozenset((*others, e.key)) not in self.fitted]
             base = self.without(rival, i) if richer else None
             for other in self.ranked(self.expand(base, 2, 1, richer), base)[:1] if base is not None else ():
                 fitted = self.polish(other)
@@ -392,14 +383,13 @@ class Search(Expander):
         assert self.null is not None
         if self.is_far(rich):
             return 2.0 * (self.size_score(rich) - self.size_score(simple)) < EQUAL
-        return simple.fit.cost < rich.fit.cost + NESTED_SHARE * (self.null.fit.cost - self.n_values)
+        hardly = simple.fit.cost < rich.fit.cost + NESTED_SHARE * (self.null.fit.cost - self.n_values)
+        return hardly and not arrived(rich, simple)
 
 
-def related(one: BaseEffect, other: BaseEffect) -> bool:
-    """Whether two effects at one place, in one variable, nest each other or a form in common."""
-    forms = {one.name, *NESTED.get(one.name, ())} & {other.name, *NESTED.get(other.name, ())}
-    same = one.variable == other.variable or None in (one.variable, other.variable)
-    return bool(forms) and one.location == other.location and same and one.name != other.name
+def arrived(rival: Rival, before: Rival) -> bool:
+    """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
+    return rival.noise is not None and left(rival) < NEAR and before.fit.cost > NEAR**2 * rival.fit.cost
 
 
 def left(rival: Rival, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:

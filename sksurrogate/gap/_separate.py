@@ -11,9 +11,10 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import estimate_noise, quick_likelihood
 from sksurrogate.gap._fits import taken_out
+from sksurrogate.gap._nested import NESTED
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment, Table
-from sksurrogate.gap._select import EQUAL, NESTED, Search
+from sksurrogate.gap._select import EQUAL, Search
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 

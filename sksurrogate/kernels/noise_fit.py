@@ -16,6 +16,8 @@ __all__ = ["fit_noise"]
 
 #: Correlation times of forces and of coloured sensor noise stay within these numbers of samples.
 TAU_RANGE = (2.0, 60.0)
+#: Least force over the RMS of dx/dt: a slow plant adds up a small force to more than its noise.
+LEAST_FORCE = 1e-7
 #: Mean square of the whitened residual beyond which, or below whose inverse, a noise fit starts from all noises resized.
 FAR = 4.0
 
@@ -33,7 +35,7 @@ def _noise_bounds(
     low = np.concatenate(
         [
             np.log(unit * 0.05),
-            np.log(1e-4 * force_unit),
+            np.log(LEAST_FORCE * force_unit),
             [np.log(TAU_RANGE[0])],
             np.log(unit * 1e-2),
             [np.log(TAU_RANGE[0])],
@@ -70,7 +72,7 @@ def fit_noise(
     r : ndarray (n_outputs, n_samples)
     start : Noise
     force_unit : ndarray (n_balances,)
-        RMS of dx/dt of every balance; forces stay within 1e-4 and 10 of it.
+        RMS of dx/dt of every balance; forces stay within :data:`LEAST_FORCE` and 10 of it.
     J : ndarray (n_outputs, n_theta, n_samples), optional
         Sensitivities: the likelihood is taken at the best parameters to first order.
     precision, pull : ndarray (n_theta,), optional

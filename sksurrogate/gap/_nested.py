@@ -1,0 +1,36 @@
+"""Effects whose forms contain one another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sksurrogate.effects._effect import BaseEffect
+
+__all__ = ["NESTED", "related", "simpler"]
+
+#: Forms that contain a simpler one.
+NESTED = {
+    "stribeck_friction": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction",),
+    "lugre_friction": ("coulomb_friction",),
+    "hysteresis": ("coulomb_friction",),
+    "end_stop": ("state_saturation",),
+    "overflow": ("state_saturation",),
+    "power_law": ("linear_loss", "quadratic_loss", "quadratic_drag", "cubic_stiffness", "sqrt_leak"),
+    "parameter_step": ("parameter_error",),
+    "step_disturbance": ("constant_bias",),
+    "hidden_relaxation": ("linear_loss",),
+}
+
+
+def simpler(effect: BaseEffect, name: str, candidates: Sequence[BaseEffect]) -> list[BaseEffect]:
+    """The candidates of a simpler form's name that an effect may come down to."""
+    same = [e for e in candidates if e.name == name and e.location == effect.location]
+    return [e for e in same if e.variable in (effect.variable, None)]
+
+
+def related(one: BaseEffect, other: BaseEffect) -> bool:
+    """Whether two effects at one place, in one variable, nest each other or a form in common."""
+    forms = {one.name, *NESTED.get(one.name, ())} & {other.name, *NESTED.get(other.name, ())}
+    same = one.variable == other.variable or None in (one.variable, other.variable)
+    return bool(forms) and one.location == other.location and same and one.name != other.name
