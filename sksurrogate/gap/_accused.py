@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from sksurrogate.gap._law_rival import LawRival
 from sksurrogate.gap._problem import Problem
 from sksurrogate.gap._unknown import LatentForce, Place, features, forest
 
-__all__ = ["accused", "told_by"]
+__all__ = ["accused", "told_by", "told_by_law"]
 
 #: Nats within which a state is accused rather than an input or a sensor, and within which its own law may clear an input.
 AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
@@ -18,6 +19,9 @@ AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
 TOLD, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
 #: R2 from which an input that does not push like the accused balance tells the force better than all signals.
 TOLD_BY_ITSELF = 0.5
+#: A law of one signal that is likelier by this much (twice nats) than all names, and leaves no more than this share of the
+#: gap, tells its place.
+CERTAIN, MOST_LEFT = 10.0, 0.6
 
 
 def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:
@@ -48,6 +52,19 @@ def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, floa
         if telling:
             return max(telling)[1], "input"
     return best.location, best.kind
+
+
+def told_by_law(law: LawRival | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
+    """Location and kind of a law that tells much of the gap by itself; of one of an input in the balance that it pushes, the input."""
+    if law is None or law.gain < CERTAIN or law.share > MOST_LEFT:
+        return None
+    signal = law.variable.removesuffix(" and its past")
+    if law.kind == "state" and signal in inputs:
+        here = next((place for place in found if (place.location, place.kind) == (law.location, "state")), None)
+        there = next((place for place in found if (place.location, place.kind) == (signal, "input")), None)
+        if here is not None and there is not None and push_alike(here, there):
+            return signal, "input"
+    return law.location, law.kind
 
 
 def push_alike(one: Place, other: Place) -> bool:

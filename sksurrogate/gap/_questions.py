@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
-from sksurrogate.gap._accused import accused, told_by
+from sksurrogate.gap._accused import accused, told_by, told_by_law
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._correction import generic_correction, known_runs
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
-from sksurrogate.gap._free_curve import FreeCurve, free_curve
+from sksurrogate.gap._found import Found
+from sksurrogate.gap._free_curve import free_curve
+from sksurrogate.gap._law_rival import LawRival, law_rival
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._problem import Problem, Rival, build_problem
-from sksurrogate.gap._report import EffectEstimate, GapReport, NextExperiment, Shrink, Table, Trace, Where
+from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
 from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares
-from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
+from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
     CURVE,
     FAR,
@@ -50,28 +52,12 @@ CERTIFICATE = 0.15
 WITHIN_NOISE = 1.05
 #: Named effects that leave less over the noise leave no law.
 NOTHING_LEFT = 1.02
+#: Free runs within this many times the noise are near to the data.
+NEAR = 2.0
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
 #: What is known of the shrink after an early interrupt.
 NO_SHRINK = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
-
-
-@dataclass
-class _Found:
-    """Answers as they come in."""
-
-    slots: list[Slot]
-    latent: LatentForce | None = None
-    law: np.ndarray | None = None
-    curve: FreeCurve | None = None
-    places: list[Place] | None = None
-    shrink: Shrink | None = None
-    held: HeldOut | None = None
-    experiment: NextExperiment | None = None
-    fitted: Rival | None = None
-    bounds: tuple[np.ndarray, np.ndarray] | None = None
-    shares: list[float] | None = None
-    retuned: bool = False
 
 
 class Questions:
@@ -90,7 +76,7 @@ class Questions:
     ):
         self.problem, self.search, self.runs, self.whole = problem, search, runs, whole
         self.correction, self.seed, self.say = correction, seed, say
-        self.found = _Found([])
+        self.found = Found([])
         self.complete = True
         self.uncertified = ""
 
@@ -108,6 +94,10 @@ class Questions:
         assert null is not None
         at = search.at(final)
         found = self.found
+        found.curve = free_curve(at, final)
+        if self.near(final) and found.curve is not None and found.curve.gain > CURVE:
+            self.name_what_is_seen()
+            final, at = self.final, search.at(self.final)
         found.retuned = self._retuning_counts()
         say("what these data cannot tell apart")
         found.slots = equivalents(search, final)
@@ -120,7 +110,7 @@ class Questions:
         if final.effects and NEARLY_WHITE < left(final) <= FAR:
             # Coloured sensor noise may have taken what is a law of the states.
             found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
-        found.curve = free_curve(at, final)
+        found.rival = self.law_rival(final)
         closed = left(final) < 1.2
         found.places = places(problem, null, rough=closed)
         if not closed and left(null) > 2.0:
@@ -141,6 +131,24 @@ class Questions:
         if final.effects or problem.free:
             larger, found.fitted = self.fitted(final)
             found.bounds = intervals(larger, found.fitted)
+
+    def name_what_is_seen(self) -> None:
+        """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
+        search = self.search
+        other = search.further(self.final)
+        curve = free_curve(search.at(other), other) if other is not None else None
+        if curve is not None and curve.gain < CURVE:
+            search.final, self.found.curve = other, curve
+
+    def law_rival(self, final: Rival) -> LawRival | None:
+        """One law without a name: in the place of all names where these come near to the data, else of nothing."""
+        search, n = self.search, len(self.search.candidates)
+        rival, x = (final, final.fit.x) if self.near(final) else (search.null or final, search.x)
+        return law_rival(search.at(rival), rival, x[: len(self.problem.plant.states)], n)
+
+    def near(self, final: Rival) -> bool:
+        """Whether what is named comes near to the data."""
+        return bool(final.effects) and left(final) < NEAR
 
     def fitted(self, final: Rival) -> tuple[Problem, Rival]:
         """The rival that stands, fitted on more of a long record."""
@@ -169,6 +177,7 @@ class Questions:
         found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
         found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
         found.curve = free_curve(search.at(null), null)
+        found.rival = self.law_rival(null)
         held = found.held
         after = held.before if not self.problem.free else held.retuned
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
@@ -207,7 +216,19 @@ class Questions:
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
         rounding = self.rounding()
         return decide(
-            facts_of(at, final, found.shrink, found.latent, found.law, found.curve, rounding, found.retuned, gap, most)
+            facts_of(
+                at,
+                final,
+                found.shrink,
+                found.latent,
+                found.law,
+                found.curve,
+                found.rival if self.near(final) else None,
+                rounding,
+                found.retuned,
+                gap,
+                most,
+            )
         )
 
     def rounding(self) -> Rounding | None:
@@ -264,6 +285,8 @@ class Questions:
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (curved := self.curved_input()) is not None:
             location, kind = curved, "input"
+        elif verdict == "unknown" and (told := told_by_law(found.rival, found.places or [], self.problem.plant.inputs)):
+            location, kind = told
         elif verdict == "unknown" and found.places:
             location, kind = accused(
                 found.places, lambda b, u: told_by(self.problem, self.null_force(), b, u, self.seed)

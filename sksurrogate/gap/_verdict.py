@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap._free_curve import FreeCurve
+from sksurrogate.gap._law_rival import LawRival
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
@@ -33,7 +34,7 @@ LEFT_BY_SEVERAL, NUMERICS_SHARE = 1.03, 0.01
 LAW_BY_TWO, SHARE_BY_TWO = 0.03, 0.08
 #: Names that leave more than this share of the gap (amplitude), where the error is over this many times the noise, explain
 #: less of it than they leave: no disturbance beside a true name was found to be as large.
-MOST_LEFT, LEFT_FOR_MOST = 0.5, 1.5
+MOST_LEFT, LEFT_FOR_MOST = 0.4, 1.5
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
 #: A gap closed to this share (amplitude) is explained however precise the sensors are: no real plant's model is exact.
@@ -47,7 +48,7 @@ FORCE = 0.06
 #: Near the noise, what is left is no disturbance when laws make up this share of the gap (amplitude), or when it moves an
 #: output by this share of its deviation.
 LAWFUL_SHARE, MOVED = 0.12, 0.03
-#: A free curve is certain from this gain (twice nats) on.
+#: A free curve on top of the names, or one law in their place, is certain from this gain (twice nats) on.
 CURVE = 10.0
 #: Beside names it must make up the first share of the gap, and move an output by the second share of its deviation. Within
 #: so many times the noise, where no other flaw of the model hides it, less of both.
@@ -98,6 +99,8 @@ class Facts:
         Error of a rounding that nothing names, over the deviation of the output.
     input_curve : bool
         Whether that variable is an input: a curve of an input, which no pair of laws in a balance is.
+    rival : float
+        Gain of the likeliest law of one signal, of no name, in the place of all names.
     """
 
     accepted: bool
@@ -116,6 +119,7 @@ class Facts:
     curve_moved: float = 0.0
     rounding: float = 0.0
     input_curve: bool = False
+    rival: float = -np.inf
 
 
 def decide(facts: Facts) -> str:
@@ -138,7 +142,8 @@ def decide(facts: Facts) -> str:
             lasting = law and facts.share_left * facts.law**0.5 > LAWFUL_SHARE
             large = facts.force > FORCE and facts.moved > MOVED
             much = (lasting or large) and facts.share_left > SHARE and facts.left > 1.05
-            too_much = clear or much or hidden or most or stand_ins(facts)
+            imitated = facts.accepted and facts.rival > CURVE
+            too_much = clear or much or hidden or most or imitated or stand_ins(facts)
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
         return "none"
@@ -166,6 +171,7 @@ def facts_of(
     latent: LatentForce,
     law: np.ndarray,
     curve: FreeCurve | None,
+    rival: LawRival | None,
     rounding: Rounding | None,
     retuned: bool,
     gap: float,
@@ -193,6 +199,7 @@ def facts_of(
         *((curve.gain, curve.moved / max(gap, 1e-300), curve.deviation) if curve is not None else (-np.inf, 0.0, 0.0)),
         rounding.share if rounding is not None else 0.0,
         any(variable in problem.plant.inputs for _, variable in parts),
+        rival.gain if rival is not None else -np.inf,
     )
 
 

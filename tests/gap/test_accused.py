@@ -1,8 +1,11 @@
 """Of a balance and an input that pushes it, the one is accused that tells the force."""
 
+from dataclasses import replace
+
 import pytest
 
-from sksurrogate.gap._accused import accused
+from sksurrogate.gap._accused import accused, told_by_law
+from sksurrogate.gap._law_rival import LawRival
 from sksurrogate.gap._unknown import Place
 
 #: Log likelihoods of the balance and the input; R2 of the force from the input alone and from everything; who did it.
@@ -29,3 +32,23 @@ def test_the_place_that_tells_the_force_is_accused(state, channel, alone, everyt
 def test_a_sensor_is_accused_where_nothing_else_is_likely():
     found = [Place("y", "output", 0.0), Place("x", "state", -50.0), Place("u", "input", -60.0)]
     assert accused(found, lambda *_: (0.9, 0.9)) == ("y", "output")
+
+
+PLACES = [Place("x", "state", 0.0), Place("u", "input", 0.0), Place("v", "state", -40.0), Place("y", "output", -90.0)]
+
+
+@pytest.mark.parametrize(
+    ("location", "kind", "variable", "place"),
+    [
+        ("v", "state", "x", ("v", "state")),
+        ("y", "output", "y", ("y", "output")),
+        ("u", "input", "u", ("u", "input")),
+        ("x", "state", "u and its past", ("u", "input")),  # the input pushes this balance and no other
+        ("v", "state", "u", ("v", "state")),
+    ],
+)
+def test_a_law_that_tells_the_gap_tells_its_place(location, kind, variable, place):
+    law = LawRival(location, kind, variable, gain=50.0, parameters=1.0, share=0.1)
+    assert told_by_law(law, PLACES, ["u"]) == place
+    assert told_by_law(replace(law, gain=5.0), PLACES, ["u"]) is None
+    assert told_by_law(replace(law, share=0.9), PLACES, ["u"]) is None

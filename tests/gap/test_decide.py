@@ -97,3 +97,11 @@ def test_a_curve_that_no_name_carries_is_unknown_where_it_matters():
     assert decide(nothing) == "none"
     assert decide(replace(nothing, curve=40.0, curve_moved=0.02)) == "unknown"
     assert decide(replace(nothing, curve=40.0, curve_moved=0.002)) == "none"
+
+
+def test_names_that_one_unknown_law_beats_are_unknown():
+    """Two frictions at the noise in place of a cubic law that is not in the catalogue."""
+    facts = Facts(True, 0.001, 1.003, 0.0, 0.0005, False, 2, 0.19, 1800, rival=2.0)
+    assert decide(facts) == "explained"
+    assert decide(replace(facts, rival=40.0)) == "unknown"
+    assert decide(replace(facts, rival=40.0, left=9.0)) == "explained"  # far from the data likelihoods say little

@@ -1,0 +1,36 @@
+"""What a diagnosis knows so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.gap._free_curve import FreeCurve
+from sksurrogate.gap._law_rival import LawRival
+from sksurrogate.gap._problem import Rival
+from sksurrogate.gap._report import NextExperiment, Shrink
+from sksurrogate.gap._separate import Slot
+from sksurrogate.gap._shrink import HeldOut
+from sksurrogate.gap._unknown import LatentForce, Place
+
+__all__ = ["Found"]
+
+
+@dataclass
+class Found:
+    """Answers as they come in."""
+
+    slots: list[Slot]
+    latent: LatentForce | None = None
+    law: np.ndarray | None = None
+    curve: FreeCurve | None = None
+    rival: LawRival | None = None
+    places: list[Place] | None = None
+    shrink: Shrink | None = None
+    held: HeldOut | None = None
+    experiment: NextExperiment | None = None
+    fitted: Rival | None = None
+    bounds: tuple[np.ndarray, np.ndarray] | None = None
+    shares: list[float] | None = None
+    retuned: bool = False

@@ -1,0 +1,238 @@
+"""Unknown as a rival: one law of one signal, of no name, in the place of all that is named.
+
+Several names may imitate one missing law. Along the path that they lead to, the simulator without them is linear to first
+order, and a law in a balance, an input or a sensor is a regressor like any other: its likelihood, with as many parameters
+counted as it has, is compared with theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from sksurrogate.gap._curve_shapes import Curve, channel, reading, response
+from sksurrogate.gap._evidence import columns, follow_noise
+from sksurrogate.gap._law_shapes import Form, Law, laws, roughness
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._project import project_starts
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
+from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
+
+__all__ = ["LawRival", "law_rival"]
+
+#: Weights of the roughness that are tried, over the size of what the curve moves.
+SMOOTH = 10.0 ** np.arange(-9.0, 3.0)
+
+
+@dataclass(frozen=True)
+class LawRival:
+    """The likeliest law in the place of the names.
+
+    Attributes
+    ----------
+    location, kind, variable : str
+        Balance ("state"), input or sensor ("output"), and the signal of which it is a law.
+    gain : float
+        ``2 (L_law - L_names)``, less ``ln N`` for every parameter and twice the logarithm of the number of rivals that each
+        was chosen from.
+    parameters : float
+        Number of its parameters; of a smooth curve what its smoothness leaves free.
+    share : float
+        Share of the gap (amplitude, outputs over their noise) that it leaves.
+    """
+
+    location: str
+    kind: str
+    variable: str
+    gain: float
+    parameters: float
+    share: float
+
+
+def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> LawRival | None:
+    """The likeliest law in the place of a rival's effects; None where none can be judged.
+
+    Parameters
+    ----------
+    problem : Problem
+    rival : Rival
+        What is named, with its noise and likelihood.
+    x : ndarray (n_states, n_samples)
+        Path near the measured one: that of the rival where it comes near to the data.
+    n_rivals : int
+        Number of effects that the first name was chosen from.
+    """
+    noise = rival.noise
+    base, r = without_names(problem, rival, x)
+    _, J, precision, pull = columns(problem, base)
+    n = base.n_parameters
+    J, precision, pull = J[:, n:], precision[n:], pull[n:]
+    D = problem.disturbance(base)
+    if noise is None or not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all()):
+        return None
+    candidates = list(in_all_places(problem, base, D))
+    fit = _Fit(problem, D, r, J, precision, pull, float(pull @ base.fit.theta[n:]))
+    quiet = replace(noise, sigma=problem.sd, force=problem.quiet_force(), coloured=1e-2 * problem.sd)
+    try:
+        likeliest = {fit.likeliest(candidates, one) for one in (noise, quiet)} if candidates else set()
+        found = [(k, f, fit.refined(candidates[k], f, (noise, quiet))) for k, f in sorted(likeliest)]
+    except np.linalg.LinAlgError:  # a path along which no noise can be followed
+        return None
+    if not found:
+        return None
+    k, f, best = max(found, key=lambda one: one[2].value)
+    chosen_from = sum(len(law.forms) for _, law, _ in candidates)
+    cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
+    gain = 2.0 * (best.value - np.log(chosen_from) + cost - named_along(problem, rival, x, (noise, best.noise)))
+    curve, law, kind = candidates[k]
+    rest = fit.rest(curve.moved()[:, law.forms[f].functions], best.theta)
+    J_x = problem.linearised(base).J_x[:, base.model.free_states] / problem.sd[:, None, None]
+    both = project_starts(np.stack([r, rest]) / problem.sd[:, None], J_x, problem.record.starts)
+    share = float(np.linalg.norm(both[1]) / np.linalg.norm(both[0]))
+    return LawRival(curve.location, kind, curve.variable, float(gain), best.parameters, share)
+
+
+def without_names(problem: Problem, rival: Rival, x: np.ndarray) -> tuple[Rival, np.ndarray]:
+    """A model to first order about a path, and the residual that the simulator alone leaves there.
+
+    The names' own slopes are kept where the path is theirs: those of another law that does the same are near to them.
+    """
+    model, theta, record = problem.augmented(()), rival.fit.theta[rival.n_parameters :], problem.record
+    if np.array_equal(x, rival.fit.x):
+        D, now = problem.disturbance(rival), x[:, None]
+        alone, named = model.bind(theta[:, None]), rival.model.bind(rival.fit.theta[:, None])
+        b = np.zeros_like(now)
+        b[:, :, 1:] = (alone(now) - named(now))[:, :, :-1]
+        b[:, :, record.starts] = 0.0
+        Z = solve_recursion(recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), record.starts), b)[:, 0]
+        moved = np.einsum("toi,it->ot", D.C, Z) + (alone.outputs(now) - named.outputs(now))[:, 0]
+        return rival, record.y - rival.fit.y - moved
+    base = linear_along(problem, Rival((), model, replace(rival.fit, theta=theta), rival.noise), x)
+    return base, record.y - base.fit.y
+
+
+def linear_along(problem: Problem, rival: Rival, x: np.ndarray) -> Rival:
+    """A rival as its free run is to first order about a path of the plant's states."""
+    model, theta = rival.model, rival.fit.theta
+    x = settle_hidden(model, theta, x)
+    lin = linearise(model, theta, x, problem.units(rival.effects, theta))
+    return Rival(rival.effects, model, Fit(theta, x, lin.y, np.inf, 0, True, lin), rival.noise)
+
+
+def named_along(problem: Problem, rival: Rival, x: np.ndarray, starts: Sequence[Noise]) -> float:
+    """Log likelihood of what is named, about the same path as the law's: along its own it may drift out of step."""
+    own = np.array_equal(x, rival.fit.x)
+    here = replace(rival, cache=dict(rival.cache)) if own else linear_along(problem, rival, x)
+    found = [follow_noise(problem, here, start).log_likelihood for start in starts]
+    return max([*found, rival.log_likelihood] if own else found)
+
+
+def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tuple[Curve, Law, str]]:
+    """Laws of states and inputs in every balance, of each input in its place, of outputs in every sensor."""
+    plant, record = problem.plant, problem.record
+    band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), record.starts)
+    moved = partial(response, D, band, record.starts)
+    x = base.fit.x[: len(plant.states)]
+    of_signals = list(laws(record, np.concatenate([x, record.u]), [*plant.states, *plant.inputs]))
+    for b, name in enumerate(problem.balances):
+        for law in of_signals:
+            moves = partial(moved, D.B[:, :, b].T, law.functions)
+            yield Curve(name, law.variable, len(law.functions), moves), law, "state"
+    for i, name in enumerate(plant.inputs):
+        push, shown = channel(problem, base, i)
+        for law in laws(record, record.u[i : i + 1], [name]):
+            moves = partial(moved, push, law.functions, shown)
+            yield Curve(name, law.variable, len(law.functions), moves), law, "input"
+    for o, name in enumerate(plant.outputs):
+        for law in laws(record, base.fit.y, plant.outputs):
+            moves = partial(reading, len(plant.outputs), o, law.functions)
+            yield Curve(name, law.variable, len(law.functions), moves), law, "output"
+
+
+class _Found(NamedTuple):
+    """Log likelihood less half of ln N for each parameter; how many these are; the weight of the roughness; the parameters;
+    the noise."""
+
+    value: float
+    parameters: float
+    weight: float
+    theta: np.ndarray
+    noise: Noise
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A residual explained by free parameters of the simulator and by a law."""
+
+    problem: Problem
+    D: Disturbance
+    r: np.ndarray
+    J: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
+    prior: float
+
+    def likeliest(self, candidates: list[tuple[Curve, Law, str]], noise: Noise) -> tuple[int, int]:
+        """Law and form that are likeliest under one noise."""
+        known = np.concatenate([self.r[:, None], self.J], axis=1)
+        _, logdet = self.D.gram(known, noise)
+        k, best, where = 1 + len(self.precision), -np.inf, (0, 0)
+        grams = self.D.gram_each(known, (curve.moved() for curve, _, _ in candidates), noise)
+        for c, G in enumerate(grams):
+            for f, form in enumerate(candidates[c][1].forms):
+                own = np.r_[np.arange(k), k + form.functions]
+                value = self.smoothed(G[np.ix_(own, own)], logdet, form, noise).value
+                if value > best:
+                    best, where = value, (c, f)
+        return where
+
+    def refined(self, candidate: tuple[Curve, Law, str], f: int, starts: tuple[Noise, ...]) -> _Found:
+        """One form with the noise fitted beside it."""
+        form, found = candidate[1].forms[f], []
+        F = candidate[0].moved()[:, form.functions]
+        n = F.shape[1]
+        sizes, turn = np.linalg.eigh(roughness(n)) if form.smooth else (np.zeros(n), np.eye(n))
+        J = np.concatenate([self.J, np.einsum("okt,kj->ojt", F, turn)], axis=1)
+        for start in starts:
+            held = self.precision, self.found(F, start, form).weight * np.maximum(sizes, 0.0)
+            unit, caps = self.problem.force_unit(), self.problem.caps
+            pull = np.r_[self.pull, np.zeros(n)]
+            noise, _, _ = fit_noise(self.D, self.r, start, unit, J, np.concatenate(held), pull, caps=caps)
+            found.append(self.found(F, noise, form))
+        return max(found, key=lambda one: one.value)
+
+    def rest(self, F: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Residual beyond the free parameters and the functions of a form."""
+        return self.r - np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), theta)
+
+    def found(self, F: np.ndarray, noise: Noise, form: Form) -> _Found:
+        """A form under one noise."""
+        G, logdet = self.D.gram(np.concatenate([self.r[:, None], self.J, F], axis=1), noise)
+        return self.smoothed(G, logdet, form, noise)
+
+    def smoothed(self, G: np.ndarray, logdet: float, form: Form, noise: Noise) -> _Found:
+        """A form at its best smoothness, from the Gram of residual, sensitivities and the form's functions."""
+        if not np.isfinite(G).all():
+            return _Found(-np.inf, 0.0, 0.0, np.zeros(len(G) - 1), noise)
+        k, n = len(self.precision), len(form.functions)
+        H, g = G[1:, 1:].copy(), np.r_[G[1 : 1 + k, 0] + self.pull, G[1 + k :, 0]]
+        H[:k, :k] += np.diag(self.precision)
+        rough, weights = np.zeros_like(H), np.zeros(1)
+        if form.smooth:
+            rough[k:, k:] = roughness(n)
+            weights = SMOOTH * np.trace(H[k:, k:]) / np.trace(rough)
+        scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+        normal = (H + weights[:, None, None] * rough) / np.outer(scale, scale) + 1e-10 * np.eye(len(H))
+        inverse = np.linalg.inv(normal) / np.outer(scale, scale)
+        theta = inverse @ g
+        explained = theta @ g - 0.5 * np.einsum("wi,ij,wj->w", theta, H, theta)
+        parameters = np.einsum("wij,ji->w", inverse[:, k:], H[:, k:])
+        value = -0.5 * (G[0, 0] + logdet - self.prior) + explained - 0.5 * parameters * np.log(self.r.size)
+        best = int(np.argmax(value))
+        return _Found(float(value[best]), float(parameters[best]), float(weights[best]), theta[best], noise)

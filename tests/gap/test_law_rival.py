@@ -1,0 +1,91 @@
+"""Unknown as a rival: a law without a name beats several names that imitate it, and never the name that is true."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._evidence import estimate_noise
+from sksurrogate.gap._law_rival import law_rival, without_names
+from sksurrogate.gap._law_shapes import laws
+from sksurrogate.gap._problem import build_problem
+from sksurrogate.gap._project import project_starts
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+RUNS, N, DT, NOISE = 4, 250, 0.1, 0.003
+
+
+def simulator(law=lambda q: 0.0 * q):
+    return ODESimulator(
+        lambda t, x, u, p: (x[1], u[0] - p["k"] * x[0] - 0.5 * x[1] - law(x[0])),
+        states=["q", "v"], inputs=["f"], outputs=["q"], params={"k": 1.0}, dt=DT,
+    )  # fmt: skip
+
+
+def problem_of(law, free=()):
+    rng = np.random.default_rng(3)
+    U = [np.repeat(rng.uniform(-1.5, 1.5, N // 10), 10)[:, None] for _ in range(RUNS)]
+    Y = [simulator(law).simulate(u, x0=np.zeros(2)).reshape(N, 1) for u in U]
+    Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
+    plant = describe(simulator(), n_inputs=1, n_outputs=1, dt=DT)
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    return build_problem(plant, PlantModel(plant), record, free, ("v",))
+
+
+def fitted(problem, x, *effects):
+    """Effects and where their parameters start, fitted."""
+    theta = np.concatenate([np.zeros(0), *(start for _, start in effects), np.zeros(len(problem.free))])
+    rival = problem.fit(tuple(effect for effect, _ in effects), theta, x)
+    return estimate_noise(problem, rival, problem.first_noise())
+
+
+def effect(name, *start):
+    return CATALOGUE[name]("v", "q"), np.array(start)
+
+
+def quintic(q):
+    return 0.3 * q**5
+
+
+@pytest.mark.parametrize("free", [(), ("k",)])
+def test_one_law_beats_names_that_imitate_it(free):
+    problem, smoothed = problem_of(quintic, free)
+    names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.3), effect("linear_loss", -0.1))
+    found = law_rival(problem, names, names.fit.x, 50)
+    assert found.gain > 10.0
+    assert (found.location, found.kind, found.variable) == ("v", "state", "q")
+
+
+def test_the_true_name_is_not_beaten_by_the_law_that_it_is():
+    problem, smoothed = problem_of(lambda q: 0.3 * q**3)
+    names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.2))
+    found = law_rival(problem, names, names.fit.x, 50)
+    assert found.gain < 5.0
+    assert (found.location, found.variable) == ("v", "q")
+
+
+def test_two_true_names_are_not_beaten():
+    problem, smoothed = problem_of(lambda q: 0.3 * q**3 + 0.2 * q)
+    names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.2), effect("linear_loss", 0.1))
+    assert law_rival(problem, names, names.fit.x, 50).gain < 5.0
+
+
+def test_without_the_names_the_simulator_alone_is_left():
+    """The free run without the names, to first order about theirs: near to the simulator's own where they are small."""
+    problem, smoothed = problem_of(lambda q: 0.003 * q**3)
+    names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.003))
+    _, r = without_names(problem, names, names.fit.x)
+    alone = fitted(problem, smoothed.x)
+    J_x = problem.linearised(alone).J_x
+    residuals = np.stack([r, problem.record.y - alone.fit.y, problem.record.y - names.fit.y])
+    without, own, named = project_starts(residuals, J_x, problem.record.starts)
+    assert np.linalg.norm(without - own) < 0.1 * np.linalg.norm(own - named)
+
+
+def test_no_law_of_a_signal_that_stands_still():
+    record = Record.from_runs([np.zeros((9, 1))], [np.zeros((9, 1))], [np.arange(9.0)], 1.0)
+    signals = np.stack([np.full(9, 2.0), np.linspace(-1.0, 1.0, 9)])
+    found = list(laws(record, signals, ["still", "moving"]))
+    assert {law.variable for law in found} == {"moving", "moving and its past"}
