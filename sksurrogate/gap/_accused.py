@@ -19,9 +19,9 @@ AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
 TOLD, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
 #: R2 from which an input that does not push like the accused balance tells the force better than all signals.
 TOLD_BY_ITSELF = 0.5
-#: A law of one signal that is likelier by this much (twice nats) than all names, and leaves no more than this share of the
-#: gap, tells its place.
-CERTAIN, MOST_LEFT = 10.0, 0.6
+#: A law of one signal that is likelier by this much (twice nats) than all names, and leaves no more than half of the gap's
+#: power, tells its place.
+CERTAIN, MOST_LEFT = 10.0, 0.5**0.5
 
 
 def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:

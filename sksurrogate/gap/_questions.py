@@ -21,11 +21,11 @@ from sksurrogate.gap._free_curve import free_curve
 from sksurrogate.gap._law_rival import LawRival, law_rival
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._problem import Problem, Rival, build_problem
-from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
+from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
-from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares
+from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares, traces
 from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
     CURVE,
@@ -110,7 +110,6 @@ class Questions:
         if final.effects and NEARLY_WHITE < left(final) <= FAR:
             # Coloured sensor noise may have taken what is a law of the states.
             found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
-        found.rival = self.law_rival(final)
         closed = left(final) < 1.2
         found.places = places(problem, null, rough=closed)
         if not closed and left(null) > 2.0:
@@ -140,11 +139,20 @@ class Questions:
         if curve is not None and curve.gain < CURVE:
             search.final, self.found.curve = other, curve
 
-    def law_rival(self, final: Rival) -> LawRival | None:
+    def law_rival(self) -> LawRival | None:
         """One law without a name: in the place of all names where these come near to the data, else of nothing."""
-        search, n = self.search, len(self.search.candidates)
-        rival, x = (final, final.fit.x) if self.near(final) else (search.null or final, search.x)
-        return law_rival(search.at(rival), rival, x[: len(self.problem.plant.states)], n)
+        final, search = self.final, self.search
+        if self.found.rival is None and self.complete and search.null is not None:
+            rival, x = (final, final.fit.x) if self.near(final) else (search.null, search.x)
+            x = x[: len(self.problem.plant.states)]
+            self.found.rival = law_rival(search.at(rival), rival, x, len(search.candidates))
+        return self.found.rival
+
+    def imitation(self) -> LawRival | None:
+        """The law in the place of names that may imitate it: of more than one parameter, or not at the noise."""
+        final = self.final
+        doubtful = self.near(final) and (final.n_parameters > 1 or left(final) > NOTHING_LEFT)
+        return self.law_rival() if doubtful else None
 
     def near(self, final: Rival) -> bool:
         """Whether what is named comes near to the data."""
@@ -177,7 +185,7 @@ class Questions:
         found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
         found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
         found.curve = free_curve(search.at(null), null)
-        found.rival = self.law_rival(null)
+        found.rival = None
         held = found.held
         after = held.before if not self.problem.free else held.retuned
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
@@ -223,7 +231,7 @@ class Questions:
                 found.latent,
                 found.law,
                 found.curve,
-                found.rival if self.near(final) else None,
+                self.imitation(),
                 rounding,
                 found.retuned,
                 gap,
@@ -285,7 +293,9 @@ class Questions:
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (curved := self.curved_input()) is not None:
             location, kind = curved, "input"
-        elif verdict == "unknown" and (told := told_by_law(found.rival, found.places or [], self.problem.plant.inputs)):
+        elif verdict == "unknown" and (
+            told := told_by_law(self.law_rival(), found.places or [], self.problem.plant.inputs)
+        ):
             location, kind = told
         elif verdict == "unknown" and found.places:
             location, kind = accused(
@@ -348,7 +358,7 @@ class Questions:
             problem.plant.outputs,
             problem.plant.states,
             problem.plant.inputs,
-            self.traces(),
+            traces(found.held, [run.label for run in self.runs]),
             seconds,
         )
 
@@ -380,19 +390,6 @@ class Questions:
             if np.ptp(self.problem.record.u[i]) == 0:
                 notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
         return notes
-
-    def traces(self) -> tuple[Trace, ...]:
-        """Held-out runs for the eye."""
-        held = self.found.held
-        if held is None:
-            return ()
-        record = held.record
-        bounds = np.r_[record.starts, record.n_samples]
-        labels = [run.label for run in self.runs] if len(bounds) - 1 == len(self.runs) else list(range(len(bounds) - 1))
-        return tuple(
-            Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T)
-            for label, a, b in zip(labels[:4], bounds[:-1], bounds[1:])
-        )
 
     def augmented(self) -> AugmentedSimulator:
         """The simulator with what was found."""

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._fits import taken_out
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._report import Shrink, Table
+from sksurrogate.gap._report import Shrink, Table, Trace
 from sksurrogate.kernels.record import Record
 
-__all__ = ["HeldOut", "blocked", "held_out", "measure", "shares"]
+__all__ = ["HeldOut", "blocked", "held_out", "measure", "shares", "traces"]
 
 #: Runs are put into at most this many folds.
 MOST_FOLDS = 6
@@ -201,3 +202,16 @@ def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, 
         closed = 1 - gap_a / gap_b if gap_b > 0 else np.nan
         rows.append({"output": name, "before": float(b), "after": float(a), "floor": float(f), "fraction": closed})
     return Table(tuple(rows))
+
+
+def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
+    """Held-out runs for the eye: their labels where no run was cut, else numbers."""
+    if held is None:
+        return ()
+    record = held.record
+    bounds = np.r_[record.starts, record.n_samples]
+    names = labels if len(bounds) - 1 == len(labels) else range(len(bounds) - 1)
+    return tuple(
+        Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T)
+        for label, a, b in zip(names[:4], bounds[:-1], bounds[1:])
+    )
