@@ -115,6 +115,10 @@ class CoulombFriction(BalanceEffect):
         """``- c sign(v)``."""
         return -theta[0] * sign(v, width)
 
+    def jump(self, theta: Sequence[Any]) -> Any:
+        """``c``."""
+        return theta[0]
+
 
 class AsymmetricFriction(BalanceEffect):
     """Dry friction that differs by direction: ``- c sign(v) - c2``."""
@@ -128,6 +132,10 @@ class AsymmetricFriction(BalanceEffect):
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``- c sign(v) - c2``."""
         return -theta[0] * sign(v, width) - theta[1]
+
+    def jump(self, theta: Sequence[Any]) -> Any:
+        """``c``."""
+        return theta[0]
 
 
 class StribeckFriction(BalanceEffect):
@@ -149,6 +157,10 @@ class StribeckFriction(BalanceEffect):
         level, static, velocity = theta
         ratio = np.minimum(np.abs(v) / np.maximum(velocity, TINY), 30.0)
         return -(level + (static - level) * np.exp(-ratio * ratio)) * sign(v, width)
+
+    def jump(self, theta: Sequence[Any]) -> Any:
+        """The larger of both levels."""
+        return np.maximum(theta[0], theta[1])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Two levels, friction at rest twice as large or nil, two velocities on the reached range."""

@@ -14,6 +14,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from sksurrogate.effects._parts import Parameter, Probe, SensorPath
+from sksurrogate.effects._smooth import stable
 from sksurrogate.kernels.signals import Signal
 from sksurrogate.physics._simulator import Plant
 
@@ -216,6 +217,14 @@ class BalanceEffect(BaseEffect):
             Half width over which kinks such as sign(v) are smoothed, in units of v (of time where there is no v); the
             sharper the dearer.
         """
+
+    def jump(self, theta: Sequence[Any]) -> Any:
+        """Half the height by which the term jumps where v changes its sign; mostly 0."""
+        return 0.0
+
+    def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
+        """Width of its kinks: a jump against the balance's own state is smoothed as far as steps ``h`` can follow it."""
+        return stable(width, self.jump(theta), h) if self.variable == self.location else width
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:

@@ -199,6 +199,9 @@ class BoundModel:
         self._balances = [
             (i, effect) for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)
         ]
+        self._widths = [self.h if wire.width is None else wire.width for wire in augmented.wires]
+        for i, effect in self._balances:
+            self._widths[i] = effect.smoothed(self._parameters[i], self._widths[i], self.h)
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in augmented.effects)
         self._drift = any(
             isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects
@@ -299,12 +302,12 @@ class BoundModel:
         """Add the terms of the balance effects to ``dx`` and fill in the rates of the hidden states."""
         a = self.a
         for i, _ in self._balances:
-            dx[a.wires[i].place] += a.force_of(i, t, x, u, self._parameters[i], self.width(i))
+            dx[a.wires[i].place] += a.force_of(i, t, x, u, self._parameters[i], self._widths[i])
         for i, rows in a._hidden.items():
             effect, v = a.effects[i], self.a.variable(i, x, u)
             is_state, driver = a.wires[i].drivers[0]
             dv = dx[driver] if is_state else np.zeros_like(v)
-            given = (x[rows], t, v, dv, self._parameters[i], self.width(i), self.h)
+            given = (x[rows], t, v, dv, self._parameters[i], self._widths[i], self.h)
             rates = effect.rates_within(*given)  # type: ignore[attr-defined]
             for row, rate in zip(range(rows.start, rows.stop), rates):
                 dx[row] = rate
@@ -313,11 +316,6 @@ class BoundModel:
     def acting(self, t: int) -> np.ndarray:
         """Inputs that act in substep t (n_inputs, n_columns | 1, n_samples)."""
         return self._mean[t]
-
-    def width(self, i: int) -> float:
-        """Smoothing of the kinks of effect i: in units of its variable, of time where it has none."""
-        width = self.a.wires[i].width
-        return self.h if width is None else width
 
     def clip(self, x: np.ndarray, final: bool = False) -> np.ndarray:
         """Limits on states."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["TINY", "after", "follow", "magnitude", "positive", "sign"]
+__all__ = ["TINY", "after", "follow", "magnitude", "positive", "sign", "stable"]
 
 #: Floor under roots and powers, whose slope at 0 is infinite.
 TINY = 1e-12
@@ -20,7 +20,20 @@ def sign(v: Any, width: float) -> Any:
     >>> sign(np.array([-2.0, 0.0, 2.0]), 0.0)
     array([-1.,  0.,  1.])
     """
-    return np.tanh(v / width) if width > 0 else np.sign(v)
+    return np.tanh(v / width) if np.ndim(width) or width > 0 else np.sign(v)
+
+
+def stable(width: float, jump: Any, h: float) -> Any:
+    """Width over which a jump in dv/dt at ``v = 0`` is smoothed: its slope times a step ``h`` stays below 2.
+
+    Steeper than that an explicit step chatters about 0, and slopes of the free run mean nothing.
+
+    Examples
+    --------
+    >>> stable(0.01, np.array([0.1, 10.0]), 0.1)
+    array([0.01, 0.5 ])
+    """
+    return np.maximum(width, 0.5 * h * jump)
 
 
 def magnitude(v: Any, width: float) -> Any:
