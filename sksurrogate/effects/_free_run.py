@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,8 @@ __all__ = ["augmented_states"]
 MOST_SUBSTEPS = 192
 #: Substeps of the inputs where scipy integrates between them.
 STIFF_SUBSTEPS = 4
+#: Right-hand sides that scipy may ask for between two substeps of the inputs: what needs more runs away.
+MOST_CALLS = 20_000
 
 Build = Callable[..., BoundModel]
 
@@ -149,7 +152,7 @@ def _adaptive(bound: BoundModel, X0: np.ndarray, method: str) -> np.ndarray:
 
 
 def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: str) -> np.ndarray:
-    """One sample by scipy's integrator; nan where it gives up."""
+    """One sample by scipy's integrator; nan where it gives up, or would need :data:`MOST_CALLS`."""
     mean, half, h = bound._mean[..., row], bound._half, bound.h
     column: Any = (slice(None), slice(0, 1), None)
     steady = half is None and bool(np.all(mean == mean[:1]))
@@ -157,14 +160,18 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
         width = bound.record.dt if steady else h
         u, rise = mean[s][column], None if half is None else half[..., row][s][column]
 
-        def rhs(now: float, z: np.ndarray, u=u, rise=rise, begin=t, width=width) -> np.ndarray:
+        calls = itertools.count()
+
+        def rhs(now: float, z: np.ndarray, u=u, rise=rise, begin=t, width=width, calls=calls) -> np.ndarray:
+            if next(calls) > MOST_CALLS:
+                raise ValueError("runs away")
             acting = u if rise is None else u + (2 * (now - begin) / width - 1) * rise
             return bound.derivative(np.array([now]), bound.clip(z[:, None, None]), acting)[:, 0, 0]
 
         try:
             solution = solve_ivp(rhs, (t, t + width), x, method=method, rtol=1e-8, atol=1e-10)
         except ValueError:
-            return np.full(len(x), np.nan)  # scipy refuses non-finite states: the caller reports the divergence
+            return np.full(len(x), np.nan)  # scipy refuses states that are not finite: the caller reports the divergence
         if not solution.success:
             return np.full(len(x), np.nan)
         x, t = bound.clip(solution.y[:, -1][:, None, None], True)[:, 0, 0], t + width
