@@ -89,7 +89,10 @@ def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> L
     k, f, best = max(found, key=lambda one: one[2].value)
     chosen_from = sum(len(law.forms) for _, law, _ in candidates)
     cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
-    gain = 2.0 * (best.value - np.log(chosen_from) + cost - named_along(problem, rival, x, (noise, best.noise)))
+    named = named_along(problem, rival, x, (noise, best.noise))
+    if not np.isfinite(named):
+        return None
+    gain = 2.0 * (best.value - np.log(chosen_from) + cost - named)
     curve, law, kind = candidates[k]
     rest = fit.rest(curve.moved()[:, law.forms[f].functions], best.theta)
     J_x = problem.linearised(base).J_x[:, base.model.free_states] / problem.sd[:, None, None]

@@ -38,6 +38,8 @@ NESTED_SHARE = 5e-4
 EQUAL = 6.0
 #: Re-tuning that costs this much (-2 log of the prior) may imitate an effect.
 FAR_RETUNED = 6.0
+#: Squared error over the noise from which an effect more is judged by size: a disturbance leaves less, and follows any effect.
+BY_SIZE = 10.0
 #: Samples of a structural error that count as one.
 CORRELATED = 10.0
 #: A set of effects that was left is taken up again where it comes back with less than this share of its cost.
@@ -219,7 +221,7 @@ class Search(Expander):
         if removed < self.least * (self.null.fit.cost - self.n_values) and not arrived(rival, best):
             return False
         extra = 2.0 * (self.evidence(rival) - self.evidence(best))
-        if self.is_far(rival):
+        if rival.fit.cost > BY_SIZE * self.n_values:
             extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / rival.fit.cost))
         return extra > self.needed_gain(rival.n_parameters - best.n_parameters)
 
