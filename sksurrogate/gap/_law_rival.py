@@ -23,6 +23,7 @@ from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
+from sksurrogate.kernels.record import Record
 
 __all__ = ["LawRival", "law_rival"]
 
@@ -143,9 +144,11 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
     moved = partial(response, D, band, record.starts)
     x = base.fit.x[: len(plant.states)]
     of_signals = list(laws(record, np.concatenate([x, record.u]), [*plant.states, *plant.inputs]))
+    steady = {name for name in plant.inputs if plant.hold == "zoh"}
+    acting = [f if law.variable in steady else over_sample(record, f) for law in of_signals for f in [law.functions]]
     for b, name in enumerate(problem.balances):
-        for law in of_signals:
-            moves = partial(moved, D.B[:, :, b].T, law.functions)
+        for law, functions in zip(of_signals, acting):
+            moves = partial(moved, D.B[:, :, b].T, functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "state"
     for i, name in enumerate(plant.inputs):
         push, shown = channel(problem, base, i)
@@ -156,6 +159,15 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
         for law in laws(record, base.fit.y, plant.outputs):
             moves = partial(reading, len(plant.outputs), o, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "output"
+
+
+def over_sample(record: Record, f: np.ndarray) -> np.ndarray:
+    """Means of functions (n_functions, n_samples) over each sample, by their values at its ends; the last of a run stands."""
+    out = f.copy()
+    out[:, :-1] = 0.5 * (f[:, :-1] + f[:, 1:])
+    ends = record.starts + record.lengths - 1
+    out[:, ends] = f[:, ends]
+    return out
 
 
 class _Found(NamedTuple):

@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._law_rival import law_rival, without_names
+from sksurrogate.gap._law_rival import law_rival, over_sample, without_names
 from sksurrogate.gap._law_shapes import laws
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._project import project_starts
@@ -89,3 +89,9 @@ def test_no_law_of_a_signal_that_stands_still():
     signals = np.stack([np.full(9, 2.0), np.linspace(-1.0, 1.0, 9)])
     found = list(laws(record, signals, ["still", "moving"]))
     assert {law.variable for law in found} == {"moving", "moving and its past"}
+
+
+def test_a_law_acts_by_its_mean_over_each_sample():
+    record = Record.from_runs([np.zeros((4, 1))] * 2, [np.zeros((4, 1))] * 2, [np.arange(4.0)] * 2, 1.0)
+    f = np.array([[0.0, 2.0, 6.0, 12.0, 1.0, 1.0, 3.0, 3.0]])
+    np.testing.assert_allclose(over_sample(record, f), [[1.0, 4.0, 9.0, 12.0, 1.0, 2.0, 3.0, 3.0]])
