@@ -8,7 +8,7 @@ is a regressor like any other, and its likelihood under coloured noise is compar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -96,8 +96,7 @@ class _CurveFit:
 
         Where more is left than noise, the curve that is likeliest under quiet forces is looked at too.
         """
-        quiet = replace(noise, sigma=self.problem.sd, force=self.problem.quiet_force())
-        quiet = replace(quiet, coloured=1e-2 * self.problem.sd)
+        quiet = self.problem.quiet(noise)
         own = self.best(noise)
         again = [own.k] if own.gain > SUSPICIOUS else []
         if np.max(np.sqrt(np.mean(self.r**2, axis=1)) / self.problem.sd) > MORE_THAN_NOISE:

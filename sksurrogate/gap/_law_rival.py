@@ -79,7 +79,7 @@ def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> L
         return None
     candidates = list(in_all_places(problem, base, D))
     fit = _Fit(problem, D, r, J, precision, pull, float(pull @ base.fit.theta[n:]))
-    quiet = replace(noise, sigma=problem.sd, force=problem.quiet_force(), coloured=1e-2 * problem.sd)
+    quiet = problem.quiet(noise)
     try:
         likeliest = {fit.likeliest(candidates, one) for one in (noise, quiet)} if candidates else set()
         found = [(k, f, fit.refined(candidates[k], f, (noise, quiet))) for k, f in sorted(likeliest)]

@@ -279,6 +279,10 @@ class Problem:
         spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
         return np.minimum(QUIET * self.caps[0] * np.min(self.sd / spread) / LARGEST_DISTURBANCE, QUIET_FORCE * unit)
 
+    def quiet(self, noise: Noise) -> Noise:
+        """A noise with quiet forces and sensors as white as differences of the outputs show them."""
+        return replace(noise, sigma=self.sd, force=self.quiet_force(), coloured=1e-2 * self.sd)
+
 
 def fit_last(
     problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, run: np.ndarray, best: float
