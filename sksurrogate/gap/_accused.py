@@ -19,7 +19,7 @@ AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
 TOLD, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
 #: R2 from which an input that does not push like the accused balance tells the force better than all signals.
 TOLD_BY_ITSELF = 0.5
-#: A law of one signal that is likelier by this much (twice nats) than all names, and leaves no more than half of the gap's
+#: A law that is likelier by this much (twice nats) than all names, and leaves no more than half of the gap's
 #: power, tells its place.
 CERTAIN, MOST_LEFT = 10.0, 0.5**0.5
 
@@ -76,8 +76,7 @@ def told_by(problem: Problem, latent: LatentForce, balance: str, name: str, rand
     """R2 of the force in a balance from one input, now and a few samples ago, and from all states and inputs."""
     b, i = problem.balances.index(balance), problem.plant.inputs.index(name)
     record, u = problem.record, problem.record.u[i]
-    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
-    past = [u[np.arange(len(u)) - np.minimum(age, k)] for k in (1, 3)]
+    past = [u[record.back(k)] for k in (1, 3)]
     own = np.stack([u, *(u - v for v in past), np.sign(u - past[0])], axis=1)
     force, size = latent.force[[b]], latent.size[[b]]
     everything, _ = features(problem, latent.x)

@@ -1,4 +1,4 @@
-"""Unknown as a rival: one law of one signal, of no name, in the place of all that is named.
+"""Unknown as a rival: one law of one signal or of two, of no name, in the place of all that is named.
 
 Several names may imitate one missing law. Along the path that they lead to, the simulator without them is linear to first
 order, and a law in a balance, an input or a sensor is a regressor like any other: its likelihood, with as many parameters
@@ -16,14 +16,13 @@ import numpy as np
 
 from sksurrogate.gap._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap._evidence import columns, follow_noise
-from sksurrogate.gap._law_shapes import Form, Law, laws, roughness
+from sksurrogate.gap._law_shapes import Form, Law, laws, over_sample, staircases, surfaces
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
-from sksurrogate.kernels.record import Record
 
 __all__ = ["LawRival", "law_rival"]
 
@@ -38,7 +37,7 @@ class LawRival:
     Attributes
     ----------
     location, kind, variable : str
-        Balance ("state"), input or sensor ("output"), and the signal of which it is a law.
+        Balance ("state"), input or sensor ("output"), and the signal of which it is a law, or two ("v*w").
     gain : float
         ``2 (L_law - L_names)``, less ``ln N`` for every parameter and twice the logarithm of the number of rivals that each
         was chosen from.
@@ -143,31 +142,26 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
     band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), record.starts)
     moved = partial(response, D, band, record.starts)
     x = base.fit.x[: len(plant.states)]
-    of_signals = list(laws(record, np.concatenate([x, record.u]), [*plant.states, *plant.inputs]))
-    steady = {name for name in plant.inputs if plant.hold == "zoh"}
-    acting = [f if law.variable in steady else over_sample(record, f) for law in of_signals for f in [law.functions]]
+    signals, names = np.concatenate([x, record.u]), [*plant.states, *plant.inputs]
+    held = set(plant.inputs) if plant.hold == "zoh" else set()
+    of_signals = [
+        law if law.variable in held else law._replace(functions=over_sample(record, law.functions))
+        for law in laws(record, signals, names)
+    ]
+    acting = [*of_signals, *surfaces(record, signals, names, held)]
     for b, name in enumerate(problem.balances):
-        for law, functions in zip(of_signals, acting):
-            moves = partial(moved, D.B[:, :, b].T, functions)
+        for law in acting:
+            moves = partial(moved, D.B[:, :, b].T, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "state"
     for i, name in enumerate(plant.inputs):
         push, shown = channel(problem, base, i)
-        for law in laws(record, record.u[i : i + 1], [name]):
+        for law in [*laws(record, record.u[i : i + 1], [name]), *staircases(record.u[i], name)]:
             moves = partial(moved, push, law.functions, shown)
             yield Curve(name, law.variable, len(law.functions), moves), law, "input"
     for o, name in enumerate(plant.outputs):
         for law in laws(record, base.fit.y, plant.outputs):
             moves = partial(reading, len(plant.outputs), o, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "output"
-
-
-def over_sample(record: Record, f: np.ndarray) -> np.ndarray:
-    """Means of functions (n_functions, n_samples) over each sample, by their values at its ends; the last of a run stands."""
-    out = f.copy()
-    out[:, :-1] = 0.5 * (f[:, :-1] + f[:, 1:])
-    ends = record.starts + record.lengths - 1
-    out[:, ends] = f[:, ends]
-    return out
 
 
 class _Found(NamedTuple):
@@ -212,7 +206,7 @@ class _Fit:
         form, found = candidate[1].forms[f], []
         F = candidate[0].moved()[:, form.functions]
         n = F.shape[1]
-        sizes, turn = np.linalg.eigh(roughness(n)) if form.smooth else (np.zeros(n), np.eye(n))
+        sizes, turn = (np.zeros(n), np.eye(n)) if form.rough is None else np.linalg.eigh(form.rough)
         J = np.concatenate([self.J, np.einsum("okt,kj->ojt", F, turn)], axis=1)
         for start in starts:
             held = self.precision, self.found(F, start, form).weight * np.maximum(sizes, 0.0)
@@ -235,12 +229,12 @@ class _Fit:
         """A form at its best smoothness, from the Gram of residual, sensitivities and the form's functions."""
         if not np.isfinite(G).all():
             return _Found(-np.inf, 0.0, 0.0, np.zeros(len(G) - 1), noise)
-        k, n = len(self.precision), len(form.functions)
+        k = len(self.precision)
         H, g = G[1:, 1:].copy(), np.r_[G[1 : 1 + k, 0] + self.pull, G[1 + k :, 0]]
         H[:k, :k] += np.diag(self.precision)
         rough, weights = np.zeros_like(H), np.zeros(1)
-        if form.smooth:
-            rough[k:, k:] = roughness(n)
+        if form.rough is not None:
+            rough[k:, k:] = form.rough
             weights = SMOOTH * np.trace(H[k:, k:]) / np.trace(rough)
         scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
         normal = (H + weights[:, None, None] * rough) / np.outer(scale, scale) + 1e-10 * np.eye(len(H))

@@ -1,17 +1,18 @@
-"""Shapes that an unknown law of one signal may have: simple forms, polynomials, a smooth curve, a memory."""
+"""Shapes that an unknown law may have: of one signal simple forms, polynomials, a smooth curve, a memory; of two a smooth surface."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap._curve_shapes import hats
+from sksurrogate.gap._curve_shapes import KNOTS_OF_INPUT, hats
 from sksurrogate.gap._unknown import past_of
 from sksurrogate.kernels.record import Record
 
-__all__ = ["Form", "Law", "laws", "roughness"]
+__all__ = ["Form", "Law", "laws", "over_sample", "roughness", "staircases", "surfaces"]
 
 #: Forms of one parameter, of a signal over its largest value.
 SIMPLE = (
@@ -24,19 +25,21 @@ SIMPLE = (
 )
 #: Degrees of the polynomials.
 DEGREES = (2, 3, 4)
-#: Knots of a smooth curve.
-KNOTS = 10
+#: Knots of a smooth curve, and of a smooth surface along each of its signals.
+KNOTS, KNOTS_OF_SURFACE = 10, 6
+#: Samples back of the values that a linear filter weighs.
+LAGS = (1, 2, 4, 8, 16)
 
 
 class Form(NamedTuple):
-    """Which functions make up a form, and whether their weights are those of a curve that should be smooth."""
+    """Which functions make up a form, and how rough their weights are, a quadratic form (None: as rough as they may be)."""
 
     functions: np.ndarray
-    smooth: bool
+    rough: np.ndarray | None = None
 
 
 class Law(NamedTuple):
-    """A signal, functions of it (n_functions, n_samples), and the forms that these make up."""
+    """A signal (or two, "a*b"), functions of it (n_functions, n_samples), and the forms that these make up."""
 
     variable: str
     functions: np.ndarray
@@ -47,10 +50,54 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterator[
     """Laws of each signal, and of the signal with its past."""
     past = past_of(record, signals)
     for i, (name, z) in enumerate(zip(names, signals)):
-        if np.ptp(z) <= 1e-9 * max(float(np.max(np.abs(z))), 1e-300):
+        if not moves(z):
             continue
         yield Law(name, *static(z))
-        yield Law(f"{name} and its past", np.concatenate([z[None], past[:, i]]), (Form(np.arange(4), False),))
+        lags = [z[record.back(k)] for k in LAGS]
+        memory = np.concatenate([z[None], past[:, i], lags])
+        forms = Form(np.arange(4)), Form(np.r_[0, 4 : len(memory)])
+        yield Law(f"{name} and its past", memory, forms)
+
+
+def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
+    """A fine curve of an input, which may be a staircase."""
+    if moves(z):
+        f = hats(z, KNOTS_OF_INPUT)
+        yield Law(name, f, (Form(np.arange(len(f))),))
+
+
+def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Container[str]) -> Iterator[Law]:
+    """Laws of two signals, their product and a smooth surface over them, by their means over each sample.
+
+    Signals named in ``held`` stand still within a sample.
+    """
+    moving = [(name, z) for name, z in zip(names, signals) if moves(z)]
+    for (a, za), (b, zb) in combinations(moving, 2):
+        across, along = (np.concatenate([z[None], hats(z, KNOTS_OF_SURFACE)]) for z in (za, zb))
+        ends = [f if name in held else at_end(record, f) for name, f in ((a, across), (b, along))]
+        f = 0.5 * (across[:, None] * along + ends[0][:, None] * ends[1])
+        m, n = len(across) - 1, len(along) - 1
+        rough = np.kron(roughness(m), np.eye(n)) + np.kron(np.eye(m), roughness(n))
+        forms = Form(np.array([0])), Form(np.arange(1, 1 + m * n), rough if rough.any() else None)
+        yield Law(f"{a}*{b}", np.concatenate([f[:1, 0] / np.max(np.abs(f[0, 0])), f[1:, 1:].reshape(m * n, -1)]), forms)
+
+
+def over_sample(record: Record, f: np.ndarray) -> np.ndarray:
+    """Means of functions (n_functions, n_samples) over each sample, by their values at its ends; the last of a run stands."""
+    return 0.5 * (f + at_end(record, f))
+
+
+def at_end(record: Record, f: np.ndarray) -> np.ndarray:
+    """Values (n_functions, n_samples) at the end of each sample; the last of a run stands."""
+    out = np.roll(f, -1, axis=1)
+    last = record.starts + record.lengths - 1
+    out[:, last] = f[:, last]
+    return out
+
+
+def moves(z: np.ndarray) -> bool:
+    """Whether a signal does not stand still."""
+    return bool(np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300))
 
 
 def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
@@ -59,9 +106,9 @@ def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
     powers = ((z - np.mean(z)) / np.ptp(z)) ** np.arange(max(DEGREES) + 1)[:, None]
     curve = hats(z, KNOTS)
     ends = np.cumsum([len(simple), len(powers), len(curve)])
-    forms = [Form(np.array([k]), False) for k in range(ends[0])]
-    forms += [Form(np.arange(ends[0], ends[0] + degree + 1), False) for degree in DEGREES]
-    forms.append(Form(np.arange(ends[1], ends[2]), len(curve) > 2))
+    forms = [Form(np.array([k])) for k in range(ends[0])]
+    forms += [Form(np.arange(ends[0], ends[0] + degree + 1)) for degree in DEGREES]
+    forms.append(Form(np.arange(ends[1], ends[2]), roughness(len(curve)) if len(curve) > 2 else None))
     return np.concatenate([simple, powers, curve]), tuple(forms)
 
 

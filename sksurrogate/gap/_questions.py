@@ -18,6 +18,7 @@ from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._found import Found
 from sksurrogate.gap._free_curve import free_curve
+from sksurrogate.gap._imitated import imitated_by_retuning
 from sksurrogate.gap._law_rival import LawRival, law_rival
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._problem import Problem, Rival, build_problem
@@ -274,8 +275,15 @@ class Questions:
                 )
             )
         if not out and verdict == "explained":
-            out = parameter_errors(self.retuned(), self.found.shrink.fraction_power if self.found.shrink else _NAN)
+            share = found.shrink.fraction_power if found.shrink else _NAN
+            out = parameter_errors(self.retuned(), share, self.imitated())
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
+
+    def imitated(self) -> list[tuple[str, str, str | None]]:
+        """Effects that the re-tuning would hide."""
+        null, screen = self.search.null, self.search.first_screen
+        found = imitated_by_retuning(screen, null.fit.theta) if null is not None and screen is not None else []
+        return [(effect.name, str(effect.location), effect.variable) for effect in found]
 
     def retuned(self) -> Table:
         final = self.found.fitted or self.final
@@ -291,12 +299,12 @@ class Questions:
             kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
         elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
             location, kind = rounding.sensor, "output"
-        elif verdict == "unknown" and (curved := self.curved_input()) is not None:
-            location, kind = curved, "input"
         elif verdict == "unknown" and (
             told := told_by_law(self.law_rival(), found.places or [], self.problem.plant.inputs)
         ):
             location, kind = told
+        elif verdict == "unknown" and (curved := self.curved_input()) is not None:
+            location, kind = curved, "input"
         elif verdict == "unknown" and found.places:
             location, kind = accused(
                 found.places, lambda b, u: told_by(self.problem, self.null_force(), b, u, self.seed)

@@ -54,6 +54,9 @@ CURVE = 10.0
 #: so many times the noise, where no other flaw of the model hides it, less of both.
 CURVE_SHARE, CURVE_MOVED = 0.01, 0.005
 WITHIN, CURVE_SHARE_WITHIN, CURVE_MOVED_WITHIN = 1.15, 0.003, 0.001
+#: What is said of parameters that close the gap, and where they would hide effects as large.
+RETUNED = "Re-tuning alone closes the gap."
+HIDES = " It would hide these effects: they part from it where parameters are measured or fewer are free (free_params)."
 #: A grid of readings is a quantizer that is missing when its rounding is this share of the output's deviation.
 ROUNDING = 0.01
 #: A gap of which no effect explains anything is below the practical bar when its free-run error is below the first share
@@ -328,8 +331,13 @@ def retuned_table(problem: Problem, rival: Rival, bounds: tuple[np.ndarray, np.n
     return Table(tuple(rows))
 
 
-def parameter_errors(retuned: Table, share: float) -> list[EffectEstimate]:
-    """Re-tuning alone closes the gap: one parameter_error for each parameter that moved, with equal parts of the share."""
+def parameter_errors(
+    retuned: Table, share: float, hidden: Sequence[tuple[str, str, str | None]] = ()
+) -> list[EffectEstimate]:
+    """Re-tuning alone closes the gap: one parameter_error for each parameter that moved, with equal parts of the share.
+
+    The effects ``hidden`` by the re-tuning are equivalents of all of them together.
+    """
     rows = [row for row in retuned if row["moved"]]
     out = []
     for row in rows:
@@ -344,8 +352,8 @@ def parameter_errors(retuned: Table, share: float) -> list[EffectEstimate]:
                 {"relative_error": value},
                 {"relative_error": (min(ends), max(ends))},
                 1.0,
-                [],
-                "Re-tuning alone closes the gap.",
+                list(hidden),
+                RETUNED + HIDES if hidden else RETUNED,
             )
         )
     return out

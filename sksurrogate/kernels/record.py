@@ -57,6 +57,10 @@ class Record:
         """Number of the run of every row."""
         return np.repeat(np.arange(len(self.starts)), self.lengths)
 
+    def back(self, k: int) -> np.ndarray:
+        """Row k samples before each, or the first of its run."""
+        return np.maximum(np.arange(self.n_samples) - k, self.starts[self.run_of_row])
+
     def select(self, runs: Sequence[int]) -> Record:
         """Some of the runs."""
         bounds = np.r_[self.starts, self.n_samples]

@@ -136,6 +136,16 @@ def test_retuning_alone_is_reported_as_parameter_error():
     assert low < 9.0 / 9.9 - 1 < high
 
 
+def test_effects_that_the_retuning_would_hide_are_told():
+    """A stiffness that is off is a force in the position, exactly; damping and a cubic spring are not."""
+    report = diagnose(lambda q, v, u: -0.9 * q, free_params=["k"]).report_
+    assert [(e.name, e.location) for e in report.effects] == [("parameter_error", "k")]
+    hidden = report.effects[0].equivalents
+    assert ("linear_loss", "velocity", "position") in hidden
+    assert not {("linear_loss", "velocity", "velocity"), ("cubic_stiffness", "velocity", "position")} & {*hidden}
+    assert "hide" in report.effects[0].why
+
+
 def test_an_interrupt_keeps_what_is_known(monkeypatch):
     from sksurrogate.gap import _questions
 

@@ -5,8 +5,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._law_rival import law_rival, over_sample, without_names
-from sksurrogate.gap._law_shapes import laws
+from sksurrogate.gap._law_rival import law_rival, without_names
+from sksurrogate.gap._law_shapes import laws, over_sample, surfaces
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._project import project_starts
 from sksurrogate.kernels.record import Record
@@ -17,19 +17,23 @@ from sksurrogate.physics._simulator import describe
 RUNS, N, DT, NOISE = 4, 250, 0.1, 0.003
 
 
-def simulator(law=lambda q: 0.0 * q):
+def nothing(q, f):
+    return 0.0 * q
+
+
+def simulator(law=nothing, outputs=("q",)):
     return ODESimulator(
-        lambda t, x, u, p: (x[1], u[0] - p["k"] * x[0] - 0.5 * x[1] - law(x[0])),
-        states=["q", "v"], inputs=["f"], outputs=["q"], params={"k": 1.0}, dt=DT,
+        lambda t, x, u, p: (x[1], u[0] - p["k"] * x[0] - 0.5 * x[1] - law(x[0], u[0])),
+        states=["q", "v"], inputs=["f"], outputs=list(outputs), params={"k": 1.0}, dt=DT,
     )  # fmt: skip
 
 
-def problem_of(law, free=()):
+def problem_of(law, free=(), outputs=("q",), read=lambda y: y):
     rng = np.random.default_rng(3)
     U = [np.repeat(rng.uniform(-1.5, 1.5, N // 10), 10)[:, None] for _ in range(RUNS)]
-    Y = [simulator(law).simulate(u, x0=np.zeros(2)).reshape(N, 1) for u in U]
+    Y = [read(simulator(law, outputs).simulate(u, x0=np.zeros(2)).reshape(N, -1)) for u in U]
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
-    plant = describe(simulator(), n_inputs=1, n_outputs=1, dt=DT)
+    plant = describe(simulator(outputs=outputs), n_inputs=1, n_outputs=len(outputs), dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     return build_problem(plant, PlantModel(plant), record, free, ("v",))
 
@@ -45,7 +49,7 @@ def effect(name, *start):
     return CATALOGUE[name]("v", "q"), np.array(start)
 
 
-def quintic(q):
+def quintic(q, f):
     return 0.3 * q**5
 
 
@@ -59,7 +63,7 @@ def test_one_law_beats_names_that_imitate_it(free):
 
 
 def test_the_true_name_is_not_beaten_by_the_law_that_it_is():
-    problem, smoothed = problem_of(lambda q: 0.3 * q**3)
+    problem, smoothed = problem_of(lambda q, f: 0.3 * q**3)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.2))
     found = law_rival(problem, names, names.fit.x, 50)
     assert found.gain < 5.0
@@ -67,14 +71,22 @@ def test_the_true_name_is_not_beaten_by_the_law_that_it_is():
 
 
 def test_two_true_names_are_not_beaten():
-    problem, smoothed = problem_of(lambda q: 0.3 * q**3 + 0.2 * q)
+    problem, smoothed = problem_of(lambda q, f: 0.3 * q**3 + 0.2 * q)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.2), effect("linear_loss", 0.1))
     assert law_rival(problem, names, names.fit.x, 50).gain < 5.0
 
 
+def test_a_law_of_two_signals_is_told_in_its_balance():
+    """An input that a state lets through: neither the input's own curve nor a law of the state alone says as much."""
+    problem, smoothed = problem_of(lambda q, f: 0.5 * np.tanh(3.0 * q) * f)
+    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    assert found.gain > 100.0
+    assert (found.location, found.kind, found.variable) == ("v", "state", "q*f")
+
+
 def test_without_the_names_the_simulator_alone_is_left():
     """The free run without the names, to first order about theirs: near to the simulator's own where they are small."""
-    problem, smoothed = problem_of(lambda q: 0.003 * q**3)
+    problem, smoothed = problem_of(lambda q, f: 0.003 * q**3)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.003))
     _, r = without_names(problem, names, names.fit.x)
     alone = fitted(problem, smoothed.x)
@@ -95,3 +107,28 @@ def test_a_law_acts_by_its_mean_over_each_sample():
     record = Record.from_runs([np.zeros((4, 1))] * 2, [np.zeros((4, 1))] * 2, [np.arange(4.0)] * 2, 1.0)
     f = np.array([[0.0, 2.0, 6.0, 12.0, 1.0, 1.0, 3.0, 3.0]])
     np.testing.assert_allclose(over_sample(record, f), [[1.0, 4.0, 9.0, 12.0, 1.0, 2.0, 3.0, 3.0]])
+
+
+def test_a_surface_holds_every_product_of_the_parts_of_its_signals():
+    """A partition of one along each signal; where one is held, its value is that of the whole sample."""
+    record = Record.from_runs([np.zeros((50, 1))], [np.zeros((50, 1))], [np.arange(50.0)], 1.0)
+    q, f = np.sin(0.3 * np.arange(50)), np.repeat([1.0, -2.0, 0.5, 3.0, -1.0], 10)
+    law = next(surfaces(record, np.stack([q, f]), ["q", "f"], held={"f"}))
+    assert law.variable == "q*f"
+    surface = law.functions[law.forms[1].functions]
+    np.testing.assert_allclose(surface.sum(axis=0), 1.0)
+    product = over_sample(record, q[None])[0] * f
+    weights = np.linalg.lstsq(surface.T, product, rcond=None)[0]
+    np.testing.assert_allclose(weights @ surface, product, atol=1e-9)
+    plane = np.add.outer(np.arange(6.0), 2.0 * np.arange(6.0)).ravel()
+    np.testing.assert_allclose(law.forms[1].rough @ plane, 0.0, atol=1e-9)
+
+
+def test_late_readings_are_told_in_their_sensor():
+    def late(y):
+        return np.column_stack([np.r_[y[:1, 0], y[:1, 0], y[:-2, 0]], y[:, 1]])
+
+    problem, smoothed = problem_of(nothing, outputs=("q", "v"), read=late)
+    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    assert found.gain > 100.0
+    assert (found.location, found.kind, found.variable) == ("q", "output", "q and its past")
