@@ -82,14 +82,17 @@ class Responses:
             else:
                 assert bound is not None
                 change = bound(now)[:n] - self.after
-            b = np.zeros_like(change)
-            b[:, :, 1:] = change[:, :, :-1]
-            b[:, :, problem.record.starts] = 0.0
-            Z = solve_recursion(self.lin.band, b)
-            out += np.einsum("oit,ist->ost", self.C, Z)
+            out += self.acted(change)
         if direct and bound is not None:
             out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
         return out, paths
+
+    def acted(self, change: np.ndarray) -> np.ndarray:
+        """Change of the outputs by a change of the next states (n_states, n_starts, n_samples)."""
+        b = np.zeros_like(change)
+        b[:, :, 1:] = change[:, :, :-1]
+        b[:, :, self.problem.record.starts] = 0.0
+        return np.einsum("oit,ist->ost", self.C, solve_recursion(self.lin.band, b))
 
     def limited(self, effect: LimitEffect, starts: np.ndarray) -> np.ndarray:
         """What a limit changes in the free run (n_states, n_starts, n_samples).
@@ -114,14 +117,19 @@ class Responses:
         b[:, :, record.starts] = 0.0
         return limited_recursion(self.lin.A, b, record.starts, limit) - (self.lin.x - x)[:, None]
 
-    def pushed(self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def pushed(
+        self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray, aside: np.ndarray | None = None
+    ) -> np.ndarray:
         """What the force of the last effect changes in the next states (n_states, n_starts, n_samples).
 
-        Its mean over the sample, times what a unit force in its balance changes: no step of the plant for every start.
+        Its mean over the sample, times what a unit force in its balance changes: no step of the plant for every start. The
+        path x may lie ``aside`` of the smoothed one (n_states, n_samples).
         """
         i, record, wire = len(self.base.effects), self.problem.record, model.wires[-1]
         later = np.concatenate([x[:, :, 1:], x[:, :, -1:]], axis=2)
         later[: self.base.model.n_states] = self.after
+        if aside is not None:
+            later[: self.base.model.n_states] += np.concatenate([aside[:, 1:], aside[:, -1:]], axis=1)[:, None]
         how = [row[:, None] for row in starts], self.bound.h if wire.width is None else wire.width
         first = model.force_of(i, record.t, x, self.bound.acting(0), *how)
         last = model.force_of(i, record.t + record.dt, later, self.bound.acting(-1), *how)

@@ -20,6 +20,7 @@ from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
 from sksurrogate.gap._responses import Responses
 from sksurrogate.gap._shortlist import Shortlist, shortlist
+from sksurrogate.gap._unseen import Unseen, score_beside
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["Screen", "Start", "scaled", "screen"]
@@ -245,6 +246,10 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
     power = np.maximum(size - np.einsum("kn,kn->k", moved, moved), ROUNDING * size)
     diagonal = np.r_[np.einsum("kn,kn->k", white, white), power]
     drop, amplitude = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
+    for k, c in enumerate(columns):
+        if len(c.through):
+            own = whole[few + k], c.through / sd, J_x, problem.record.starts, precision, pull, low[k], high[k]
+            drop[k], amplitude[k] = score_beside(known, *own)
     forced = np.zeros_like(drop)
     if noise is not None:
         D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
@@ -268,20 +273,21 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
 
 @dataclass(frozen=True, eq=False)
 class _Column:
-    """One candidate at one starting value, and the change of the outputs that it causes."""
+    """One candidate at one starting value, the change of the outputs that it causes, and what unseen initial states do through it."""
 
     effect: BaseEffect
     theta: np.ndarray
     column: np.ndarray
     path: np.ndarray
     evident: bool
+    through: np.ndarray
 
 
 def _columns(
     s: Responses, candidates: Sequence[BaseEffect], shape: tuple[float, ...], chosen: Shortlist | None
 ) -> list[_Column]:
     """All candidates at all their starting values, those with one shape, or those of a short list."""
-    found = []
+    found, unseen = [], Unseen(s)
     for effect in candidates:
         evident, starts = [], [] if chosen is None else chosen.get(effect.key, [])
         if chosen is None or effect.kind == "output":
@@ -297,7 +303,8 @@ def _columns(
         out, paths = s.columns(effect, theta)
         for k in range(theta.shape[1]):
             if np.all(np.isfinite(out[:, k])) and np.any(out[:, k]):
-                found.append(_Column(effect, theta[:, k], out[:, k], paths[k], k < len(evident) and not shape))
+                through = unseen.through(effect, theta[:, k])
+                found.append(_Column(effect, theta[:, k], out[:, k], paths[k], k < len(evident) and not shape, through))
     return found
 
 

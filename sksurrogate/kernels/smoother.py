@@ -40,6 +40,9 @@ def noise_of_differences(y: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return np.maximum(np.median(np.abs(third), axis=1) / 0.6745 / np.sqrt(20.0), floor)
 
 
+#: What ties a trajectory to its guess where nothing else does, over the squared sizes of the states: in all samples, and in the
+#: first of a run, where an integral that nobody measures is known best.
+EASY, FIRM = 1e-8, 1e-4
 #: Defects of a balance that the first step allows, in sizes of its state.
 _ALLOWANCE = 0.1
 
@@ -183,12 +186,13 @@ def _step(
     leaving = np.broadcast_to(Q, d.shape).copy()  # of the step that leaves a sample
     leaving[:, ends] = 0.0
     weighted = A * leaving[:, None]
-    tie = 1e-8 / scale**2
+    tie = np.full(d.shape, EASY) / scale[:, None] ** 2
+    tie[:, np.r_[0, ends[:-1] + 1]] *= FIRM / EASY
     diagonal = np.einsum("ijt,ilt->jlt", weighted, A) + np.einsum("ijt,ilt->jlt", C, C)
     index = np.arange(n)
-    diagonal[index, index] += tie[:, None]
+    diagonal[index, index] += tie
     diagonal[index, index, 1:] += leaving[:, :-1]
-    right = np.einsum("ijt,it->jt", C, r) + tie[:, None] * back - np.einsum("ijt,it->jt", weighted, d)
+    right = np.einsum("ijt,it->jt", C, r) + tie * back - np.einsum("ijt,it->jt", weighted, d)
     right[:, 1:] += (leaving * d)[:, :-1]
     try:
         factor = BlockTridiagonal(diagonal.transpose(2, 0, 1), -weighted.transpose(2, 0, 1))

@@ -1,0 +1,68 @@
+"""A position that nobody measures: a spring on it is named though no output shows where the run began."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._evidence import estimate_noise
+from sksurrogate.gap._problem import build_problem
+from sksurrogate.gap._responses import Responses
+from sksurrogate.gap._screen import screen
+from sksurrogate.gap._unseen import Unseen
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+RUNS, N, DT, NOISE = 4, 200, 0.1, 0.003
+
+
+def shaft(spring=0.0):
+    """A shaft whose speed alone is measured."""
+    return ODESimulator(
+        lambda t, x, u, p: (x[1], u[0] - 0.5 * x[1] - spring * x[0]),
+        states=["angle", "speed"], inputs=["torque"], outputs=["speed"], params={}, dt=DT,
+    )  # fmt: skip
+
+
+def problem_of(spring, angles):
+    rng = np.random.default_rng(1)
+    U = [np.repeat(rng.uniform(-1.0, 1.0, N // 10), 10)[:, None] for _ in range(RUNS)]
+    Y = [shaft(spring).simulate(u, x0=np.array([a, 0.0])).reshape(N, 1) for u, a in zip(U, angles)]
+    Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
+    plant = describe(shaft(), n_inputs=1, n_outputs=1, dt=DT)
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    return build_problem(plant, PlantModel(plant), record, (), ("speed",))
+
+
+def null_of(problem, x):
+    return estimate_noise(problem, problem.fit((), np.zeros(0), x), problem.first_noise())
+
+
+def test_the_smoothed_path_starts_where_the_guess_does_unless_the_data_say_otherwise():
+    _, smoothed = problem_of(0.0, np.zeros(RUNS))
+    starts = N * np.arange(RUNS)
+    np.testing.assert_allclose(smoothed.x[0, starts], 0.0, atol=1e-3)
+
+
+def test_what_an_unseen_angle_does_through_a_spring_is_a_constant_force():
+    problem, smoothed = problem_of(0.0, np.zeros(RUNS))
+    s = Responses(problem, null_of(problem, smoothed.x), smoothed.x)
+    unseen, spring, bias = Unseen(s), CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["constant_bias"]("speed")
+    assert len(unseen.free) == 1
+    (through,) = unseen.through(spring, np.array([0.2]))
+    force, _ = s.columns(bias, np.array([[-0.2 * unseen.range[0]]]))
+    np.testing.assert_allclose(through, force[:, 0], rtol=1e-5, atol=1e-8 * np.ptp(force))
+    assert not len(unseen.through(CATALOGUE["linear_loss"]("speed", "speed"), np.array([0.2])))
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0, 0.0), (3.0, -2.0, 5.0, 1.0)])
+def test_the_screen_tells_a_spring_whatever_the_angles_at_the_start(angles):
+    """Beside the forces that the starts make, the spring's column explains the gap to the noise."""
+    problem, smoothed = problem_of(0.02, angles)
+    null = null_of(problem, smoothed.x)
+    spring, loss = CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["linear_loss"]("speed", "speed")
+    best = max(screen(problem, [spring, loss], null, smoothed.x, null.noise).starts, key=lambda start: start.white)
+    assert best.effect is spring
+    assert best.theta[0] == pytest.approx(0.02, rel=0.25)
+    assert best.left < 0.05 * null.fit.cost
