@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sksurrogate.gap._law_rival import LawRival
+from sksurrogate.gap._law_shapes import PAST
 from sksurrogate.gap._problem import Problem
 from sksurrogate.gap._unknown import LatentForce, Place, features, forest
 
@@ -19,9 +20,8 @@ AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
 TOLD, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
 #: R2 from which an input that does not push like the accused balance tells the force better than all signals.
 TOLD_BY_ITSELF = 0.5
-#: A law that is likelier by this much (twice nats) than all names, and leaves no more than half of the gap's
-#: power, tells its place.
-CERTAIN, MOST_LEFT = 10.0, 0.5**0.5
+#: A law that is likelier by this much (twice nats) than all names tells its place.
+CERTAIN = 10.0
 
 
 def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:
@@ -55,10 +55,10 @@ def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, floa
 
 
 def told_by_law(law: LawRival | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
-    """Location and kind of a law that tells much of the gap by itself; of one of an input in the balance that it pushes, the input."""
-    if law is None or law.gain < CERTAIN or law.share > MOST_LEFT:
+    """Location and kind of a law that is certain; of one of an input in the balance that it pushes, the input."""
+    if law is None or law.gain < CERTAIN:
         return None
-    signal = law.variable.removesuffix(" and its past")
+    signal = law.variable.removesuffix(PAST)
     if law.kind == "state" and signal in inputs:
         here = next((place for place in found if (place.location, place.kind) == (law.location, "state")), None)
         there = next((place for place in found if (place.location, place.kind) == (signal, "input")), None)

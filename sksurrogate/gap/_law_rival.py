@@ -16,9 +16,8 @@ import numpy as np
 
 from sksurrogate.gap._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap._evidence import columns, follow_noise
-from sksurrogate.gap._law_shapes import Form, Law, laws, over_sample, staircases, surfaces
+from sksurrogate.gap._law_shapes import PAST, Form, Law, laws, of_time, over_sample, staircases, surfaces
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._project import project_starts
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -28,6 +27,8 @@ __all__ = ["LawRival", "law_rival"]
 
 #: Weights of the roughness that are tried, over the size of what the curve moves.
 SMOOTH = 10.0 ** np.arange(-9.0, 3.0)
+#: Nats by which a law of a later place must be likelier: an input and the balance that it alone pushes differ by rounding.
+TIE = 1.0
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,6 @@ class LawRival:
         was chosen from.
     parameters : float
         Number of its parameters; of a smooth curve what its smoothness leaves free.
-    share : float
-        Share of the gap (amplitude, outputs over their noise) that it leaves.
     """
 
     location: str
@@ -52,7 +51,6 @@ class LawRival:
     variable: str
     gain: float
     parameters: float
-    share: float
 
 
 def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> LawRival | None:
@@ -86,19 +84,15 @@ def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> L
         return None
     if not found:
         return None
-    k, f, best = max(found, key=lambda one: one[2].value)
+    k, _, best = max(found, key=lambda one: one[2].value)
     chosen_from = sum(len(law.forms) for _, law, _ in candidates)
     cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
     named = named_along(problem, rival, x, (noise, best.noise))
     if not np.isfinite(named):
         return None
     gain = 2.0 * (best.value - np.log(chosen_from) + cost - named)
-    curve, law, kind = candidates[k]
-    rest = fit.rest(curve.moved()[:, law.forms[f].functions], best.theta)
-    J_x = problem.linearised(base).J_x[:, base.model.free_states] / problem.sd[:, None, None]
-    both = project_starts(np.stack([r, rest]) / problem.sd[:, None], J_x, problem.record.starts)
-    share = float(np.linalg.norm(both[1]) / np.linalg.norm(both[0]))
-    return LawRival(curve.location, kind, curve.variable, float(gain), best.parameters, share)
+    curve, _, kind = candidates[k]
+    return LawRival(curve.location, kind, curve.variable, float(gain), best.parameters)
 
 
 def without_names(problem: Problem, rival: Rival, x: np.ndarray) -> tuple[Rival, np.ndarray]:
@@ -145,21 +139,22 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
     signals, names = np.concatenate([x, record.u]), [*plant.states, *plant.inputs]
     held = set(plant.inputs) if plant.hold == "zoh" else set()
     of_signals = [
-        law if law.variable in held else law._replace(functions=over_sample(record, law.functions))
+        law if law.variable.removesuffix(PAST) in held else law._replace(functions=over_sample(record, law.functions))
         for law in laws(record, signals, names)
     ]
-    acting = [*of_signals, *surfaces(record, signals, names, held)]
+    times = list(of_time(record))
+    acting = [*of_signals, *surfaces(record, signals, names, held), *times]
     for b, name in enumerate(problem.balances):
         for law in acting:
             moves = partial(moved, D.B[:, :, b].T, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "state"
     for i, name in enumerate(plant.inputs):
         push, shown = channel(problem, base, i)
-        for law in [*laws(record, record.u[i : i + 1], [name]), *staircases(record.u[i], name)]:
+        for law in [*laws(record, record.u[i : i + 1], [name]), *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown)
             yield Curve(name, law.variable, len(law.functions), moves), law, "input"
     for o, name in enumerate(plant.outputs):
-        for law in laws(record, base.fit.y, plant.outputs):
+        for law in [*laws(record, base.fit.y, plant.outputs), *times]:
             moves = partial(reading, len(plant.outputs), o, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "output"
 
@@ -197,7 +192,7 @@ class _Fit:
             for f, form in enumerate(candidates[c][1].forms):
                 own = np.r_[np.arange(k), k + form.functions]
                 value = self.smoothed(G[np.ix_(own, own)], logdet, form, noise).value
-                if value > best:
+                if value > best + TIE:
                     best, where = value, (c, f)
         return where
 
@@ -215,10 +210,6 @@ class _Fit:
             noise, _, _ = fit_noise(self.D, self.r, start, unit, J, np.concatenate(held), pull, caps=caps)
             found.append(self.found(F, noise, form))
         return max(found, key=lambda one: one.value)
-
-    def rest(self, F: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Residual beyond the free parameters and the functions of a form."""
-        return self.r - np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), theta)
 
     def found(self, F: np.ndarray, noise: Noise, form: Form) -> _Found:
         """A form under one noise."""

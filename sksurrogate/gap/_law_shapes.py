@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap._curve_shapes import KNOTS_OF_INPUT, hats
+from sksurrogate.gap._curve_shapes import KNOTS_OF_INPUT, RUNS, hats
 from sksurrogate.gap._unknown import past_of
 from sksurrogate.kernels.record import Record
 
-__all__ = ["Form", "Law", "laws", "over_sample", "roughness", "staircases", "surfaces"]
+__all__ = ["Form", "Law", "laws", "of_time", "over_sample", "roughness", "staircases", "surfaces"]
 
 #: Forms of one parameter, of a signal over its largest value.
 SIMPLE = (
@@ -27,8 +27,14 @@ SIMPLE = (
 DEGREES = (2, 3, 4)
 #: Knots of a smooth curve, and of a smooth surface along each of its signals.
 KNOTS, KNOTS_OF_SURFACE = 10, 6
+#: Knots of one of time, which may step or swing.
+KNOTS_OF_TIME = 40
+#: What the name of a signal with its past ends with.
+PAST = " and its past"
 #: Samples back of the values that a linear filter weighs.
 LAGS = (1, 2, 4, 8, 16)
+#: Half widths of plays, of the range of a signal; samples in which what follows it at a limited rate crosses that range.
+PLAYS, SLEWS = (0.02, 0.05, 0.15, 0.4), (5.0, 20.0, 80.0, 320.0)
 
 
 class Form(NamedTuple):
@@ -48,15 +54,15 @@ class Law(NamedTuple):
 
 def laws(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterator[Law]:
     """Laws of each signal, and of the signal with its past."""
-    past = past_of(record, signals)
+    past, (play, slew) = past_of(record, signals), followers(record, signals)
     for i, (name, z) in enumerate(zip(names, signals)):
         if not moves(z):
             continue
         yield Law(name, *static(z))
-        lags = [z[record.back(k)] for k in LAGS]
-        memory = np.concatenate([z[None], past[:, i], lags])
-        forms = Form(np.arange(4)), Form(np.r_[0, 4 : len(memory)])
-        yield Law(f"{name} and its past", memory, forms)
+        memories = past[:, i], np.stack([z[record.back(k)] for k in LAGS]), play[:, i], slew[:, i]
+        ends = 1 + np.cumsum([0, *map(len, memories)])
+        forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
+        yield Law(name + PAST, np.concatenate([z[None], *memories]), forms)
 
 
 def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
@@ -64,6 +70,33 @@ def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
     if moves(z):
         f = hats(z, KNOTS_OF_INPUT)
         yield Law(name, f, (Form(np.arange(len(f))),))
+
+
+def followers(record: Record, signals: np.ndarray) -> np.ndarray:
+    """What follows signals with play, and at limited rates: (2, n_widths, n_signals, n_samples).
+
+    Sums of plays are any hysteresis that closes its loops (Prandtl and Ishlinskii).
+    """
+    reach = np.ptp(signals, axis=1)
+    width, rate = np.multiply.outer(PLAYS, reach), np.divide.outer(reach, SLEWS).T
+    out = np.empty((2, *width.shape, signals.shape[1]))
+    first = set(record.starts.tolist())
+    for k, now in enumerate(signals.T):
+        if k in first:
+            play = slew = np.broadcast_to(now, width.shape)
+        play = np.minimum(np.maximum(play, now - width), now + width)
+        slew = np.minimum(np.maximum(now, slew - rate), slew + rate)
+        out[0, :, :, k], out[1, :, :, k] = play, slew
+    return out
+
+
+def of_time(record: Record) -> Iterator[Law]:
+    """A smooth curve of the time since the start, where runs of different inputs can share it."""
+    runs = [record.u[:, a : a + n] for a, n in zip(record.starts, record.lengths)]
+    different = [u for i, u in enumerate(runs) if not any(np.array_equal(u, other) for other in runs[:i])]
+    if len(different) >= RUNS:
+        f = hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME)
+        yield Law("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
 
 
 def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Container[str]) -> Iterator[Law]:

@@ -48,7 +48,6 @@ PLACES = [Place("x", "state", 0.0), Place("u", "input", 0.0), Place("v", "state"
     ],
 )
 def test_a_law_that_tells_the_gap_tells_its_place(location, kind, variable, place):
-    law = LawRival(location, kind, variable, gain=50.0, parameters=1.0, share=0.1)
+    law = LawRival(location, kind, variable, gain=50.0, parameters=1.0)
     assert told_by_law(law, PLACES, ["u"]) == place
     assert told_by_law(replace(law, gain=5.0), PLACES, ["u"]) is None
-    assert told_by_law(replace(law, share=0.9), PLACES, ["u"]) is None

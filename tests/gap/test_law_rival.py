@@ -6,7 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._evidence import estimate_noise
 from sksurrogate.gap._law_rival import law_rival, without_names
-from sksurrogate.gap._law_shapes import laws, over_sample, surfaces
+from sksurrogate.gap._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._project import project_starts
 from sksurrogate.kernels.record import Record
@@ -21,17 +21,18 @@ def nothing(q, f):
     return 0.0 * q
 
 
-def simulator(law=nothing, outputs=("q",)):
+def simulator(law=nothing, outputs=("q",), force=0.0):
+    """With a law, and a force from 12.3 s on."""
     return ODESimulator(
-        lambda t, x, u, p: (x[1], u[0] - p["k"] * x[0] - 0.5 * x[1] - law(x[0], u[0])),
+        lambda t, x, u, p: (x[1], u[0] - p["k"] * x[0] - 0.5 * x[1] - law(x[0], u[0]) + force * (t > 12.3)),
         states=["q", "v"], inputs=["f"], outputs=list(outputs), params={"k": 1.0}, dt=DT,
     )  # fmt: skip
 
 
-def problem_of(law, free=(), outputs=("q",), read=lambda y: y):
+def problem_of(law, free=(), outputs=("q",), read=lambda y: y, force=0.0):
     rng = np.random.default_rng(3)
     U = [np.repeat(rng.uniform(-1.5, 1.5, N // 10), 10)[:, None] for _ in range(RUNS)]
-    Y = [read(simulator(law, outputs).simulate(u, x0=np.zeros(2)).reshape(N, -1)) for u in U]
+    Y = [read(simulator(law, outputs, force).simulate(u, x0=np.zeros(2)).reshape(N, -1)) for u in U]
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(simulator(outputs=outputs), n_inputs=1, n_outputs=len(outputs), dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
@@ -84,6 +85,20 @@ def test_a_law_of_two_signals_is_told_in_its_balance():
     assert (found.location, found.kind, found.variable) == ("v", "state", "q*f")
 
 
+def test_what_all_runs_share_at_one_time_is_told_in_its_balance():
+    problem, smoothed = problem_of(nothing, outputs=("q", "v"), force=0.2)
+    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    assert found.gain > 100.0
+    assert (found.location, found.kind, found.variable) == ("v", "state", "time")
+
+
+def test_no_law_of_time_where_the_runs_have_one_input():
+    """Their gap is a function of the time whatever it is a law of."""
+    u, y, t = np.sin(np.arange(9.0))[:, None], np.zeros((9, 1)), np.arange(9.0)
+    assert not list(of_time(Record.from_runs([u] * 4, [y] * 4, [t] * 4, 1.0)))
+    assert len(list(of_time(Record.from_runs([k * u for k in range(4)], [y] * 4, [t] * 4, 1.0)))) == 1
+
+
 def test_without_the_names_the_simulator_alone_is_left():
     """The free run without the names, to first order about theirs: near to the simulator's own where they are small."""
     problem, smoothed = problem_of(lambda q, f: 0.003 * q**3)
@@ -132,3 +147,37 @@ def test_late_readings_are_told_in_their_sensor():
     found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
     assert found.gain > 100.0
     assert (found.location, found.kind, found.variable) == ("q", "output", "q and its past")
+
+
+def test_play_and_limited_rates_follow_in_closed_form():
+    """A rise takes a play along once its slack is used up; a step is followed at the rate; both begin anew with a run."""
+    ramp, step = np.arange(41.0), np.r_[0.0, np.ones(40)]
+    record = Record.from_runs([np.zeros((41, 1))] * 2, [np.zeros((41, 1))] * 2, [np.arange(41.0)] * 2, 1.0)
+    up_and_again = np.stack([np.tile(ramp, 2), np.tile(step, 2)])
+    play, slew = followers(record, up_and_again)
+    for k, share in enumerate(PLAYS):
+        np.testing.assert_allclose(play[k, 0], np.tile(np.maximum(ramp - 40.0 * share, 0.0), 2), atol=1e-12)
+    for k, n in enumerate(SLEWS):
+        np.testing.assert_allclose(slew[k, 1], np.tile(np.minimum(ramp / n, 1.0), 2), atol=1e-12)
+
+
+def test_an_actuator_with_play_is_told_by_the_past_of_its_input():
+    """One position of the play between the two that are tried: the plays in between are sums of them, nearly."""
+    rng = np.random.default_rng(5)
+    t = DT * np.arange(N)
+    U = [np.sin(w * t)[:, None] * 1.5 for w in rng.uniform(0.5, 1.5, RUNS)]
+    slack = [played(u, 0.3) for u in U]
+    Y = [simulator().simulate(v, x0=np.zeros(2)).reshape(N, 1) + NOISE * rng.normal(size=(N, 1)) for v in slack]
+    plant = describe(simulator(), n_inputs=1, n_outputs=1, dt=DT)
+    problem, smoothed = build_problem(plant, PlantModel(plant), Record.from_runs(U, Y, [t] * RUNS, DT), (), ("v",))
+    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    assert found.gain > 1000.0
+    assert (found.location, found.variable) == ("v", "f and its past")
+
+
+def played(u, width):
+    """Backlash of a half width, from the first value on."""
+    out = u.copy()
+    for k in range(1, len(u)):
+        out[k] = np.clip(out[k - 1], u[k] - width, u[k] + width)
+    return out
