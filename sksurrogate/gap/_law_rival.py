@@ -27,6 +27,8 @@ __all__ = ["LawRival", "law_rival"]
 
 #: Weights of the roughness that are tried, over the size of what the curve moves.
 SMOOTH = 10.0 ** np.arange(-9.0, 3.0)
+#: Turns of noise and law.
+TURNS = 2
 #: Nats by which a law of a later place must be likelier: an input and the balance that it alone pushes differ by rounding.
 TIE = 1.0
 
@@ -197,18 +199,20 @@ class _Fit:
         return where
 
     def refined(self, candidate: tuple[Curve, Law, str], f: int, starts: tuple[Noise, ...]) -> _Found:
-        """One form with the noise fitted beside it."""
+        """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""
         form, found = candidate[1].forms[f], []
-        F = candidate[0].moved()[:, form.functions]
-        n = F.shape[1]
-        sizes, turn = (np.zeros(n), np.eye(n)) if form.rough is None else np.linalg.eigh(form.rough)
-        J = np.concatenate([self.J, np.einsum("okt,kj->ojt", F, turn)], axis=1)
+        F, k = candidate[0].moved()[:, form.functions], len(self.precision)
+        unit, caps = self.problem.force_unit(), self.problem.caps
         for start in starts:
-            held = self.precision, self.found(F, start, form).weight * np.maximum(sizes, 0.0)
-            unit, caps = self.problem.force_unit(), self.problem.caps
-            pull = np.r_[self.pull, np.zeros(n)]
-            noise, _, _ = fit_noise(self.D, self.r, start, unit, J, np.concatenate(held), pull, caps=caps)
-            found.append(self.found(F, noise, form))
+            now = self.found(F, start, form)
+            for _ in range(TURNS):
+                own = now.theta[k:]
+                rough = 0.0 if form.rough is None else now.weight * (own @ form.rough @ own)
+                J = np.concatenate([self.J, np.einsum("okt,k->ot", F, own)[:, None]], axis=1)
+                held, pull = np.r_[self.precision, rough], np.r_[self.pull, 0.0]
+                noise, _, _ = fit_noise(self.D, self.r, now.noise, unit, J, held, pull, caps=caps)
+                now = self.found(F, noise, form)
+            found.append(now)
         return max(found, key=lambda one: one.value)
 
     def found(self, F: np.ndarray, noise: Noise, form: Form) -> _Found:
