@@ -92,8 +92,7 @@ def followers(record: Record, signals: np.ndarray) -> np.ndarray:
 
 def of_time(record: Record) -> Iterator[Law]:
     """A smooth curve of the time since the start, where runs of different inputs can share it."""
-    runs = [record.u[:, a : a + n] for a, n in zip(record.starts, record.lengths)]
-    different = [u for i, u in enumerate(runs) if not any(np.array_equal(u, other) for other in runs[:i])]
+    different = {record.u[:, a : a + n].tobytes() for a, n in zip(record.starts, record.lengths)}
     if len(different) >= RUNS:
         f = hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME)
         yield Law("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
@@ -112,7 +111,8 @@ def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Co
         m, n = len(across) - 1, len(along) - 1
         rough = np.kron(roughness(m), np.eye(n)) + np.kron(np.eye(m), roughness(n))
         forms = Form(np.array([0])), Form(np.arange(1, 1 + m * n), rough if rough.any() else None)
-        yield Law(f"{a}*{b}", np.concatenate([f[:1, 0] / np.max(np.abs(f[0, 0])), f[1:, 1:].reshape(m * n, -1)]), forms)
+        product, surface = f[0, 0] / max(float(np.max(np.abs(f[0, 0]))), 1e-300), f[1:, 1:].reshape(m * n, -1)
+        yield Law(f"{a}*{b}", np.concatenate([product[None], surface]), forms)
 
 
 def over_sample(record: Record, f: np.ndarray) -> np.ndarray:

@@ -28,25 +28,32 @@ class Unseen:
     ----------
     responses : Responses
         The linearisation of the base.
+
+    Attributes
+    ----------
+    reach : ndarray (n_states,)
+        Range of the plant's states along the path.
+    free : ndarray (n_unseen, n_states, n_samples)
+        What becomes of each of them, begun one range higher.
     """
 
     def __init__(self, responses: Responses):
         self.responses = responses
         problem, x, lin = responses.problem, responses.smoothed.x, responses.lin
         plant = problem.plant
-        self.range = np.ptp(x[: len(plant.states)], axis=1)
-        shown = lin.J_x[:, : len(plant.states)] * self.range[:, None] / problem.sd[:, None, None]
+        self.reach = np.ptp(x[: len(plant.states)], axis=1)
+        shown = lin.J_x[:, : len(plant.states)] * self.reach[:, None] / problem.sd[:, None, None]
         places = np.flatnonzero(np.sqrt(np.mean(shown**2, axis=(0, 2))) < SEEN)
         b = np.zeros((len(x), len(places), x.shape[1]))
         for k, place in enumerate(places):
-            b[place, k, problem.record.starts] = self.range[place]
+            b[place, k, problem.record.starts] = self.reach[place]
         self.free = solve_recursion(lin.band, b).transpose(1, 0, 2) if len(places) else np.zeros((0, *x.shape))
 
     def through(self, effect: BaseEffect, start: np.ndarray) -> np.ndarray:
         """What each does to the outputs through an effect, per its range: (n_unseen, n_outputs, n_samples)."""
         s = self.responses
         factors = effect.variable.split("*") if effect.variable else []
-        if not isinstance(effect, BalanceEffect) or isinstance(effect, HiddenEffect):
+        if not len(self.free) or not isinstance(effect, BalanceEffect) or isinstance(effect, HiddenEffect):
             return np.zeros((0, *s.problem.record.y.shape))
         states = s.problem.plant.states
         places = [states.index(name) for name in factors if name in states]

@@ -51,7 +51,7 @@ def test_what_an_unseen_angle_does_through_a_spring_is_a_constant_force():
     unseen, spring, bias = Unseen(s), CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["constant_bias"]("speed")
     assert len(unseen.free) == 1
     (through,) = unseen.through(spring, np.array([0.2]))
-    force, _ = s.columns(bias, np.array([[-0.2 * unseen.range[0]]]))
+    force, _ = s.columns(bias, np.array([[-0.2 * unseen.reach[0]]]))
     np.testing.assert_allclose(through, force[:, 0], rtol=1e-5, atol=1e-8 * np.ptp(force))
     assert not len(unseen.through(CATALOGUE["linear_loss"]("speed", "speed"), np.array([0.2])))
 
