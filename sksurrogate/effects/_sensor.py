@@ -32,6 +32,9 @@ _GAUSS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
 #: Steps of more than this many times the noise show in readings that span some of them (:func:`lattice_steps`).
 HIDDEN = 8.0
+#: Range, over the noise, in which a crowd can be seen; how many times more readings it has than the same width below it, and
+#: which share of all.
+WIDE, CROWD, LEAST_CROWD = 20.0, 3.0, 0.02
 #: What an output outside the interval of its reading counts, of its distance.
 EXCESS = 0.3
 
@@ -299,6 +302,11 @@ class SensorSaturation(SensorEffect):
         """Limits within the reached range."""
         return levels_inside(probe.x)
 
+    def evident(self, probe: Probe) -> list[tuple[float, ...]]:
+        """The level that readings crowd at."""
+        level = ceiling(probe.x, probe.noise)
+        return [] if level is None else [(level,)]
+
 
 class SensorQuantization(SensorEffect):
     """A sensor that reads in steps: ``c round(y / c)``."""
@@ -354,6 +362,16 @@ class SensorQuantization(SensorEffect):
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
         """Steps up to 4 % off."""
         return neighbouring_steps(theta[0])
+
+
+def ceiling(readings: np.ndarray, noise: float) -> float | None:
+    """The level at the top of a range where readings crowd within their noise, far more than below it; None where they do not."""
+    if not len(readings) or noise <= 0 or np.ptp(readings) < WIDE * noise:
+        return None
+    level = float(np.median(readings[readings > np.max(readings) - 6.0 * noise]))
+    here = np.sum(np.abs(readings - level) < 3.0 * noise)
+    below = np.sum((readings > level - 9.0 * noise) & (readings < level - 3.0 * noise))
+    return level if here > max(CROWD * below, LEAST_CROWD * len(readings)) else None
 
 
 def _size(signal: np.ndarray) -> float:

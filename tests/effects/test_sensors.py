@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from sksurrogate.effects import CATALOGUE, SensorPath
-from sksurrogate.effects._sensor import EXCESS, lag_moments
+from sksurrogate.effects import CATALOGUE, Probe, SensorPath
+from sksurrogate.effects._sensor import EXCESS, ceiling, lag_moments
 
 ONE = np.array([0])
 
@@ -203,3 +203,21 @@ def test_readings_without_steps_are_fitted_by_the_staircase():
     noisy = y + 0.3 * np.random.default_rng(0).normal(size=y.shape)
     given = (y[None], None, None, (np.array([[0.6]]),), 0.02)
     np.testing.assert_array_equal(effect.soft(*given, noisy), effect.soft(*given))
+
+
+@pytest.mark.parametrize("limit", [0.2, 0.7, 0.95])
+def test_readings_that_end_show_where(limit):
+    rng = np.random.default_rng(2)
+    noise = 0.01
+    x = np.minimum(np.sin(0.05 * np.arange(800)), limit) + noise * rng.normal(size=800)
+    assert ceiling(x, noise) == pytest.approx(limit, abs=noise)
+    ((found,),) = CATALOGUE["sensor_saturation"]("y").evident(Probe(None, x, 0.0, 0.1, 80.0, ONE, (), noise))
+    assert found == ceiling(x, noise)
+
+
+def test_no_end_is_seen_of_a_sine_a_ramp_or_noise():
+    rng = np.random.default_rng(2)
+    e = 0.01 * rng.normal(size=800)
+    for x in (np.sin(0.05 * np.arange(800)), np.linspace(-1.0, 1.0, 800), np.zeros(800), np.arange(800) % 40 / 40.0):
+        assert ceiling(x + e, 0.01) is None
+    assert ceiling(e, 0.0) is None
