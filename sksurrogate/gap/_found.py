@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class Found:
     latent: LatentForce | None = None
     law: np.ndarray | None = None
     curve: FreeCurve | None = None
-    rival: LawRival | None = None
+    rivals: dict[bool, LawRival | None] = field(default_factory=dict)
     places: list[Place] | None = None
     shrink: Shrink | None = None
     held: HeldOut | None = None

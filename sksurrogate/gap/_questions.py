@@ -53,8 +53,9 @@ CERTIFICATE = 0.15
 WITHIN_NOISE = 1.05
 #: Named effects that leave less over the noise leave no law.
 NOTHING_LEFT = 1.02
-#: Free runs within this many times the noise are near to the data.
-NEAR = 2.0
+#: Free runs within this many times the noise are near to the data; names within more of it are doubted: beside a disturbance
+#: that left up to three times the noise no law beat a true name.
+NEAR, DOUBTED = 2.0, 4.0
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
 #: What is known of the shrink after an early interrupt.
@@ -96,7 +97,7 @@ class Questions:
         at = search.at(final)
         found = self.found
         found.curve = free_curve(at, final)
-        if self.near(final) and found.curve is not None and found.curve.gain > CURVE:
+        if final.effects and left(final) < NEAR and found.curve is not None and found.curve.gain > CURVE:
             self.name_what_is_seen()
             final, at = self.final, search.at(self.final)
         found.retuned = self._retuning_counts()
@@ -140,24 +141,21 @@ class Questions:
         if curve is not None and curve.gain < CURVE:
             search.final, self.found.curve = other, curve
 
-    def law_rival(self) -> LawRival | None:
-        """One law without a name: in the place of all names where these come near to the data, else of nothing."""
-        final, search = self.final, self.search
-        if self.found.rival is None and self.complete and search.null is not None:
-            rival, x = (final, final.fit.x) if self.near(final) else (search.null, search.x)
+    def law_rival(self, near: float) -> LawRival | None:
+        """One law without a name: in the place of all names where these leave less than so many times the noise, else of nothing."""
+        final, search, found = self.final, self.search, self.found
+        named = bool(final.effects) and left(final) < near
+        if named not in found.rivals and self.complete and search.null is not None:
+            rival, x = (final, final.fit.x) if named else (search.null, search.x)
             x = x[: len(self.problem.plant.states)]
-            self.found.rival = law_rival(search.at(rival), rival, x, len(search.candidates))
-        return self.found.rival
+            found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates))
+        return found.rivals.get(named)
 
     def imitation(self) -> LawRival | None:
         """The law in the place of names that may imitate it: of more than one parameter, or not at the noise."""
         final = self.final
-        doubtful = self.near(final) and (final.n_parameters > 1 or left(final) > NOTHING_LEFT)
-        return self.law_rival() if doubtful else None
-
-    def near(self, final: Rival) -> bool:
-        """Whether what is named comes near to the data."""
-        return bool(final.effects) and left(final) < NEAR
+        several = final.n_parameters > 1 or left(final) > NOTHING_LEFT
+        return self.law_rival(DOUBTED) if final.effects and several and left(final) < DOUBTED else None
 
     def fitted(self, final: Rival) -> tuple[Problem, Rival]:
         """The rival that stands, fitted on more of a long record."""
@@ -186,7 +184,7 @@ class Questions:
         found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
         found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
         found.curve = free_curve(search.at(null), null)
-        found.rival = None
+        found.rivals = {}
         held = found.held
         after = held.before if not self.problem.free else held.retuned
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
@@ -300,7 +298,7 @@ class Questions:
         elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (
-            told := told_by_law(self.law_rival(), found.places or [], self.problem.plant.inputs)
+            told := told_by_law(self.law_rival(NEAR), found.places or [], self.problem.plant.inputs)
         ):
             location, kind = told
         elif verdict == "unknown" and (curved := self.curved_input()) is not None:
