@@ -33,6 +33,7 @@ from sksurrogate.gap._verdict import (
     FAR,
     ROUNDING,
     _of,
+    certified,
     decide,
     facts_of,
     intervals,
@@ -47,8 +48,6 @@ from sksurrogate.runs import Runs
 __all__ = ["Questions"]
 
 _NAN = float("nan")
-#: Share of the gap (amplitude) that named effects must close on runs left out.
-CERTIFICATE = 0.15
 #: A free run this near to the noise has no gap that a correction could learn.
 WITHIN_NOISE = 1.05
 #: Named effects that leave less over the noise leave no law.
@@ -123,7 +122,7 @@ class Questions:
             correction = None  # nothing to learn
         found.held = held_out(problem, final, null, correction)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
-        if final.effects and not certified(found.shrink):
+        if final.effects and not certified(found.shrink, left(final)):
             self.say_uncertified()
             final = self.final
         if final.effects:
@@ -410,8 +409,3 @@ class Questions:
             for i, name in enumerate(self.problem.free)
         }
         return AugmentedSimulator(plant.simulator, list(final.effects), values, tuned or None, scale=self.problem.scale)
-
-
-def certified(shrink: Shrink) -> bool:
-    """Whether the effects close a practical share of the gap on runs left out; of a gap within the noise, any of it."""
-    return shrink.fraction > CERTIFICATE if np.isfinite(shrink.fraction) else not shrink.after > shrink.before

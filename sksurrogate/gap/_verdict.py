@@ -17,7 +17,7 @@ from sksurrogate.gap._rounding import Rounding
 from sksurrogate.gap._select import MOST_EFFECTS, Search, left
 from sksurrogate.gap._unknown import LatentForce, moved_by
 
-__all__ = ["Facts", "decide", "intervals", "parameter_errors", "probabilities", "ranking", "retuned_table"]
+__all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors", "probabilities", "ranking", "retuned_table"]
 
 #: `explained` when the named effects leave less than this share of the gap (amplitude).
 SHARE = 0.20
@@ -63,6 +63,8 @@ ROUNDING = 0.01
 #: of the output's deviation, or below the second and no repeatable law of states and inputs.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
 
+#: Share of the gap (amplitude) that named effects must close on runs left out.
+CERTIFICATE = 0.15
 #: Share of a parameter that integrators and the smoothing of kinks may always move.
 NUMERICS = 5e-4
 
@@ -153,6 +155,13 @@ def decide(facts: Facts) -> str:
     if unnamed_curve(facts, PRACTICAL):
         return "unknown"
     return "unknown" if (law and facts.left > 1.15) or facts.left > FAR else "none"
+
+
+def certified(shrink: Shrink, left: float) -> bool:
+    """Whether the effects close a practical share of the gap on runs left out: any of a gap within the noise, most of a small one beyond."""
+    small = shrink.before < PRACTICAL_LAWLESS and left > LEFT_FOR_MOST
+    least = 1.0 - MOST_LEFT if small else CERTIFICATE
+    return shrink.fraction > least if np.isfinite(shrink.fraction) else not shrink.after > shrink.before
 
 
 def unnamed_curve(facts: Facts, moved: float) -> bool:
