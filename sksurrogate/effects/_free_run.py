@@ -171,9 +171,7 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
         try:
             solution = solve_ivp(rhs, (t, t + width), x, method=method, rtol=1e-8, atol=1e-10)
         except ValueError:
-            return np.full(
-                len(x), np.nan
-            )  # scipy refuses states that are not finite: the caller reports the divergence
+            return np.full(len(x), np.nan)  # a state that is not finite: the caller reports the divergence
         if not solution.success:
             return np.full(len(x), np.nan)
         x, t = bound.clip(solution.y[:, -1][:, None, None], True)[:, 0, 0], t + width

@@ -19,14 +19,13 @@ from sksurrogate.gap._correction import generic_correction
 from sksurrogate.gap._report import NextExperiment, Shrink
 from sksurrogate.gap._shrink import HeldOut, blocked, measure
 from sksurrogate.gap._unknown import Place, repeatable
+from sksurrogate.gap._verdict import CERTIFICATE
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
 __all__ = ["AroundQuestions"]
 
-#: Share of the gap (amplitude) that named effects must close on runs left out.
-CERTIFICATE = 0.15
 #: Folds of the runs left out.
 MOST_FOLDS = 6
 

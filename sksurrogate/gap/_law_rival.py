@@ -140,9 +140,10 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
     x = base.fit.x[: len(plant.states)]
     signals, names = np.concatenate([x, record.u]), [*plant.states, *plant.inputs]
     held = set(plant.inputs) if plant.hold == "zoh" else set()
+    raw = list(laws(record, signals, names))
     of_signals = [
         law if law.variable.removesuffix(PAST) in held else law._replace(functions=over_sample(record, law.functions))
-        for law in laws(record, signals, names)
+        for law in raw
     ]
     times = list(of_time(record))
     acting = [*of_signals, *surfaces(record, signals, names, held), *times]
@@ -152,11 +153,13 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
             yield Curve(name, law.variable, len(law.functions), moves), law, "state"
     for i, name in enumerate(plant.inputs):
         push, shown = channel(problem, base, i)
-        for law in [*laws(record, record.u[i : i + 1], [name]), *staircases(record.u[i], name), *times]:
+        own = [law for law in raw if law.variable.removesuffix(PAST) == name]
+        for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown)
             yield Curve(name, law.variable, len(law.functions), moves), law, "input"
+    of_readings = [*laws(record, base.fit.y, plant.outputs), *times]
     for o, name in enumerate(plant.outputs):
-        for law in [*laws(record, base.fit.y, plant.outputs), *times]:
+        for law in of_readings:
             moves = partial(reading, len(plant.outputs), o, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "output"
 

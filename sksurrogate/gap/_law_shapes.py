@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.gap._curve_shapes import KNOTS_OF_INPUT, RUNS, hats
 from sksurrogate.gap._unknown import past_of
 from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.signals import hold, play, rate_limit
 
 __all__ = ["Form", "Law", "laws", "of_time", "over_sample", "roughness", "staircases", "surfaces"]
 
@@ -54,12 +55,12 @@ class Law(NamedTuple):
 
 def laws(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterator[Law]:
     """Laws of each signal, and of the signal with its past."""
-    past, (play, slew) = past_of(record, signals), followers(record, signals)
+    past = past_of(record, signals)
     for i, (name, z) in enumerate(zip(names, signals)):
         if not moves(z):
             continue
         yield Law(name, *static(z))
-        memories = past[:, i], np.stack([z[record.back(k)] for k in LAGS]), play[:, i], slew[:, i]
+        memories = past[:, i], np.stack([z[record.back(k)] for k in LAGS]), *followers(record, z)
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
         yield Law(name + PAST, np.concatenate([z[None], *memories]), forms)
@@ -72,22 +73,15 @@ def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
         yield Law(name, f, (Form(np.arange(len(f))),))
 
 
-def followers(record: Record, signals: np.ndarray) -> np.ndarray:
-    """What follows signals with play, and at limited rates: (2, n_widths, n_signals, n_samples).
+def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What follows a signal, held within a sample, with play and at limited rates, its means over each: (n_widths, n_samples).
 
     Sums of plays are any hysteresis that closes its loops (Prandtl and Ishlinskii).
     """
-    reach = np.ptp(signals, axis=1)
-    width, rate = np.multiply.outer(PLAYS, reach), np.divide.outer(reach, SLEWS).T
-    out = np.empty((2, *width.shape, signals.shape[1]))
-    first = set(record.starts.tolist())
-    for k, now in enumerate(signals.T):
-        if k in first:
-            play = slew = np.broadcast_to(now, width.shape)
-        play = np.minimum(np.maximum(play, now - width), now + width)
-        slew = np.minimum(np.maximum(now, slew - rate), slew + rate)
-        out[0, :, :, k], out[1, :, :, k] = play, slew
-    return out
+    reach, held = np.ptp(z), hold(z, 1, 0, record.starts)
+    rates = reach / np.array(SLEWS)
+    plays, slews = play(held, reach * np.array(PLAYS), record.starts), rate_limit(held, rates, 1.0, record.starts)
+    return plays.mean[0], slews.mean[0]
 
 
 def of_time(record: Record) -> Iterator[Law]:
