@@ -31,6 +31,11 @@ __all__ = [
 ]
 
 
+#: Levels of dry friction that may stop a state, over that of a tenth of the balance: steps that are loud may drive what
+#: hardly moves. Within a sample they take at least the second share of its RMS.
+STOPPING, LOST = 2.0 ** np.arange(1, 7), 0.04
+
+
 def _others(names: Sequence[str], location: str) -> tuple[str, ...]:
     """Names without that of the location."""
     return tuple(name for name in names if name != location)
@@ -95,6 +100,14 @@ class QuadraticDrag(BalanceEffect):
         return -theta[0] * v * np.abs(v)
 
 
+def stopping(effect: BalanceEffect, probe: Probe) -> list[float]:
+    """Levels of dry friction that stop the state of its balance now and then: within a sample it loses a share of its speed."""
+    if effect.variable != effect.location or probe.v is None:
+        return []
+    speed, unit = float(np.sqrt(np.mean(probe.v**2))), probe.unit(np.sign(probe.v))
+    return [c for c in unit * STOPPING if c * probe.dt > LOST * speed]
+
+
 class CoulombFriction(BalanceEffect):
     """Dry friction: ``- c sign(v)``."""
 
@@ -119,6 +132,10 @@ class CoulombFriction(BalanceEffect):
         """``c``."""
         return theta[0]
 
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the balance, and levels that stop the state."""
+        return [*super().starts(probe), *((c,) for c in stopping(self, probe))]
+
 
 class AsymmetricFriction(BalanceEffect):
     """Dry friction that differs by direction: ``- c sign(v) - c2``."""
@@ -136,6 +153,10 @@ class AsymmetricFriction(BalanceEffect):
     def jump(self, theta: Sequence[Any]) -> Any:
         """``c``."""
         return theta[0]
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the balance, and levels that stop the state; the same in both directions."""
+        return [*super().starts(probe), *((c, 0.0) for c in stopping(self, probe))]
 
 
 class StribeckFriction(BalanceEffect):
@@ -163,14 +184,15 @@ class StribeckFriction(BalanceEffect):
         return np.maximum(theta[0], theta[1])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Two levels, friction at rest twice as large or nil, two velocities on the reached range."""
+        """Two levels, friction at rest twice as large or nil, two velocities on the reached range; levels that stop the state."""
         assert probe.v is not None
         speed = float(np.sqrt(np.mean(probe.v**2)))
         level = probe.unit(np.sign(probe.v))
         if speed == 0:
             return []
         levels = (0.5 * level, 2 * level)
-        return [(c, ratio * c, share * speed) for c in levels for ratio in (2.0, 0.5) for share in (0.15, 0.6)]
+        slowing = [(c, ratio * c, share * speed) for c in levels for ratio in (2.0, 0.5) for share in (0.15, 0.6)]
+        return [*slowing, *((c, 2 * c, share * speed) for c in stopping(self, probe) for share in (0.15, 0.6))]
 
 
 class CubicStiffness(BalanceEffect):

@@ -12,6 +12,7 @@ from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._problem import Problem, Rival, fit_last
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Start
+from sksurrogate.gap._sticking import sticks_in
 from sksurrogate.kernels.output_error import Fit, settle_hidden
 
 __all__ = [
@@ -30,6 +31,11 @@ __all__ = [
 HOPELESS = 40.0
 #: Starts of an effect whose prediction jumps, and the share by which they differ at least.
 MOST_APART, APART = 3, 0.02
+#: Substeps with which dry friction that sticks is fitted.
+STICKING_SUBSTEPS = 8
+#: Numerics matter where they move the free run by this much of the noise; where its error is over so many times the noise,
+#: by this share of the error.
+MOVED, FAR, MOVED_OF_ERROR = 0.03, 2.0, 0.3
 #: Shares of a start that are tried, one after the other, where its free run does not stay finite.
 NEARER = (1.0, 0.3, 0.1)
 
@@ -38,6 +44,9 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
     """Fit a base with one effect more, from the best of several starts."""
     found: Rival | None = None
     split, n = base.n_parameters, len(problem.plant.states)
+    values = [base.theta_of(i) for i in range(len(base.effects))]
+    if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
+        problem = replace(problem, n_sub=max(problem.n_sub, STICKING_SUBSTEPS))
     for start in starts:
         for share in NEARER if start.effect.linear and len(start.theta) else (1.0,):
             own = np.r_[share * start.theta[:1], start.theta[1:]]
@@ -152,9 +161,10 @@ def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:
 
 
 def numerics_matter(finer: Problem, rival: Rival) -> bool:
-    """Whether shorter steps and sharper kinks move the free run by more than a twentieth of the noise."""
+    """Whether shorter steps and sharper kinks move the free run by a share of the noise, or far from the data of what is left."""
     shifted = frozen_fit(finer, Rival(rival.effects, finer.augmented(rival.effects), rival.fit), rival.fit.theta)
     if shifted is None:
         return False
     change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))
-    return bool(change > 0.03)
+    error = np.sqrt(rival.fit.cost / rival.fit.y.size)
+    return bool(change > (MOVED if error < FAR else MOVED_OF_ERROR * error))

@@ -37,6 +37,7 @@ from sksurrogate.gap._verdict import (
     decide,
     facts_of,
     intervals,
+    left_over,
     parameter_errors,
     probabilities,
     ranking,
@@ -52,9 +53,8 @@ _NAN = float("nan")
 WITHIN_NOISE = 1.05
 #: Named effects that leave less over the noise leave no law.
 NOTHING_LEFT = 1.02
-#: Free runs within this many times the noise are near to the data; names within more of it are doubted: beside a disturbance
-#: that left up to three times the noise no law beat a true name.
-NEAR, DOUBTED = 2.0, 4.0
+#: Free runs within this many times the noise are near to the data.
+NEAR = 2.0
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
 #: What is known of the shrink after an early interrupt.
@@ -140,21 +140,21 @@ class Questions:
         if curve is not None and curve.gain < CURVE:
             search.final, self.found.curve = other, curve
 
-    def law_rival(self, near: float) -> LawRival | None:
-        """One law without a name: in the place of all names where these leave less than so many times the noise, else of nothing."""
+    def law_rival(self, of_names: bool) -> LawRival | None:
+        """One law without a name, in the place of all names or of nothing."""
         final, search, found = self.final, self.search, self.found
-        named = bool(final.effects) and left(final) < near
+        named = bool(final.effects) and of_names
         if named not in found.rivals and self.complete and search.null is not None:
             rival, x = (final, final.fit.x) if named else (search.null, search.x)
             x = x[: len(self.problem.plant.states)]
             found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates))
         return found.rivals.get(named)
 
-    def imitation(self) -> LawRival | None:
-        """The law in the place of names that may imitate it: of more than one parameter, or not at the noise."""
+    def imitation(self, beyond: float) -> LawRival | None:
+        """The law in the place of names that may imitate it: of more than one parameter, or not at the noise, but not far beyond."""
         final = self.final
         several = final.n_parameters > 1 or left(final) > NOTHING_LEFT
-        return self.law_rival(DOUBTED) if final.effects and several and left(final) < DOUBTED else None
+        return self.law_rival(True) if final.effects and several and beyond < FAR else None
 
     def fitted(self, final: Rival) -> tuple[Problem, Rival]:
         """The rival that stands, fitted on more of a long record."""
@@ -217,8 +217,8 @@ class Questions:
         found, final, null = self.found, self.final, self.search.null
         if found.shrink is None or found.latent is None or found.law is None or null is None:
             return "unknown"  # interrupted: nothing is certified yet
-        most = MOST_NOISE * self.problem.sd
         at = self.search.at(final)
+        beyond = left_over(final, found.latent, MOST_NOISE * self.problem.sd, found.retuned)
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
         rounding = self.rounding()
         return decide(
@@ -229,11 +229,11 @@ class Questions:
                 found.latent,
                 found.law,
                 found.curve,
-                self.imitation(),
+                self.imitation(beyond),
                 rounding,
                 found.retuned,
                 gap,
-                most,
+                beyond,
             )
         )
 
@@ -297,7 +297,7 @@ class Questions:
         elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (
-            told := told_by_law(self.law_rival(NEAR), found.places or [], self.problem.plant.inputs)
+            told := told_by_law(self.law_rival(left(self.final) < NEAR), found.places or [], self.problem.plant.inputs)
         ):
             location, kind = told
         elif verdict == "unknown" and (curved := self.curved_input()) is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sksurrogate.effects._balance import ConstantBias
@@ -18,6 +20,7 @@ from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._parameter import ParameterStep
 from sksurrogate.gap._hidden_path import hidden_paths
 from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._sticking import slowed, sticks
 from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.limited import limited_recursion
 from sksurrogate.kernels.output_error import linearise
@@ -83,6 +86,12 @@ class Responses:
                 assert bound is not None
                 change = bound(now)[:n] - self.after
             out += self.acted(change)
+        stuck = sticks(effect, starts, model.wires[-1].width, problem.record.dt)
+        if isinstance(effect, BalanceEffect) and np.any(
+            stuck
+        ):  # along a path that sticks the sign is that of the noise
+            moved = self.sampled(slowed(problem, effect, starts[:, stuck], x), int(np.sum(stuck)))
+            out[:, stuck] = np.einsum("oit,ist->ost", self.C, moved)
         if direct and bound is not None:
             out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
         return out, paths
@@ -97,10 +106,9 @@ class Responses:
     def limited(self, effect: LimitEffect, starts: np.ndarray) -> np.ndarray:
         """What a limit changes in the free run (n_states, n_starts, n_samples).
 
-        The free run is first order in the states about the path and limited at every sample: an unmeasured state may lie
-        far beyond the limit along a path that knows of none.
+        An unmeasured state may lie far beyond the limit along a path that knows of none.
         """
-        x, record, states = self.smoothed.x, self.problem.record, self.problem.plant.states
+        x, states = self.smoothed.x, self.problem.plant.states
         place, other = states.index(str(effect.location)), states.index(effect.variable or str(effect.location))
         theta = [row[:, None] for row in starts]
 
@@ -112,10 +120,18 @@ class Responses:
                 s[other] = received - near[other]
             return s
 
-        b = np.zeros((len(x), starts.shape[1], record.n_samples))
+        return self.sampled(limit, starts.shape[1])
+
+    def sampled(self, act: Callable[[np.ndarray, np.ndarray], np.ndarray], n_starts: int) -> np.ndarray:
+        """What acts on the states at every sample changes in the free run (n_states, n_starts, n_samples).
+
+        The free run is first order in the states about the path.
+        """
+        x, record = self.smoothed.x, self.problem.record
+        b = np.zeros((len(x), n_starts, record.n_samples))
         b[:, :, 1:] = (self.after[:, 0, :-1] - x[:, 1:])[:, None]
         b[:, :, record.starts] = 0.0
-        return limited_recursion(self.lin.A, b, record.starts, limit) - (self.lin.x - x)[:, None]
+        return limited_recursion(self.lin.A, b, record.starts, act) - (self.lin.x - x)[:, None]
 
     def pushed(
         self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray, aside: np.ndarray | None = None

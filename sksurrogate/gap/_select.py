@@ -10,6 +10,7 @@ import numpy as np
 from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, quick_likelihood
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
+from sksurrogate.gap._folded import folded
 from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._nested import NESTED, related, simpler
 from sksurrogate.gap._problem import Rival
@@ -315,7 +316,7 @@ class Search(Expander):
         """Refit with kinks sharper and steps shorter where that matters."""
         problem = self.at(rival)
         best = rival if self.is_far(rival) else revived(problem, rival)
-        for n_sub, sharpness in () if self.is_far(rival) else ((4, 150.0), (8, 500.0)):
+        for n_sub, sharpness in ((4, 150.0), (8, 500.0)):
             finer = replace(problem, n_sub=max(n_sub, 2 * best.model.n_sub), sharpness=sharpness)
             if not numerics_matter(finer, best):
                 break
@@ -331,8 +332,11 @@ class Search(Expander):
     def simplify(self, rival: Rival, far: bool = False) -> Rival:
         """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class.
 
-        Far from the data the search goes on with the richer form and ends with this question.
+        Far from the data the search goes on with the richer form and ends with this question. Two forms of one law are one.
         """
+        one = folded(self.at(rival), rival)
+        if one is not None:
+            return self.simplify(self.polish(one), far)
         if self.is_far(rival) and not far:
             return rival
         for i, effect in enumerate(rival.effects):

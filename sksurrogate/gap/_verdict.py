@@ -187,19 +187,15 @@ def facts_of(
     rounding: Rounding | None,
     retuned: bool,
     gap: float,
-    most_noise: np.ndarray,
+    beyond: float,
 ) -> Facts:
-    """Collect them, with the gap over the noise; where nothing is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
-
-    Sensors are at least as noisy as the latent force finds them: a noise fit may call white noise coloured.
-    """
-    most = np.inf if final.effects or retuned else most_noise
-    left_over = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
+    """Collect them, with the gap over the noise and the error ``beyond`` it that is left (`left_over`)."""
+    share_left = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
     parts = curves_in_parts(final.effects)
     return Facts(
         bool(final.effects),
-        float(left_over),
-        left(final, most, np.minimum(latent.noise.sigma, most_noise)),
+        float(share_left),
+        beyond,
         float(np.max(law, initial=0.0)),
         float(np.max(latent.size, initial=0.0)),
         retuned,
@@ -213,6 +209,16 @@ def facts_of(
         any(variable in problem.plant.inputs for _, variable in parts),
         rival.gain if rival is not None else -np.inf,
     )
+
+
+def left_over(final: Rival, latent: LatentForce, most_noise: np.ndarray, retuned: bool) -> float:
+    """Free-run error that is left, in units of the noise (the worst output).
+
+    Sensors are at least as noisy as the latent force finds them: a noise fit may call white noise coloured. Where nothing
+    is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
+    """
+    most = np.inf if final.effects or retuned else most_noise
+    return left(final, most, np.minimum(latent.noise.sigma, most_noise))
 
 
 def curves_in_parts(effects: Sequence[BaseEffect]) -> set[tuple[str, str]]:

@@ -1,0 +1,98 @@
+"""Dry friction that sticks: it ranks first, its two parts are one law, and it is named."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap._folded import together
+from sksurrogate.gap._problem import Rival, build_problem
+from sksurrogate.gap._screen import screen
+from sksurrogate.kernels.output_error import Fit, free_run
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+DT, N, RUNS, NOISE = 0.05, 200, 3, 0.005
+LEVEL, STATIC, VELOCITY = 2.0, 4.0, 0.6
+
+
+def rhs(t, x, u, p):
+    return x[1], 5.0 * u[0] - 3.0 * x[0] - 0.3 * x[1]
+
+
+SIMULATOR = ODESimulator(rhs, states=["q", "v"], inputs=["f"], outputs=["q", "v"], params={}, dt=DT)
+
+
+def sticking(u, substeps=200):
+    """The same with friction that is larger at rest, by short steps that never turn a velocity round."""
+    x, h, out = np.zeros(2), DT / substeps, []
+    for value in u:
+        out.append(x.copy())
+        for _ in range(substeps):
+            before = x[1] + h * (5.0 * value - 3.0 * x[0] - 0.3 * x[1])
+            level = LEVEL + (STATIC - LEVEL) * np.exp(-((before / VELOCITY) ** 2))
+            v = np.sign(before) * max(abs(before) - h * level, 0.0)
+            x = np.array([x[0] + h * v, v])
+    return np.array(out)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    rng = np.random.default_rng(1)
+    U = [np.repeat(rng.uniform(-1.2, 1.2, N // 25), 25)[:, None] for _ in range(RUNS)]
+    Y = [sticking(u[:, 0]) for u in U]
+    assert np.mean(np.abs(np.concatenate(Y)[:, 1]) < 1e-6) > 0.2  # it sticks
+    return U, [y + NOISE * rng.normal(size=y.shape) for y in Y]
+
+
+@pytest.fixture(scope="module")
+def problem(runs):
+    U, Y = runs
+    plant = describe(SIMULATOR, n_inputs=1, n_outputs=2, dt=DT)
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    return build_problem(plant, PlantModel(plant), record, (), ("v",))
+
+
+def at(problem, effects, theta):
+    """A rival at given values, not fitted."""
+    found, smoothed = problem
+    model, theta = found.augmented(effects), np.asarray(theta, dtype=float)
+    x = free_run(model, theta, smoothed.x[:, found.record.starts])
+    return Rival(effects, model, Fit(theta, x, model.bind(theta[:, None]).outputs(x[:, None])[:, 0], 0.0, 0, True, None))
+
+
+def test_the_screen_knows_what_stops(problem):
+    found, smoothed = problem
+    null = found.fit((), np.zeros(0), smoothed.x)
+    names = ("coulomb_friction", "linear_loss", "quadratic_drag", "power_law", "gravity_tilt", "hidden_relaxation")
+    candidates = [CATALOGUE[name]("v", "v") for name in names]
+    starts = screen(found, candidates, null, smoothed.x, None).starts
+    best = min(starts, key=lambda start: start.left)
+    assert best.effect.name == "coulomb_friction"
+    assert LEVEL < best.theta[0] < STATIC
+    assert best.left < 0.5 * min(start.left for start in starts if start.effect.name != "coulomb_friction")
+
+
+def test_two_parts_of_one_law_are_one(problem):
+    parts = CATALOGUE["coulomb_friction"]("v", "v"), CATALOGUE["stribeck_friction"]("v", "v")
+    rival = at(problem, parts, [0.8, LEVEL - 0.8, STATIC - 0.8, VELOCITY])
+    assert together(problem[0], rival, 1, 0) == pytest.approx([LEVEL, STATIC, VELOCITY], rel=1e-4)
+
+
+def test_what_is_no_sum_stays_two(problem):
+    parts = CATALOGUE["linear_loss"]("v", "v"), CATALOGUE["power_law"]("v", "v")
+    rival = at(problem, parts, [0.5, 0.8, 3.0])
+    assert together(problem[0], rival, 1, 0) is None
+
+
+def test_it_is_named(runs):
+    U, Y = runs
+    found = GapDiagnoser(SIMULATOR, random_state=0).fit(np.concatenate(U), np.concatenate(Y), np.repeat(range(RUNS), N))
+    report = found.report_
+    assert report.verdict == "explained"
+    assert [effect.name for effect in report.effects] == ["stribeck_friction"]
+    (effect,) = report.effects
+    assert effect.params["level"] == pytest.approx(LEVEL, rel=0.1)
+    assert effect.params["static_level"] == pytest.approx(STATIC, rel=0.1)
