@@ -140,7 +140,7 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
     x = base.fit.x[: len(plant.states)]
     signals, names = np.concatenate([x, record.u]), [*plant.states, *plant.inputs]
     held = set(plant.inputs) if plant.hold == "zoh" else set()
-    raw = list(laws(record, signals, names))
+    raw = list(laws(record, signals, names, plant.inputs))
     of_signals = [
         law if law.variable.removesuffix(PAST) in held else law._replace(functions=over_sample(record, law.functions))
         for law in raw
@@ -157,9 +157,10 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
         for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown)
             yield Curve(name, law.variable, len(law.functions), moves), law, "input"
-    of_readings = [*laws(record, base.fit.y, plant.outputs), *times]
+    readings = base.fit.y
+    of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]
     for o, name in enumerate(plant.outputs):
-        for law in of_readings:
+        for law in [*of_readings, *staircases(readings[o], name)]:
             moves = partial(reading, len(plant.outputs), o, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "output"
 

@@ -35,7 +35,7 @@ PAST = " and its past"
 #: Samples back of the values that a linear filter weighs.
 LAGS = (1, 2, 4, 8, 16)
 #: Half widths of plays, of the range of a signal; samples in which what follows it at a limited rate crosses that range.
-PLAYS, SLEWS = (0.02, 0.05, 0.15, 0.4), (5.0, 20.0, 80.0, 320.0)
+PLAYS, SLEWS = (0.02, 0.05, 0.15, 0.4), 2.0 ** np.arange(1, 11)
 
 
 class Form(NamedTuple):
@@ -53,14 +53,21 @@ class Law(NamedTuple):
     forms: tuple[Form, ...]
 
 
-def laws(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterator[Law]:
-    """Laws of each signal, and of the signal with its past."""
+def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Container[str] = ()) -> Iterator[Law]:
+    """Laws of each signal, and of the signal with its past; filters and limited rates of signals that are ``given``.
+
+    Inputs are, and readings for their sensor. The last samples of a measured state tell any force that has moved it: a
+    filter of them is a disturbance, no law.
+    """
     past = past_of(record, signals)
     for i, (name, z) in enumerate(zip(names, signals)):
         if not moves(z):
             continue
         yield Law(name, *static(z))
-        memories = past[:, i], np.stack([z[record.back(k)] for k in LAGS]), *followers(record, z)
+        plays, slews = followers(record, z)
+        memories = [past[:, i], plays]
+        if name in given:
+            memories += [np.stack([z[record.back(k)] for k in LAGS]), *zip(slews[:-1], slews[1:])]
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
         yield Law(name + PAST, np.concatenate([z[None], *memories]), forms)
@@ -79,7 +86,7 @@ def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Sums of plays are any hysteresis that closes its loops (Prandtl and Ishlinskii).
     """
     reach, held = np.ptp(z), hold(z, 1, 0, record.starts)
-    rates = reach / np.array(SLEWS)
+    rates = reach / SLEWS
     plays, slews = play(held, reach * np.array(PLAYS), record.starts), rate_limit(held, rates, 1.0, record.starts)
     return plays.mean[0], slews.mean[0]
 

@@ -149,6 +149,22 @@ def test_late_readings_are_told_in_their_sensor():
     assert (found.location, found.kind, found.variable) == ("q", "output", "q and its past")
 
 
+def test_a_filter_of_a_measured_state_is_no_law():
+    """Its last samples tell any force that has moved it; those of an input tell none."""
+    rng = np.random.default_rng(7)
+    record = Record.from_runs([np.zeros((N, 1))], [np.zeros((N, 1))], [DT * np.arange(N)], DT)
+    x = np.cumsum(rng.normal(size=(1, N)), axis=1)
+    late = x[0][record.back(1)]
+
+    def left(given):
+        law = next(law for law in laws(record, x, ["x"], given) if law.variable == "x and its past")
+        designs = [law.functions[form.functions].T for form in law.forms]
+        return min(np.std(late - F @ np.linalg.lstsq(F, late, rcond=None)[0]) for F in designs)
+
+    assert left(["x"]) < 1e-9
+    assert left([]) > 0.3  # of steps of 1
+
+
 def test_play_and_limited_rates_follow_in_closed_form():
     """A rise takes a play along once its slack is used up; a step is followed at the rate; both begin anew with a run."""
     ramp, step = np.arange(41.0), np.r_[0.0, np.ones(40)]

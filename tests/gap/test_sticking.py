@@ -60,7 +60,9 @@ def at(problem, effects, theta):
     found, smoothed = problem
     model, theta = found.augmented(effects), np.asarray(theta, dtype=float)
     x = free_run(model, theta, smoothed.x[:, found.record.starts])
-    return Rival(effects, model, Fit(theta, x, model.bind(theta[:, None]).outputs(x[:, None])[:, 0], 0.0, 0, True, None))
+    return Rival(
+        effects, model, Fit(theta, x, model.bind(theta[:, None]).outputs(x[:, None])[:, 0], 0.0, 0, True, None)
+    )
 
 
 def test_the_screen_knows_what_stops(problem):
