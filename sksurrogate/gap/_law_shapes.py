@@ -67,7 +67,10 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Conta
         plays, slews = followers(record, z)
         memories = [past[:, i], plays]
         if name in given:
-            memories += [np.stack([z[record.back(k)] for k in LAGS]), *zip(slews[:-1], slews[1:])]
+            memories += [
+                np.stack([z[record.back(k)] for k in LAGS]),
+                *(slews[k : k + 2] for k in range(len(slews) - 1)),
+            ]
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
         yield Law(name + PAST, np.concatenate([z[None], *memories]), forms)
