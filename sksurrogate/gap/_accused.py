@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from sksurrogate.gap._curve_shapes import CERTAIN
 from sksurrogate.gap._law_rival import LawRival
 from sksurrogate.gap._law_shapes import PAST
 from sksurrogate.gap._problem import Problem
@@ -20,8 +21,6 @@ AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
 TOLD, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
 #: R2 from which an input that does not push like the accused balance tells the force better than all signals.
 TOLD_BY_ITSELF = 0.5
-#: A law that is likelier by this much (twice nats) than all names tells its place.
-CERTAIN = 10.0
 
 
 def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:

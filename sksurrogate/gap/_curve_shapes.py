@@ -11,17 +11,18 @@ import numpy as np
 
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._unknown import past_of
-from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 
-__all__ = ["Curve", "in_balances", "in_inputs", "in_sensors", "shapes"]
+__all__ = ["CERTAIN", "Curve", "in_balances", "in_inputs", "in_sensors", "shapes"]
 
 #: Knots of a piecewise linear curve, at equal shares of the samples; of one of time, which may step; of one of an input in its
 #: place, which may be a staircase.
 KNOTS, KNOTS_OF_TIME, KNOTS_OF_INPUT = 8, 13, 40
 #: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
 RUNS = 3
+#: A free curve on top of the names, or one law in their place, is certain from this gain (twice nats) on.
+CERTAIN = 10.0
 
 
 class Curve(NamedTuple):
@@ -38,12 +39,11 @@ class Curve(NamedTuple):
 
 def in_balances(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]:
     """Curves of states, inputs and time in every balance."""
-    band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), problem.record.starts)
     signals = np.concatenate([rival.fit.x[: len(problem.plant.states)], problem.record.u])
     forms = list(shapes(problem.record, signals, [*problem.plant.states, *problem.plant.inputs]))
     for b, name in enumerate(problem.balances):
         for variable, f in forms:
-            yield Curve(name, variable, len(f), partial(response, D, band, problem.record.starts, D.B[:, :, b].T, f))
+            yield Curve(name, variable, len(f), partial(response, D, D.B[:, :, b].T, f))
 
 
 def in_inputs(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]:
@@ -52,12 +52,11 @@ def in_inputs(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]
     None where a named effect lets the input jump: that input has no slope to follow.
     """
     jumps = {e.location for i, e in enumerate(rival.effects) if e.scan(tuple(rival.theta_of(i)))}
-    band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), problem.record.starts)
     for i, name in enumerate(problem.plant.inputs):
         f = hats(problem.record.u[i], KNOTS_OF_INPUT)
         if len(f) > 1 and name not in jumps:
             push, shown = channel(problem, rival, i)
-            yield Curve(name, name, len(f), partial(response, D, band, problem.record.starts, push, f, shown))
+            yield Curve(name, name, len(f), partial(response, D, push, f, shown))
 
 
 def in_sensors(problem: Problem, rival: Rival) -> Iterator[Curve]:
@@ -108,21 +107,11 @@ def channel(problem: Problem, rival: Rival, i: int) -> tuple[np.ndarray, np.ndar
         return (shifted(x) - given(x))[:, 0] / step, (shifted.outputs(x) - given.outputs(x))[:, 0] / step
 
 
-def response(
-    D: Disturbance,
-    band: np.ndarray,
-    starts: np.ndarray,
-    push: np.ndarray,
-    f: np.ndarray,
-    shown: np.ndarray | None = None,
-) -> np.ndarray:
+def response(D: Disturbance, push: np.ndarray, f: np.ndarray, shown: np.ndarray | None = None) -> np.ndarray:
     """What functions f (k, n_samples) move the outputs by, to first order: (n_outputs, k, n_samples).
 
     They act on the next states through ``push`` (n_states, n_samples), and on this sample's outputs through ``shown``.
     """
-    b = np.zeros((D.n, len(f), D.n_samples))
-    b[:, :, 1:] = (push[:, None] * f)[:, :, :-1]
-    b[:, :, starts] = 0.0
     with np.errstate(all="ignore"):
-        moved = np.einsum("toi,ikt->okt", D.C, solve_recursion(band, b))
+        moved = D.moved(push[:, None] * f)
     return moved if shown is None else moved + shown[:, None] * f

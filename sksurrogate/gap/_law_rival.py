@@ -18,7 +18,6 @@ from sksurrogate.gap._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap._evidence import columns, follow_noise
 from sksurrogate.gap._law_shapes import PAST, Form, Law, laws, of_time, over_sample, staircases, surfaces
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
@@ -106,12 +105,8 @@ def without_names(problem: Problem, rival: Rival, x: np.ndarray) -> tuple[Rival,
     if np.array_equal(x, rival.fit.x):
         D, now = problem.disturbance(rival), x[:, None]
         alone, named = model.bind(theta[:, None]), rival.model.bind(rival.fit.theta[:, None])
-        b = np.zeros_like(now)
-        b[:, :, 1:] = (alone(now) - named(now))[:, :, :-1]
-        b[:, :, record.starts] = 0.0
-        Z = solve_recursion(recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), record.starts), b)[:, 0]
-        moved = np.einsum("toi,it->ot", D.C, Z) + (alone.outputs(now) - named.outputs(now))[:, 0]
-        return rival, record.y - rival.fit.y - moved
+        moved = D.moved(alone(now) - named(now)) + alone.outputs(now) - named.outputs(now)
+        return rival, record.y - rival.fit.y - moved[:, 0]
     base = linear_along(problem, Rival((), model, replace(rival.fit, theta=theta), rival.noise), x)
     return base, record.y - base.fit.y
 
@@ -135,8 +130,7 @@ def named_along(problem: Problem, rival: Rival, x: np.ndarray, starts: Sequence[
 def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tuple[Curve, Law, str]]:
     """Laws of states and inputs in every balance, of each input in its place, of outputs in every sensor."""
     plant, record = problem.plant, problem.record
-    band = recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), record.starts)
-    moved = partial(response, D, band, record.starts)
+    moved = partial(response, D)
     x = base.fit.x[: len(plant.states)]
     signals, names = np.concatenate([x, record.u]), [*plant.states, *plant.inputs]
     held = set(plant.inputs) if plant.hold == "zoh" else set()

@@ -14,6 +14,7 @@ from sksurrogate.gap._accused import accused, told_by, told_by_law
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._correction import generic_correction, known_runs
+from sksurrogate.gap._curve_shapes import CERTAIN
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._found import Found
@@ -29,7 +30,6 @@ from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares, traces
 from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
-    CURVE,
     FAR,
     ROUNDING,
     _of,
@@ -96,7 +96,7 @@ class Questions:
         at = search.at(final)
         found = self.found
         found.curve = free_curve(at, final)
-        if final.effects and left(final) < NEAR and found.curve is not None and found.curve.gain > CURVE:
+        if final.effects and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
             self.name_what_is_seen()
             final, at = self.final, search.at(self.final)
         found.retuned = self._retuning_counts()
@@ -137,7 +137,7 @@ class Questions:
         search = self.search
         other = search.further(self.final)
         curve = free_curve(search.at(other), other) if other is not None else None
-        if curve is not None and curve.gain < CURVE:
+        if curve is not None and curve.gain < CERTAIN:
             search.final, self.found.curve = other, curve
 
     def law_rival(self, of_names: bool) -> LawRival | None:
@@ -320,7 +320,7 @@ class Questions:
     def curved_input(self) -> str | None:
         """The input whose own curve is likelier than all others, where nothing is named."""
         curve = self.found.curve
-        certain = curve is not None and not self.final.effects and curve.gain > CURVE
+        certain = curve is not None and not self.final.effects and curve.gain > CERTAIN
         return curve.location if curve and certain and curve.location in self.problem.plant.inputs else None
 
     def closed(self) -> bool:

@@ -15,6 +15,7 @@ from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._nested import NESTED, related, simpler
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
+from sksurrogate.gap._sticking import sticks_in
 
 __all__ = ["EQUAL", "Search"]
 
@@ -313,10 +314,13 @@ class Search(Expander):
         return rival.fit.cost > 5.0 * self.n_values
 
     def polish(self, rival: Rival) -> Rival:
-        """Refit with kinks sharper and steps shorter where that matters."""
-        problem = self.at(rival)
-        best = rival if self.is_far(rival) else revived(problem, rival)
-        for n_sub, sharpness in ((4, 150.0), (8, 500.0)):
+        """Refit with kinks sharper and steps shorter where that matters; far from the data only for friction that sticks."""
+        problem, far = self.at(rival), self.is_far(rival)
+        best = rival if far else revived(problem, rival)
+        values = [rival.theta_of(i) for i in range(len(rival.effects))]
+        for n_sub, sharpness in (
+            ((4, 150.0), (8, 500.0)) if not far or sticks_in(problem, rival.effects, values) else ()
+        ):
             finer = replace(problem, n_sub=max(n_sub, 2 * best.model.n_sub), sharpness=sharpness)
             if not numerics_matter(finer, best):
                 break

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
+from sksurrogate.gap._curve_shapes import CERTAIN
 from sksurrogate.gap._free_curve import FreeCurve
 from sksurrogate.gap._law_rival import LawRival
 from sksurrogate.gap._problem import Problem, Rival
@@ -48,9 +49,7 @@ FORCE = 0.06
 #: Near the noise, what is left is no disturbance when laws make up this share of the gap (amplitude), or when it moves an
 #: output by this share of its deviation.
 LAWFUL_SHARE, MOVED = 0.12, 0.03
-#: A free curve on top of the names, or one law in their place, is certain from this gain (twice nats) on.
-CURVE = 10.0
-#: Beside names it must make up the first share of the gap, and move an output by the second share of its deviation. Within
+#: Beside names a certain free curve must make up the first share of the gap, and move an output by the second share of its deviation. Within
 #: so many times the noise, where no other flaw of the model hides it, less of both.
 CURVE_SHARE, CURVE_MOVED = 0.01, 0.005
 WITHIN, CURVE_SHARE_WITHIN, CURVE_MOVED_WITHIN = 1.15, 0.003, 0.001
@@ -147,7 +146,7 @@ def decide(facts: Facts) -> str:
             lasting = law and facts.share_left * facts.law**0.5 > LAWFUL_SHARE
             large = facts.force > FORCE and facts.moved > MOVED
             much = (lasting or large) and facts.share_left > SHARE and facts.left > 1.05
-            imitated = facts.accepted and facts.rival > CURVE
+            imitated = facts.accepted and facts.rival > CERTAIN
             too_much = clear or much or hidden or most or imitated or stand_ins(facts)
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
@@ -166,7 +165,7 @@ def certified(shrink: Shrink, left: float) -> bool:
 
 def unnamed_curve(facts: Facts, moved: float) -> bool:
     """Whether a free curve of one signal is certain, and moves an output by a share of its deviation."""
-    return facts.curve > CURVE and facts.curve_moved > moved
+    return facts.curve > CERTAIN and facts.curve_moved > moved
 
 
 def stand_ins(facts: Facts) -> bool:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
@@ -96,6 +97,18 @@ class Disturbance:
         self.G = G
         self.GG = G.transpose(0, 2, 1) @ (G / slack[:, None] ** 2)
         self.constant = self._constant()
+
+    @cached_property
+    def _recursion(self) -> np.ndarray:
+        """The step map over all samples, as a band."""
+        return recursion_band(np.ascontiguousarray(self.A.transpose(1, 2, 0)), self.starts)
+
+    def moved(self, change: np.ndarray) -> np.ndarray:
+        """What changes of the next states (n_states, k, n_samples) move the outputs by: (n_outputs, k, n_samples)."""
+        b = np.zeros_like(change)
+        b[:, :, 1:] = change[:, :, :-1]
+        b[:, :, self.starts] = 0.0
+        return np.einsum("toi,ikt->okt", self.C, solve_recursion(self._recursion, b))
 
     def _constant(self) -> np.ndarray:
         """Lower band of the posterior precision without what depends on the noise parameters (n_samples, size, size + n)."""
