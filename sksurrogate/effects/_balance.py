@@ -31,8 +31,8 @@ __all__ = [
 ]
 
 
-#: Levels of dry friction that may stop a state, over that of a tenth of the balance: steps that are loud may drive what
-#: hardly moves. Within a sample they take at least the second share of its RMS.
+#: Levels of dry friction that may stop a state, over that of a tenth of its balance (a state that sticks hardly moves,
+#: whatever drives it). Within a sample they take at least the second share of its RMS.
 STOPPING, LOST = 2.0 ** np.arange(1, 7), 0.04
 
 
@@ -108,7 +108,20 @@ def stopping(effect: BalanceEffect, probe: Probe) -> list[float]:
     return [c for c in unit * STOPPING if c * probe.dt > LOST * speed]
 
 
-class CoulombFriction(BalanceEffect):
+class _DryFriction(BalanceEffect):
+    """Friction whose first parameter is its level c: the term jumps by 2 c where v changes its sign."""
+
+    def jump(self, theta: Sequence[Any]) -> Any:
+        """``c``."""
+        return theta[0]
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth of the balance, and levels that stop the state."""
+        rest = [p.null for p in self.parameters[1:]]
+        return [*super().starts(probe), *((c, *rest) for c in stopping(self, probe))]
+
+
+class CoulombFriction(_DryFriction):
     """Dry friction: ``- c sign(v)``."""
 
     name = "coulomb_friction"
@@ -128,16 +141,8 @@ class CoulombFriction(BalanceEffect):
         """``- c sign(v)``."""
         return -theta[0] * sign(v, width)
 
-    def jump(self, theta: Sequence[Any]) -> Any:
-        """``c``."""
-        return theta[0]
 
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """A tenth of the balance, and levels that stop the state."""
-        return [*super().starts(probe), *((c,) for c in stopping(self, probe))]
-
-
-class AsymmetricFriction(BalanceEffect):
+class AsymmetricFriction(_DryFriction):
     """Dry friction that differs by direction: ``- c sign(v) - c2``."""
 
     name = "asymmetric_friction"
@@ -149,14 +154,6 @@ class AsymmetricFriction(BalanceEffect):
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``- c sign(v) - c2``."""
         return -theta[0] * sign(v, width) - theta[1]
-
-    def jump(self, theta: Sequence[Any]) -> Any:
-        """``c``."""
-        return theta[0]
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """A tenth of the balance, and levels that stop the state; the same in both directions."""
-        return [*super().starts(probe), *((c, 0.0) for c in stopping(self, probe))]
 
 
 class StribeckFriction(BalanceEffect):
