@@ -50,10 +50,15 @@ def quantize(u: np.ndarray, step: Any) -> np.ndarray:
     return np.where(step > 0, step * np.round(u / np.where(step > 0, step, 1.0)), u)
 
 
-def times(probe: Probe) -> list[tuple[float, ...]]:
-    """Delays and time constants to try: 0.3 to 30 samples."""
+def times(probe: Probe, samples: Sequence[float] = (0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)) -> list[tuple[float, ...]]:
+    """Time constants to try: 0.3 to 30 samples."""
     longest = max(probe.duration / 3, probe.dt)
-    return [(k * probe.dt,) for k in (0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0) if k * probe.dt <= longest]
+    return [(k * probe.dt,) for k in samples if k * probe.dt <= longest]
+
+
+def delays(probe: Probe) -> list[tuple[float, ...]]:
+    """Delays to try, at first amid each sample: an output that shows an input jumps from sample to sample."""
+    return times(probe, (0.3, *np.arange(1.5, 13.0), 16.5, 22.5, 30.0))
 
 
 def step_sizes(signal: np.ndarray) -> list[tuple[float, ...]]:
@@ -99,7 +104,7 @@ class InputGain(InputEffect):
     ) -> Signal:
         """``(1 + c) u``."""
         factor = 1 + theta[0]
-        return Signal(factor * u.mean, None if u.half is None else factor * u.half)
+        return Signal(factor * u.mean, None if u.half is None else factor * u.half, factor * u.at_samples())
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth."""
@@ -121,7 +126,7 @@ class InputBias(InputEffect):
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
         """``u + c``."""
-        return Signal(u.mean + theta[0], u.half)
+        return Signal(u.mean + theta[0], u.half, u.at_samples() + theta[0])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth of the input's size."""
@@ -172,7 +177,7 @@ class InputCoupling(InputEffect):
         """``u + c v``."""
         assert v is not None
         half = u.half if v.half is None else theta[0] * v.half + (0.0 if u.half is None else u.half)
-        return Signal(u.mean + theta[0] * v.mean, half)
+        return Signal(u.mean + theta[0] * v.mean, half, u.at_samples() + theta[0] * v.at_samples())
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth of this input at the other one's size."""
@@ -318,8 +323,8 @@ class InputDelay(InputEffect):
         return delay(u, theta[0], h, starts)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """0.3 to 30 samples."""
-        return times(probe)
+        """0.3 to 30 samples, at first amid each."""
+        return delays(probe)
 
 
 class InputLag(InputEffect):

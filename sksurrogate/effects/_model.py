@@ -206,12 +206,15 @@ class BoundModel:
         self._drift = any(
             isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects
         )
+        self._constant_params = None
         self._constant_params = None if self._drift else self._varied(0.0)
-        self._mean, self._half = self._inputs()
+        self._mean, self._half, self.shown = self._inputs()
 
     # ---- parameters -------------------------------------------------------------------------------------------------
     def _varied(self, t: Any) -> dict[str, np.ndarray]:
         """Parameters that differ from their nominal values, (n_columns, 1) or (n_columns, n_samples)."""
+        if self._constant_params is not None:
+            return self._constant_params
         params, varied = self.a.plant.params, {}
         for name, row in zip(self.a.free, self.theta[self.a.free_slice]):
             varied[name] = retuned(params[name], row[:, None])
@@ -223,8 +226,8 @@ class BoundModel:
         return varied
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
-    def _inputs(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """Inputs that act: (n_sub, n_inputs, n_columns | 1, n_samples)."""
+    def _inputs(self) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+        """Inputs that act: (n_sub, n_inputs, n_columns | 1, n_samples); those at the samples (n_inputs, n_columns | 1, n_samples)."""
         a, record = self.a, self.record
         order = 0 if a.plant.hold == "zoh" else 1
         signals = [hold(u, a.n_sub, order, record.starts) for u in record.u]
@@ -239,8 +242,8 @@ class BoundModel:
             distinct = [row[first, None] for row in self.theta[a.slice_of(i)]]
             signals[place] = effect.transform(signals[place], other, distinct, self.h, record.starts)
         if not signals:
-            return np.zeros((a.n_sub, 0, 1, record.n_samples)), None
-        mean = _stack([s.mean for s in signals])
+            return np.zeros((a.n_sub, 0, 1, record.n_samples)), None, np.zeros((0, 1, record.n_samples))
+        mean, shown = _stack([s.mean for s in signals]), _stack([s.at_samples()[None] for s in signals])[0]
         half = None
         if any(s.half is not None for s in signals):
             half = np.broadcast_to(
@@ -249,7 +252,7 @@ class BoundModel:
         if mean.shape[2] > 1:
             column = np.ravel(column)
             mean, half = mean[:, :, column], None if half is None else half[:, :, column]
-        return mean, half
+        return mean, half, shown[:, column] if shown.shape[1] > 1 else shown
 
     # ---- dynamics ---------------------------------------------------------------------------------------------------
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
@@ -265,7 +268,7 @@ class BoundModel:
     def _whole_step(self, t: np.ndarray, x: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """A simulator's own step between two half steps of the effects' terms (Strang)."""
         dt, n = self.record.dt, self.a.n_nominal
-        varied = self._constant_params if self._constant_params is not None else self._varied(t)
+        varied = self._varied(t)
         u = np.mean(mean, axis=0)
         drift = np.zeros_like(x)
         if self.a.n_states > n:  # hidden states that follow dv/dt need the simulator's share of it
@@ -284,8 +287,7 @@ class BoundModel:
     def derivative(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the effects."""
         n = self.a.n_nominal
-        varied = self._constant_params if self._constant_params is not None else self._varied(t)
-        nominal = self.a.model.derivative(t, x[:n], u, varied)
+        nominal = self.a.model.derivative(t, x[:n], u, self._varied(t))
         if not self.a.effects:
             return nominal
         dx = np.empty((self.a.n_states, *nominal.shape[1:]))
@@ -338,7 +340,7 @@ class BoundModel:
         a = self.a
         out = np.zeros((a.n_states, *x0.shape[1:]))
         out[: a.n_nominal] = x0
-        u0 = (self._mean if self._half is None else self._mean - self._half)[0][..., self.record.starts]
+        u0 = self.shown[..., self.record.starts]
         for i, effect in enumerate(a.effects):
             if isinstance(effect, HiddenEffect):
                 v = np.broadcast_to(self.a.variable(i, x0, u0), x0.shape[1:])
@@ -355,10 +357,7 @@ class BoundModel:
         Readings that jump are smoothed as kinks are, unless ``sharp``.
         """
         a, record = self.a, self.record
-        n = a.n_nominal
-        varied = self._constant_params if self._constant_params is not None else self._varied(record.t)
-        u = self._mean[0] if self._half is None else self._mean[0] - self._half[0]
-        y = a.model.output(record.t, x[:n], u, varied)
+        y = a.model.output(record.t, x[: a.n_nominal], self.shown, self._varied(record.t))
         sensors = sorted(
             ((e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, SensorEffect)), key=lambda item: item[:2]
         )
@@ -379,16 +378,20 @@ class BoundModel:
         return y
 
     def _path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
-        """One output between the samples: slopes from the right-hand side, before and after the input moves."""
+        """One output between the samples: values and slopes from the right-hand side, before and after the input moves."""
         record = self.record
-        first = self._mean[0] if self._half is None else self._mean[0] - self._half[0]
+        first = self.shown
         last = self._mean[-1] if self._half is None else self._mean[-1] + self._half[-1]
         before = np.concatenate([last[..., :1], last[..., :-1]], axis=-1)
         right = self._slope(x, first, place)
-        left = right if np.array_equal(before, first) else self._slope(x, before, place)
-        left = left.copy()
+        if np.array_equal(before, first):
+            return SensorPath(y[place], right, right)
+        left, end = self._slope(x, before, place).copy(), None
         left[:, record.starts] = right[:, record.starts]
-        return SensorPath(y[place], right, left)
+        if self.a.plant.output_states is None:
+            end = self.a.model.output(record.t, x[: self.a.n_nominal], before, self._varied(record.t))[place]
+            end[:, record.starts] = y[place][:, record.starts]
+        return SensorPath(y[place], right, left, end)
 
     def _slope(self, x: np.ndarray, u: np.ndarray, place: int) -> np.ndarray:
         """Time derivative of an output: that of its state, or a difference along the flow."""
@@ -400,7 +403,7 @@ class BoundModel:
         if a.plant.output_states is not None:
             return dx[a.plant.output_states[place]]
         eps = 1e-6 * self.record.dt
-        varied = self._constant_params if self._constant_params is not None else self._varied(t)
+        varied = self._varied(t)
         ahead = a.model.output(t + eps, x[:n] + eps * dx, u, varied)[place]
         return (ahead - a.model.output(t, x[:n], u, varied)[place]) / eps
 

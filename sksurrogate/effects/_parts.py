@@ -95,6 +95,8 @@ class SensorPath:
     Attributes
     ----------
     y, right, left : ndarray (n_columns, n_samples)
+    end : ndarray (n_columns, n_samples), optional
+        Values just before every sample, where the output jumps with an input that it shows at once.
 
     Examples
     --------
@@ -108,3 +110,9 @@ class SensorPath:
     y: np.ndarray
     right: np.ndarray
     left: np.ndarray
+    end: np.ndarray | None = None
+
+    @property
+    def before(self) -> np.ndarray:
+        """Values just before every sample."""
+        return self.y if self.end is None else self.end

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
-from sksurrogate.effects._input import levels_inside, neighbouring_steps, quantize, step_sizes, times
+from sksurrogate.effects._input import delays, levels_inside, neighbouring_steps, quantize, step_sizes, times
 from sksurrogate.effects._lattice import LEVELS, lattice_steps, shows_steps
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.physics._simulator import Plant
@@ -70,7 +70,7 @@ def lag_moments(ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _pieces(path: SensorPath, dt: float) -> np.ndarray:
     """Coefficients of 1, s, s^2, s^3 of the cubic from every row to the next: (4, n_columns, n_samples - 1)."""
-    y, following = path.y[:, :-1], path.y[:, 1:]
+    y, following = path.y[:, :-1], path.before[:, 1:]
     m0, m1 = dt * path.right[:, :-1], dt * path.left[:, 1:]
     rise = following - y
     return np.stack([y, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise])
@@ -94,7 +94,7 @@ class SensorLag(SensorEffect):
         The pieces handed on keep the end values, the slopes before the samples and the means of the exact solution.
         """
         ratio = np.maximum(np.reshape(theta[0], (-1, 1)), 0.0) / dt
-        path = SensorPath(*np.broadcast_arrays(path.y, path.right, path.left))
+        path = SensorPath(*np.broadcast_arrays(path.y, path.right, path.left, path.before))
         a = _pieces(path, dt)
         moments, decay, decay_rate = lag_moments(ratio)
         n_columns, n_samples = max(len(path.y), len(ratio)), path.y.shape[1]
@@ -139,7 +139,7 @@ class SensorDelay(SensorEffect):
         """The cubic piece in which ``t - c`` lies, exactly there."""
         shift = np.maximum(np.reshape(theta[0], (-1, 1)), 0.0) / dt
         shape = np.broadcast_shapes(path.y.shape, (len(shift), 1))
-        y, right, left = (np.broadcast_to(values, shape) for values in (path.y, path.right, path.left))
+        y, right, left, end = (np.broadcast_to(v, shape) for v in (path.y, path.right, path.left, path.before))
         rows = np.arange(shape[1])
         first = np.repeat(starts, np.diff(np.r_[starts, shape[1]]))
         whole = np.floor(shift)
@@ -148,7 +148,8 @@ class SensorDelay(SensorEffect):
         inside = piece >= first
         here = np.broadcast_to(np.where(inside, piece, first), shape)
         last = np.broadcast_to(np.where(inside, piece + 1, first), shape)
-        y0, y1 = np.take_along_axis(y, here, 1), np.take_along_axis(y, last, 1)
+        y0 = np.take_along_axis(y, here, 1)
+        y1 = np.take_along_axis(np.where(whole == shift, y, end), last, 1)
         m0, m1 = dt * np.take_along_axis(right, here, 1), dt * np.take_along_axis(left, last, 1)
         q = 1.0 - s
         late = (1 + 2 * s) * q * q * y0 + s * s * (3 - 2 * s) * y1 + s * q * q * m0 - s * s * q * m1
@@ -161,8 +162,8 @@ class SensorDelay(SensorEffect):
         return SensorPath(late, np.where((q == 0) & started, at_node, before), before)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """0.3 to 30 samples."""
-        return times(probe)
+        """0.3 to 30 samples, at first amid each."""
+        return delays(probe)
 
 
 class SensorCoupling(SensorEffect):

@@ -198,8 +198,7 @@ class AugmentedSimulator(BaseSimulator):
         n = len(plant.states)
         if plant.access == "step":
             return X[:n].T, np.gradient(X[:n], bound.record.dt, axis=1).T
-        u = bound._mean[0] if bound._half is None else bound._mean[0] - bound._half[0]
-        return X[:n].T, bound.derivative(bound.record.t, X[:, None], u)[:n, 0].T
+        return X[:n].T, bound.derivative(bound.record.t, X[:, None], bound.shown)[:n, 0].T
 
     # ---- where nothing has a memory ---------------------------------------------------------------------------------
     @available_if(_has_rhs)

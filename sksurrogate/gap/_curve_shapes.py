@@ -107,11 +107,14 @@ def channel(problem: Problem, rival: Rival, i: int) -> tuple[np.ndarray, np.ndar
         return (shifted(x) - given(x))[:, 0] / step, (shifted.outputs(x) - given.outputs(x))[:, 0] / step
 
 
-def response(D: Disturbance, push: np.ndarray, f: np.ndarray, shown: np.ndarray | None = None) -> np.ndarray:
+def response(
+    D: Disturbance, push: np.ndarray, f: np.ndarray, shown: np.ndarray | None = None, now: np.ndarray | None = None
+) -> np.ndarray:
     """What functions f (k, n_samples) move the outputs by, to first order: (n_outputs, k, n_samples).
 
-    They act on the next states through ``push`` (n_states, n_samples), and on this sample's outputs through ``shown``.
+    They act on the next states through ``push`` (n_states, n_samples), and on this sample's outputs through ``shown``, there by their
+    values ``now`` where f are means over the samples.
     """
     with np.errstate(all="ignore"):
         moved = D.moved(push[:, None] * f)
-    return moved if shown is None else moved + shown[:, None] * f
+    return moved if shown is None else moved + shown[:, None] * (f if now is None else now)

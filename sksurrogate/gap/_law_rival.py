@@ -149,7 +149,7 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
         push, shown = channel(problem, base, i)
         own = [law for law in raw if law.variable.removesuffix(PAST) == name]
         for law in [*own, *staircases(record.u[i], name), *times]:
-            moves = partial(moved, push, law.functions, shown)
+            moves = partial(moved, push, law.functions, shown, law.shown)
             yield Curve(name, law.variable, len(law.functions), moves), law, "input"
     readings = base.fit.y
     of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]

@@ -46,11 +46,15 @@ class Form(NamedTuple):
 
 
 class Law(NamedTuple):
-    """A signal (or two, "a*b"), functions of it (n_functions, n_samples), and the forms that these make up."""
+    """A signal (or two, "a*b"), functions of it (n_functions, n_samples), and the forms that these make up.
+
+    What is ``shown`` of the functions at the samples stands beside them where they are means over each.
+    """
 
     variable: str
     functions: np.ndarray
     forms: tuple[Form, ...]
+    shown: np.ndarray | None = None
 
 
 def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Container[str] = ()) -> Iterator[Law]:
@@ -64,16 +68,19 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Conta
         if not moves(z):
             continue
         yield Law(name, *static(z))
-        plays, slews = followers(record, z)
-        memories = [past[:, i], plays]
+        plays, slews, at_samples = followers(record, z)
+        memories = shown = [past[:, i], plays]
         if name in given:
-            memories += [
-                np.stack([z[record.back(k)] for k in LAGS]),
-                *(slews[k : k + 2] for k in range(len(slews) - 1)),
-            ]
+            lags = np.stack([z[record.back(k)] for k in LAGS])
+            memories, shown = ([*memories, lags, *pairs(rates)] for rates in (slews, at_samples))
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
-        yield Law(name + PAST, np.concatenate([z[None], *memories]), forms)
+        yield Law(name + PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown]))
+
+
+def pairs(f: np.ndarray) -> list[np.ndarray]:
+    """Neighbours of rows (n, n_samples)."""
+    return [f[k : k + 2] for k in range(len(f) - 1)]
 
 
 def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
@@ -83,15 +90,15 @@ def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
         yield Law(name, f, (Form(np.arange(len(f))),))
 
 
-def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What follows a signal, held within a sample, with play and at limited rates, its means over each: (n_widths, n_samples).
 
-    Sums of plays are any hysteresis that closes its loops (Prandtl and Ishlinskii).
+    And that at limited rates at the samples. Sums of plays are any hysteresis that closes its loops (Prandtl and Ishlinskii).
     """
     reach, held = np.ptp(z), hold(z, 1, 0, record.starts)
     rates = reach / SLEWS
     plays, slews = play(held, reach * np.array(PLAYS), record.starts), rate_limit(held, rates, 1.0, record.starts)
-    return plays.mean[0], slews.mean[0]
+    return plays.mean[0], slews.mean[0], slews.at_samples()
 
 
 def of_time(record: Record) -> Iterator[Law]:

@@ -2,7 +2,8 @@
 
 A :class:`Signal` holds, for every substep, the mean and half the rise of the input. Zero-order hold and first-order hold
 are exact in this form; delays and lags are kept to the zeroth and first moment of every substep, so that a simulation
-with them converges as one with a smooth input and depends smoothly on the delay.
+with them converges as one with a smooth input and depends smoothly on the delay. What an output shows of them at a sample
+stands beside these moments.
 
 Arrays are ``(n_sub, n_columns, n_samples)`` for one input: column = rival or perturbation, ``n_samples`` = stacked runs.
 """
@@ -28,10 +29,17 @@ class Signal:
     mean : ndarray (n_sub, n_columns, n_samples)
     half : ndarray of the same shape or None
         Half the rise over the substep; None where the signal is constant within a sample.
+    shown : ndarray (n_columns, n_samples) or None
+        Value at every sample; None where it is that at the start of the first substep.
     """
 
     mean: np.ndarray
     half: np.ndarray | None = None
+    shown: np.ndarray | None = None
+
+    def at_samples(self) -> np.ndarray:
+        """Value at every sample (n_columns, n_samples)."""
+        return self.start()[0] if self.shown is None else self.shown
 
     def start(self) -> np.ndarray:
         """Value at the start of every substep."""
@@ -59,7 +67,7 @@ def pointwise(g: Callable[[np.ndarray], np.ndarray], signal: Signal) -> Signal:
     if signal.half is None:
         return Signal(g(signal.mean))
     first, middle, last = g(signal.start()), g(signal.mean), g(signal.end())
-    return Signal((first + 4 * middle + last) / 6, (last - first) / 2)
+    return Signal((first + 4 * middle + last) / 6, (last - first) / 2, g(signal.at_samples()))
 
 
 def _by_time(values: np.ndarray) -> np.ndarray:
@@ -74,24 +82,26 @@ def _by_substep(values: np.ndarray, n_sub: int) -> np.ndarray:
     return np.ascontiguousarray(values.reshape(n_columns, n // n_sub, n_sub).transpose(2, 0, 1))
 
 
-def _over_columns(one: Callable[..., tuple[np.ndarray, np.ndarray]], signal: Signal, size: np.ndarray) -> Signal:
-    """Apply ``one(mean, half, size)`` to every column; equal sizes on equal signals are computed once."""
+def _over_columns(
+    one: Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]], signal: Signal, size: np.ndarray
+) -> Signal:
+    """Apply ``one(mean, half, size)`` to every column; equal sizes on equal signals are computed once.
+
+    It gives means, half rises and the values at the starts of the substeps.
+    """
     given, rise = np.broadcast_arrays(signal.mean, np.zeros_like(signal.mean) if signal.half is None else signal.half)
     n_sub, n_given, _ = given.shape
     size = np.ravel(size)
     mean, half = _by_time(given), _by_time(rise)
     n_columns = max(n_given, len(size))
-    out_mean, out_half = np.empty((n_columns, mean.shape[1])), np.empty((n_columns, mean.shape[1]))
+    out = np.empty((3, n_columns, mean.shape[1]))
     known: dict[tuple[float, int], int] = {}
     for c in range(n_columns):
         source = c if n_given > 1 else 0
         value = float(size[c if len(size) > 1 else 0])
         twin = known.setdefault((value, source), c)
-        if twin == c:
-            out_mean[c], out_half[c] = one(mean[source], half[source], value)
-        else:
-            out_mean[c], out_half[c] = out_mean[twin], out_half[twin]
-    return Signal(_by_substep(out_mean, n_sub), _by_substep(out_half, n_sub))
+        out[:, c] = one(mean[source], half[source], value) if twin == c else out[:, twin]
+    return Signal(_by_substep(out[0], n_sub), _by_substep(out[1], n_sub), out[2, :, ::n_sub])
 
 
 def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Signal:
@@ -111,7 +121,7 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Sig
     n = signal.mean.shape[2] * n_sub
     first = _first_of_run(starts * n_sub, n)
 
-    def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         whole = max(size, 0.0) / h
         m = int(min(np.floor(whole), n))
         phi = min(whole - m, 1.0) if m < n else 0.0
@@ -128,7 +138,8 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Sig
             + b1 * (cube + 1) / 6
             + b2 * (1 - cube) / 6
         )
-        return new_mean, new_half
+        begin = a1 + b1 * (1 - 2 * phi) if phi > 0 else a2 - b2
+        return new_mean, new_half, begin
 
     return _over_columns(one, signal, time)
 
@@ -141,7 +152,7 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray)
     n_sub = len(signal.mean)
     firsts = starts * n_sub
 
-    def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         k = max(size / h, 1e-15)  # time constant in substeps
         p, q = mean - half, 2 * half
         decay = np.exp(-1.0 / k)
@@ -153,7 +164,7 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray)
         w0[firsts] = p[firsts]
         d = w0 - p + q * k
         moment = 2 * k * k * rise - k * (1 + decay) if k < 100 else -1 / (6 * k) + 1 / (12 * k**2) - 1 / (40 * k**3)
-        return p + q / 2 - q * k + d * k * rise, half + 3 * d * moment
+        return p + q / 2 - q * k + d * k * rise, half + 3 * d * moment, w0
 
     return _over_columns(one, signal, time_constant)
 
@@ -227,4 +238,4 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray) 
         u, rise = np.broadcast_to(_by_time(signal.mean), mean.shape), np.broadcast_to(_by_time(signal.half), mean.shape)
         follows = met & (np.abs(before - (u - rise)) <= 1e-12 * (np.abs(u) + np.abs(rise)))
         mean, half = np.where(follows, u, mean), np.where(follows, rise, half)
-    return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub))
+    return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub), before[:, ::n_sub])

@@ -176,3 +176,20 @@ def test_signals_are_not_written():
         if cls.kind == "input":
             cls("u").transform(u, u, [np.array([[0.3]])] * len(cls.parameters), 0.5, ONE)
             assert np.array_equal(u.mean, kept.mean) and np.array_equal(u.half, kept.half), name
+
+
+@pytest.mark.parametrize("n_sub", [1, 3])
+@pytest.mark.parametrize("starts", [ONE, np.array([0, 17])])
+@pytest.mark.parametrize(
+    "name, value", [("input_delay", 0.3), ("input_delay", 2.0), ("input_lag", 0.6), ("rate_limit", 0.8)]
+)
+def test_what_an_output_shows_at_a_sample_is_exact(name, value, n_sub, starts):
+    """A held input: whatever the substeps keep of it, outputs that show it see the actuator as it stands at the sample."""
+    u, expected = np.random.default_rng(2).normal(size=40), np.zeros(40)
+    for a, b in pairwise([*starts, 40]):
+        w = u[a]
+        for k in range(a, b):
+            expected[k] = u[max(k - int(np.ceil(value)), a)] if name == "input_delay" else w
+            w += (u[k] - w) * -np.expm1(-1 / value) if name == "input_lag" else np.clip(u[k] - w, -value, value)
+    found = act(name, u, value, n_sub=n_sub, h=1 / n_sub, starts=starts)
+    np.testing.assert_allclose(found.at_samples()[0], expected, atol=1e-12)

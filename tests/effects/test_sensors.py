@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from sksurrogate.effects import CATALOGUE, Probe, SensorPath
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, Probe, SensorPath
 from sksurrogate.effects._sensor import EXCESS, ceiling, lag_moments
+from sksurrogate.physics import ODESimulator
 
 ONE = np.array([0])
 
@@ -221,3 +222,32 @@ def test_no_end_is_seen_of_a_sine_a_ramp_or_noise():
     for x in (np.sin(0.05 * np.arange(800)), np.linspace(-1.0, 1.0, 800), np.zeros(800), np.arange(800) % 40 / 40.0):
         assert ceiling(x + e, 0.01) is None
     assert ceiling(e, 0.0) is None
+
+
+@pytest.mark.parametrize("name", ["sensor_lag", "sensor_delay"])
+@pytest.mark.parametrize("value", [0.03, 0.1, 0.25, 0.37])
+def test_an_output_that_shows_an_input_jumps_with_it(name, value):
+    """``dx/dt = u - x``, ``y = x + 2 u`` with u held: the reading in closed form from sample to sample."""
+    dt, n = 0.1, 12
+    u = np.random.default_rng(3).normal(size=n)
+    plant = ODESimulator(
+        lambda t, x, u, p: (u[0] - x[0],), states=["x"], inputs=["u"], outputs=["y"], params={}, dt=dt, x0=[0.4],
+        output=lambda t, x, u, p: (x[0] + 2 * u[0],),
+    )  # fmt: skip
+    found = AugmentedSimulator(plant, [CATALOGUE[name]("y")], [(value,)]).simulate(u[:, None])[:, 0]
+    x = [0.4]
+    for k in range(n - 1):
+        x.append(u[k] + (x[k] - u[k]) * np.exp(-dt))
+
+    def output(t):
+        k = int(np.floor(t / dt + 1e-9))
+        return u[k] + (x[k] - u[k]) * np.exp(-(t - k * dt)) + 2 * u[k]
+
+    if name == "sensor_delay":
+        expected = [output(max(dt * k - value, 0.0)) for k in range(n)]
+    else:  # c dw/dt + w = 3 u + (x - u) exp(-t) over every sample
+        expected, share = [output(0.0)], np.exp(-dt / value)
+        for k in range(n - 1):
+            forced = (x[k] - u[k]) * (np.exp(-dt) - share) / (1.0 - value)
+            expected.append(share * expected[k] + 3 * u[k] * (1.0 - share) + forced)
+    np.testing.assert_allclose(found, expected, atol=2e-6)

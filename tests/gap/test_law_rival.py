@@ -170,11 +170,12 @@ def test_play_and_limited_rates_follow_in_closed_form():
     ramp, step = np.arange(41.0), np.r_[0.0, np.ones(40)]
     record = Record.from_runs([np.zeros((41, 1))] * 2, [np.zeros((41, 1))] * 2, [np.arange(41.0)] * 2, 1.0)
     up_and_again = np.stack([np.tile(ramp, 2), np.tile(step, 2)])
-    (play, _), (_, slew) = (followers(record, z) for z in up_and_again)
+    (play, *_), (_, slew, shown) = (followers(record, z) for z in up_and_again)
     for k, share in enumerate(PLAYS):
         np.testing.assert_allclose(play[k], np.tile(np.maximum(ramp - 40.0 * share, 0.0), 2), atol=1e-12)
     for k, n in enumerate(SLEWS):
         np.testing.assert_allclose(slew[k], np.tile(np.clip((ramp - 0.5) / n, 0.0, 1.0), 2), atol=1e-12)
+        np.testing.assert_allclose(shown[k], np.tile(np.clip((ramp - 1.0) / n, 0.0, 1.0), 2), atol=1e-12)
 
 
 def test_an_actuator_with_play_is_told_by_the_past_of_its_input():
