@@ -31,7 +31,8 @@ MOST_KEPT = 60_000_000
 ROUNDING = 1e-12
 #: A parameter is not started from below this share of its value: at 0 many plants have no free run.
 LEAST_FACTOR = 0.2
-
+#: A change of the outputs beyond so many times their noise is no start: its squares break the arithmetic, and the order.
+LARGEST = 1e12
 #: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
 CONTENDERS, LEAST_DROP = 0.2, 30.0
 
@@ -301,8 +302,9 @@ def _columns(
             continue
         theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
         out, paths = s.columns(effect, theta)
+        size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
         for k in range(theta.shape[1]):
-            if np.all(np.isfinite(out[:, k])) and np.any(out[:, k]):
+            if 0.0 < size[k] < LARGEST:
                 through = unseen.through(effect, theta[:, k])
                 found.append(_Column(effect, theta[:, k], out[:, k], paths[k], k < len(evident) and not shape, through))
     return found

@@ -76,8 +76,8 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     )
     if len(final.effects) == 1:  # those of the search may have begun at other re-tuned parameters
         rivals.extend(search.first_round)
-    elif not few:
-        rest = taken_out(fine, final, i)  # the others, fitted again alone, may have run away
+    if not few and (len(final.effects) > 1 or search.problem.free):
+        rest = taken_out(fine, final, i)  # the others and the free parameters, fitted again alone, may have run away
         rivals.extend([] if rest is None else search.anew(fine, rest, MOST_ANEW, 0, final.fit.cost))
     rivals = list({rival.keys: rival for rival in sorted(rivals, key=lambda r: -r.fit.cost)}.values())
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
