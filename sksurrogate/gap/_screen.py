@@ -31,8 +31,9 @@ MOST_KEPT = 60_000_000
 ROUNDING = 1e-12
 #: A parameter is not started from below this share of its value: at 0 many plants have no free run.
 LEAST_FACTOR = 0.2
-#: A change of the outputs beyond so many times their noise is no start: its squares break the arithmetic, and the order.
-LARGEST = 1e12
+#: A change of the outputs beyond so many times their noise is no start; one of the base beyond the second cannot be squared:
+#: either breaks the arithmetic, and the order.
+LARGEST, UNSQUARED = 1e12, 1e100
 #: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
 CONTENDERS, LEAST_DROP = 0.2, 30.0
 
@@ -233,7 +234,7 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
     known = np.concatenate([r, P]) / sd
     low, high = _range(columns)
     rest = known, J_x, precision, pull, problem.record.starts, low, high
-    if not columns or not np.isfinite(known).all():  # a base that cannot be linearised along the measured path
+    if not columns or not np.max(np.abs(known)) < UNSQUARED:  # a base that cannot be linearised along the measured path
         return Screen([], [], None, *rest)
     whole = np.empty((few + len(columns), *known.shape[1:]))
     whole[:few] = known

@@ -46,6 +46,8 @@ BY_SIZE = 10.0
 CORRELATED = 10.0
 #: A set of effects that was left is taken up again where it comes back with less than this share of its cost.
 COMES_BACK = 0.9
+#: A fit with so many times the cost of the null has gone astray.
+ASTRAY = 100.0
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
@@ -283,10 +285,10 @@ class Search(Expander):
     # ---- steps ------------------------------------------------------------------------------------------------------
     def ranked(self, rivals: Iterable[Rival], base: Rival) -> list[Rival]:
         """Rivals by penalised likelihood, the best under their own noise, the others by a quick look."""
-        rivals = list(rivals)
+        assert self.null is not None and self.null.noise is not None
+        rivals = [rival for rival in rivals if rival.fit.cost < ASTRAY * self.null.fit.cost]
         if not rivals:
             return []
-        assert self.null is not None and self.null.noise is not None
         noise = base.noise or self.null.noise
         cheapest = min(rivals, key=lambda rival: rival.fit.cost)
         problem = self.searching(base)

@@ -1,10 +1,15 @@
-"""The screen orders all candidates, whatever one of them does."""
+"""The screen orders all candidates, and the search all fits, whatever one of them does."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from sksurrogate.effects import CATALOGUE, BalanceEffect, Parameter
-from sksurrogate.gap._problem import build_problem
+from sksurrogate.gap._evidence import estimate_noise
+from sksurrogate.gap._problem import Rival, build_problem
 from sksurrogate.gap._screen import screen
+from sksurrogate.gap._select import Search
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -28,21 +33,47 @@ class Burst(BalanceEffect):
         return [(1.0,)]
 
 
-def test_a_column_beyond_the_arithmetic_leaves_the_order_of_the_others():
-    plant = ODESimulator(
-        lambda t, x, u, p: (u[0] - x[0],), states=["x"], inputs=["u"], outputs=["x"], params={}, dt=DT
-    )  # fmt: skip
+def linear(t, x, u, p):
+    return (u[0] - x[0],)
+
+
+def dragged(t, x, u, p):
+    return (u[0] - x[0] - 0.3 * x[0] * np.abs(x[0]),)
+
+
+def simulator(rhs):
+    return ODESimulator(rhs, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=DT)
+
+
+@pytest.fixture(scope="module")
+def problem():
     rng = np.random.default_rng(0)
     u = rng.normal(size=(N, 1)).cumsum(axis=0)
-    y = ODESimulator(
-        lambda t, x, u, p: (u[0] - x[0] - 0.3 * x[0] * np.abs(x[0]),), states=["x"], inputs=["u"], outputs=["x"], params={}, dt=DT
-    ).simulate(u).reshape(N, 1) + 0.01 * rng.normal(size=(N, 1))  # fmt: skip
-    described = describe(plant, n_inputs=1, n_outputs=1, dt=DT)
-    record = Record.from_runs([u], [y], [DT * np.arange(N)], DT)
-    problem, smoothed = build_problem(described, PlantModel(described), record, (), ("x",))
+    y = simulator(dragged).simulate(u).reshape(N, 1) + 0.01 * rng.normal(size=(N, 1))
+    plant = describe(simulator(linear), n_inputs=1, n_outputs=1, dt=DT)
+    return build_problem(plant, PlantModel(plant), Record.from_runs([u], [y], [DT * np.arange(N)], DT), (), ("x",))
+
+
+def effects(*names):
+    return [CATALOGUE[name]("x", "x") for name in names]
+
+
+def test_a_column_beyond_the_arithmetic_leaves_the_order_of_the_others(problem):
+    problem, smoothed = problem
     null = problem.fit((), np.zeros(0), smoothed.x)
-    others = [CATALOGUE[name]("x", "x") for name in ("linear_loss", "quadratic_drag", "cubic_stiffness")]
+    others = effects("linear_loss", "quadratic_drag", "cubic_stiffness")
     starts = screen(problem, [others[0], Burst("x", "x"), *others[1:]], null, smoothed.x, None).starts
     assert all(np.isfinite([start.white, start.forced, start.left]).all() for start in starts)
     assert [start.effect.name for start in starts] == [effect.name for effect in others]
     assert max(starts, key=lambda start: start.white).effect.name == "quadratic_drag"
+
+
+def test_a_fit_that_went_astray_is_none(problem):
+    """Its likelihood is a difference of astronomical numbers."""
+    problem, smoothed = problem
+    search = Search(problem, effects("linear_loss", "quadratic_drag"), smoothed.x)
+    null = search.null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
+    fits = [problem.fit((effect,), np.array([0.1]), smoothed.x) for effect in search.candidates]
+    astray = Rival(fits[0].effects, fits[0].model, replace(fits[0].fit, cost=1e80))
+    assert [rival.effects[0].name for rival in search.ranked([astray, fits[1]], null)] == ["quadratic_drag"]
+    assert search.ranked([astray], null) == []
