@@ -12,6 +12,8 @@ __all__ = ["LEVELS", "lattice_steps", "shows_steps"]
 BINS, MOST_BINS = 2000, 1 << 19
 #: Least ``mean cos(2 pi y / step)`` of a lattice; share of the best from which a coarser step wins.
 LEAST, AS_CLEAR = 0.35, 0.97
+#: Lattices that are looked at closely, and what a peak between two frequencies of the transform shows of its height at least.
+MOST_ALIKE, BETWEEN = 8, 0.9
 
 #: Least coherence at which every reading shows its level: white noise of a sixth of a step leaves as much.
 SHOWN = 0.58
@@ -50,7 +52,7 @@ def lattice_steps(readings: np.ndarray) -> list[float]:
     Returns
     -------
     list of float
-        At most one step: the coarsest of those that are about as clear as the clearest.
+        At most one step: the clearest about the coarsest of those that are about as clear as the clearest.
 
     Examples
     --------
@@ -79,9 +81,19 @@ def lattice_steps(readings: np.ndarray) -> list[float]:
     if not usable.any() or score[usable].max() < LEAST:
         return []
     clear = np.flatnonzero(usable & (score > AS_CLEAR * score[usable].max()))
-    chosen = clear[0] + int(np.argmax(score[clear[0] : clear[0] + 16]))
-    step = 1.0 / frequency[chosen]
-    for narrow in (1.0, 0.1, 0.01):  # the top of the peak
+    # Far from 0 a lattice of one step more or fewer up to there is nearly as clear; at half the step it is another one.
+    family = np.abs(np.log(np.maximum(frequency, frequency[1]) / frequency[clear[0]])) < 0.4
+    alike = np.flatnonzero(usable & family & (score > BETWEEN * score[clear[0]]))
+    likely = alike[np.argsort(-score[alike])[:MOST_ALIKE]]
+    steps = np.array([top_of(readings, 1.0 / frequency[k], span) for k in likely])
+    clearness = coherence(readings, steps)
+    best = int(np.argmax(clearness))
+    return [float(steps[best])] if clearness[best] > LEAST else []
+
+
+def top_of(readings: np.ndarray, step: float, span: float) -> float:
+    """The step at the top of the peak of coherence that a step lies on, its frequency known to ``1 / span``."""
+    for narrow in (1.0, 0.1, 0.01):
         near = 1.0 / (1.0 / step + narrow * np.linspace(-1.0, 1.0, 21) / span)
         step = float(near[np.argmax(coherence(readings, near))])
-    return [step] if coherence(readings, np.array([step]))[0] > LEAST else []
+    return step

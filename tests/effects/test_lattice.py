@@ -26,6 +26,16 @@ def test_the_step_is_found_so_that_its_multiples_are_the_readings(seed, offset):
         assert np.max(np.abs(rounded - found * np.round(rounded / found))) < 0.2 * step
 
 
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("counts", [150, 380])
+def test_one_step_more_or_fewer_up_to_the_readings_is_told_apart(seed, counts):
+    """The readings span 20 steps, so that the lattice of one step more is a twentieth of a step off at their ends."""
+    y, rng = signal(seed)
+    step = float(np.ptp(y)) / 20.0
+    rounded = step * np.round(counts + y / step) + 0.02 * step * rng.normal(size=len(y))
+    assert lattice_steps(rounded)[0] == pytest.approx(step, rel=0.2 / counts)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_smooth_signal_has_none(seed):
     y, rng = signal(seed)
