@@ -16,11 +16,11 @@ MOST = 3
 WORTH = 1.0
 
 
-def scanned(problem: Problem, rival: Rival) -> Rival:
-    """Fit again from values nearby where the prediction of the last effect jumps with them."""
+def scanned(problem: Problem, rival: Rival, i: int = -1) -> Rival:
+    """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them."""
     for _ in range(3):
         before = rival.fit.cost
-        for theta in promising(problem, rival):
+        for theta in promising(problem, rival, i):
             other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
             if other is not None and other.fit.cost < rival.fit.cost:
                 rival = other
@@ -29,15 +29,15 @@ def scanned(problem: Problem, rival: Rival) -> Rival:
     return rival
 
 
-def promising(problem: Problem, rival: Rival) -> list[np.ndarray]:
-    """Parameters with the last effect at another value, where less is expected to be left.
+def promising(problem: Problem, rival: Rival, i: int = -1) -> list[np.ndarray]:
+    """Parameters with effect i, the last by default, at another value, where less is expected to be left.
 
     The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values abreast; initial
     states and the other parameters follow by least squares.
     """
     model, record, fit = rival.model, problem.record, rival.fit
-    place = model.slice_of(len(rival.effects) - 1)
-    values = rival.effects[-1].scan(tuple(fit.theta[place]))
+    place = model.slice_of(i % len(rival.effects))
+    values = rival.effects[i].scan(tuple(fit.theta[place]))
     if not values:
         return []
     columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)

@@ -15,6 +15,7 @@ from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._nested import NESTED, related, simpler
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
+from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._sticking import sticks_in
 
 __all__ = ["EQUAL", "Search"]
@@ -275,6 +276,9 @@ class Search(Expander):
         problem = self.at(rival)
         n = self.problem.model.plant.states
         base = problem.fit(effects, rival.fit.theta[keep], rival.fit.x[: len(n)])
+        if base is not None:  # a step may have been off, and effect i have made up for it
+            for j in range(len(effects)):
+                base = scanned(problem, base, j)
         if base is None and self.null is not None and not effects:
             base = self.null
         if base is not None and base.noise is None:

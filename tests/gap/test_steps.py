@@ -115,3 +115,8 @@ def test_values_nearby_are_ranked_as_their_own_free_runs_rank_them(plant):
     assert best == sorted(cost, key=lambda step: cost[step])[: len(best)]
     assert best[0] == pytest.approx(0.31, rel=0.005)
     assert promising(problem, Rival(effects, off.model, frozen_fit(problem, off, np.array([0.31])))) == []
+    beside = *effects, CATALOGUE["input_bias"]("flow")
+    first = Rival(beside, problem.augmented(beside), off.fit)
+    first = Rival(beside, first.model, frozen_fit(problem, first, np.array([*off.fit.theta, 0.0])))
+    assert promising(problem, first, 0)[0][0] == pytest.approx(0.31, rel=0.005)
+    assert promising(problem, first) == []  # a bias has no steps
