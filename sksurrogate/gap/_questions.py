@@ -53,8 +53,9 @@ _NAN = float("nan")
 WITHIN_NOISE = 1.05
 #: Named effects that leave less over the noise leave no law.
 NOTHING_LEFT = 1.02
-#: Free runs within this many times the noise are near to the data.
-NEAR = 2.0
+#: Free runs within this many times the noise are near to the data; names within more of it are doubted: beside a disturbance
+#: that left up to three times the noise no law beat a true name. Of a real plant further off any law may.
+NEAR, DOUBTED = 2.0, 4.0
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
 #: What is known of the shrink after an early interrupt.
@@ -150,11 +151,11 @@ class Questions:
             found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates))
         return found.rivals.get(named)
 
-    def imitation(self, beyond: float) -> LawRival | None:
-        """The law in the place of names that may imitate it: of more than one parameter, or not at the noise, but not far beyond."""
+    def imitation(self) -> LawRival | None:
+        """The law in the place of names that may imitate it: of more than one parameter, or not at the noise."""
         final = self.final
         several = final.n_parameters > 1 or left(final) > NOTHING_LEFT
-        return self.law_rival(True) if final.effects and several and beyond < FAR else None
+        return self.law_rival(True) if final.effects and several and left(final) < DOUBTED else None
 
     def fitted(self, final: Rival) -> tuple[Problem, Rival]:
         """The rival that stands, fitted on more of a long record."""
@@ -229,7 +230,7 @@ class Questions:
                 found.latent,
                 found.law,
                 found.curve,
-                self.imitation(beyond),
+                self.imitation(),
                 rounding,
                 found.retuned,
                 gap,
