@@ -84,7 +84,7 @@ def pairs(f: np.ndarray) -> list[np.ndarray]:
 
 
 def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
-    """A fine curve of an input, which may be a staircase."""
+    """A fine curve of an input or a reading, which may be a staircase."""
     if moves(z):
         f = hats(z, KNOTS_OF_INPUT)
         yield Law(name, f, (Form(np.arange(len(f))),))

@@ -49,8 +49,8 @@ FORCE = 0.06
 #: Near the noise, what is left is no disturbance when laws make up this share of the gap (amplitude), or when it moves an
 #: output by this share of its deviation.
 LAWFUL_SHARE, MOVED = 0.12, 0.03
-#: Beside names a certain free curve must make up the first share of the gap, and move an output by the second share of its deviation. Within
-#: so many times the noise, where no other flaw of the model hides it, less of both.
+#: Beside names a certain free curve must make up the first share of the gap, and move an output by the second share of its
+#: deviation. Within so many times the noise, where no other flaw of the model hides it, less of both.
 CURVE_SHARE, CURVE_MOVED = 0.01, 0.005
 WITHIN, CURVE_SHARE_WITHIN, CURVE_MOVED_WITHIN = 1.15, 0.003, 0.001
 #: What is said of parameters that close the gap, and where they would hide effects as large.
