@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import InputEffect, Parameter, Probe
+from sksurrogate.effects._lattice import COARSE, likely_steps
 from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
 from sksurrogate.physics._simulator import Plant
 
@@ -34,6 +35,8 @@ __all__ = [
 COARSEST, FINEST = 0.55, 40.0
 #: Largest value over the range of a signal, beyond which no finer steps are tried.
 FARTHEST = 4.0
+#: Depths of limits below the top of a range, over the range, that cut off little.
+SHALLOW = (0.002, 0.008)
 #: Largest move over the tenth largest in a hundred, from which jumps are rare among other moves.
 RARE = 3.0
 
@@ -61,17 +64,21 @@ def delays(probe: Probe) -> list[tuple[float, ...]]:
     return times(probe, (0.3, *np.arange(1.5, 13.0), 16.5, 22.5, 30.0))
 
 
-def step_sizes(signal: np.ndarray) -> list[tuple[float, ...]]:
+def step_sizes(signal: np.ndarray, slope: tuple[np.ndarray, np.ndarray] | None = None) -> list[tuple[float, ...]]:
     """Steps of a quantisation to try: 0.55 to 40 steps to the largest value, more where the signal moves about an offset.
 
-    Close together: a step that is off shifts the rounding of large values by a whole step.
+    Close together: a step that is off shifts the rounding of large values by a whole step. Where the slope of the log
+    likelihood is known, of more than 10 steps those that go with it.
     """
     largest = float(np.max(np.abs(signal), initial=0.0))
-    offset = min(largest / max(float(np.ptp(signal)), 1e-300), FARTHEST) if signal.size else 1.0
-    counts = np.r_[
-        np.arange(COARSEST, 1.0, 0.05), np.arange(1.0, 10.0, 0.2), np.arange(10.0, FINEST * max(offset, 1.0), 0.4)
-    ]
-    return [(largest / float(count),) for count in counts] if largest > 0 else []
+    if largest <= 0:
+        return []
+    counts = np.r_[np.arange(COARSEST, 1.0, 0.05), np.arange(1.0, COARSE, 0.2)]
+    if slope is None:
+        offset = min(largest / max(float(np.ptp(signal)), 1e-300), FARTHEST)
+        counts = np.r_[counts, np.arange(COARSE, FINEST * max(offset, 1.0), 0.4)]
+    finer = [] if slope is None else likely_steps(*slope)
+    return [(step,) for step in [*(largest / float(count) for count in counts), *finer]]
 
 
 def neighbouring_steps(step: float) -> list[tuple[float, ...]]:
@@ -85,7 +92,8 @@ def levels_inside(signal: np.ndarray) -> list[tuple[float, ...]]:
     found = np.quantile(signal, (0.998, 0.97, 0.9, 0.75, 0.5))
     spread = float(np.ptp(signal))
     limits = dict.fromkeys(float(value - 0.03 * spread) for value in found)
-    return [(limit,) for limit in limits if spread > 0 and np.any(signal > limit)]
+    shallow = [float(np.max(signal, initial=0.0)) - depth * spread for depth in SHALLOW]
+    return [(limit,) for limit in [*limits, *shallow] if spread > 0 and np.any(signal > limit)]
 
 
 class InputGain(InputEffect):
@@ -298,8 +306,8 @@ class InputQuantization(InputEffect):
         return pointwise(lambda value: quantize(value, theta[0]), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """From half a step to 40 steps to the largest input."""
-        return step_sizes(probe.x)
+        """From half a step to 40 steps to the largest input; finer ones where the slope of the likelihood shows them."""
+        return step_sizes(probe.x, probe.slope)
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
         """Steps up to 4 % off."""

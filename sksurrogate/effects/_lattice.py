@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["LEVELS", "lattice_steps", "shows_steps"]
+__all__ = ["COARSE", "LEVELS", "lattice_steps", "likely_steps", "shows_steps"]
 
 #: Bins over the range of the readings, at least, and most bins with the empty ones.
 BINS, MOST_BINS = 2000, 1 << 19
@@ -19,6 +19,11 @@ MOST_ALIKE, BETWEEN = 8, 0.9
 SHOWN = 0.58
 #: Steps that the readings must span: fewer are seen in many a smooth signal.
 LEVELS = 1.7
+
+#: Steps up to the largest value between which likely ones are sought, bins to the finest one, and bins per cycle at the largest.
+COARSE, FINE, FINEST_BINS, TURN = 10.0, 2000.0, 10, 8
+#: Harmonics of the saw tooth, and steps that are kept in every octave.
+HARMONICS, PER_OCTAVE = 3, 3
 
 
 def coherence(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -97,3 +102,50 @@ def top_of(readings: np.ndarray, step: float, span: float) -> float:
         near = 1.0 / (1.0 / step + narrow * np.linspace(-1.0, 1.0, 21) / span)
         step = float(near[np.argmax(coherence(readings, near))])
     return step
+
+
+def likely_steps(signal: np.ndarray, slope: np.ndarray) -> list[float]:
+    """Steps whose rounding of a signal goes with a slope, likeliest first in every octave of steps.
+
+    The error of rounding is a saw tooth, ``c round(u/c) - u = c/pi sum_k (-1)^k sin(2 pi k u/c) / k``, so that one Fourier
+    transform of the slope over the values of the signal, ``S(f) = sum slope sin(2 pi f u)``, gives its product with every
+    step at once: ``c/pi sum_k (-1)^k S(k/c) / k``.
+
+    Parameters
+    ----------
+    signal, slope : ndarray (n_samples,)
+        What is rounded, and what a unit change of it at every sample does.
+
+    Returns
+    -------
+    list of float
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> u = np.random.default_rng(0).normal(size=1000)
+    >>> slope = 0.031 * np.round(u / 0.031) - u
+    >>> steps = np.array(likely_steps(u, slope))
+    >>> bool(np.min(np.abs(steps / 0.031 - 1)) < 1e-3)
+    True
+    """
+    largest = float(np.max(np.abs(signal), initial=0.0))
+    if largest <= 0 or not np.all(np.isfinite(slope)):
+        return []
+    low, span, width = float(np.min(signal)), TURN * largest, largest / FINE / FINEST_BINS
+    bins = round(span / width)
+    weights = np.bincount(((signal - low) / width).astype(int), weights=slope, minlength=bins)
+    turned = np.exp(-2j * np.pi * np.arange(bins // 2 + 1) / bins * (low / width + 0.5))
+    sines = -np.imag(np.fft.rfft(weights[:bins]) * turned)
+    last = int(FINE * TURN)
+    product = np.zeros(last)
+    for k in range(1, HARMONICS + 1):
+        product += (-1) ** k / k * sines[: k * last : k]
+    peaks = 1 + np.flatnonzero((product[1:-1] >= product[:-2]) & (product[1:-1] > product[2:]) & (product[1:-1] > 0))
+    found: list[float] = []
+    first = COARSE * TURN
+    while first < last:
+        octave = peaks[(peaks >= first) & (peaks < 2 * first)]
+        found.extend(float(span / k) for k in octave[np.argsort(-product[octave])[:PER_OCTAVE]])
+        first *= 2
+    return found

@@ -12,8 +12,17 @@ from sksurrogate.physics._simulator import Plant
 
 __all__ = ["Overflow", "StateSaturation"]
 
-#: Quantiles of the reached range at which limits are tried: not the maximum, for a run may begin above a limit.
+#: Quantiles of the reached range at which limits are tried: a run may begin above a limit.
 LEVELS = (0.998, 0.97, 0.9, 0.75, 0.5)
+#: Depths below the top of the range, over the range: a limit may have cut off a few peaks only.
+DEPTHS = (0.001, 0.004, 0.016)
+
+
+def limits_inside(probe: Probe) -> list[float]:
+    """Limits to try within the reached range."""
+    top, spread = float(np.max(probe.x)), float(np.ptp(probe.x))
+    below = [top - depth * spread for depth in DEPTHS]
+    return [limit for limit in [*probe.quantiles(probe.x, *LEVELS), *below] if limit < top]
 
 
 class StateSaturation(LimitEffect):
@@ -32,8 +41,8 @@ class StateSaturation(LimitEffect):
         return np.minimum(x, theta[0]), None
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Limits at quantiles of the reached range."""
-        return [(limit,) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
+        """Limits at quantiles of the reached range and just below its top."""
+        return [(limit,) for limit in limits_inside(probe)]
 
 
 class Overflow(LimitEffect):
@@ -65,5 +74,5 @@ class Overflow(LimitEffect):
         return dx - cut, dv + theta[1] * cut
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Limits at quantiles of the reached range; half of it spills over."""
-        return [(limit, 0.5) for limit in probe.quantiles(probe.x, *LEVELS) if np.any(probe.x > limit)]
+        """Limits at quantiles of the reached range and just below its top; half of it spills over."""
+        return [(limit, 0.5) for limit in limits_inside(probe)]

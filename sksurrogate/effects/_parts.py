@@ -58,6 +58,8 @@ class Probe:
         The two signals of a variable "v*w" one by one.
     noise : float
         White noise of the readings of an output; 0 elsewhere, and where it is not known.
+    slope : pair of ndarray (n_samples,), optional
+        An input or a predicted output, and what a unit change of it at every sample would do to the log likelihood.
 
     Examples
     --------
@@ -77,6 +79,7 @@ class Probe:
     starts: np.ndarray
     factors: tuple[np.ndarray, ...] = ()
     noise: float = 0.0
+    slope: tuple[np.ndarray, np.ndarray] | None = None
 
     def unit(self, form: np.ndarray) -> float:
         """Size of a coefficient that makes ``c * form`` a tenth of the derivative."""

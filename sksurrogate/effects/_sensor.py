@@ -327,7 +327,11 @@ class SensorQuantization(SensorEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """From one step to 40 steps to the largest reading; of steps that show in the readings, those that they show."""
         shown = HIDDEN * probe.noise, float(np.ptp(probe.x)) / LEVELS
-        return [(step,) for (step,) in step_sizes(probe.x) if probe.noise == 0 or not shown[0] < step < shown[1]]
+        return [
+            (step,)
+            for (step,) in step_sizes(probe.x, probe.slope)
+            if probe.noise == 0 or not shown[0] < step < shown[1]
+        ]
 
     def evident(self, probe: Probe) -> list[tuple[float, ...]]:
         """The step whose multiples the readings crowd at."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.effects._effect import HiddenEffect
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect, SensorEffect
 from sksurrogate.gap._evidence import frozen_fit
-from sksurrogate.gap._problem import Problem, Rival, fit_last
+from sksurrogate.gap._problem import Problem, Rival, nominal_run
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Start
 from sksurrogate.gap._sticking import sticks_in
@@ -36,6 +36,8 @@ STICKING_SUBSTEPS = 8
 #: Numerics matter where they move the free run by this much of the noise; where its error is over so many times the noise,
 #: by this share of the error.
 MOVED, FAR, MOVED_OF_ERROR = 0.03, 2.0, 0.3
+#: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
+SOFT = 4.0
 #: Shares of a start that are tried, one after the other, where its free run does not stay finite.
 NEARER = (1.0, 0.3, 0.1)
 
@@ -62,6 +64,34 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
     if found is not None and found.fit.cost < 3.0 * best:
         found = scanned(problem, found)
     return found
+
+
+def fit_last(
+    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, run: np.ndarray, best: float
+) -> Rival | None:
+    """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from a free run ``run``.
+
+    A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
+    that hides the sign is fitted from the simulator's own run too: states read off it have the wrong sign in places. A step of an
+    input is fitted from the free run too: it must not follow a path that is no free run yet.
+    """
+    last = effects[-1]
+    place = problem.augmented(effects).slice_of(len(effects) - 1)
+    if isinstance(last, SensorEffect) and last.folds:
+        tries, own = [problem.fit(effects, theta, x, best=best, fallback=run)], nominal_run(problem)
+        if np.isfinite(own).all():
+            tries.append(problem.fit(effects, theta, own, best=best, open_steps=0))
+        return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
+    if not last.scan(list(theta[place])):
+        return problem.fit(effects, theta, x, best=best, fallback=run)
+    if last.kind != "output":
+        tries = [problem.fit(effects, theta, x, best=best, fallback=run)]
+        tries.append(problem.fit(effects, theta, run, open_steps=0))
+        return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
+    soft = replace(problem, sharpness=SOFT).fit(effects, theta, run, open_steps=0, max_steps=8)
+    if soft is None:
+        return None
+    return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
 
 
 def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:

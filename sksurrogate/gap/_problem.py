@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, SensorEffect
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -18,7 +18,7 @@ from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "fit_last"]
+__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "nominal_run"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
@@ -28,8 +28,6 @@ LOCAL_ERROR = 2e-5
 LARGEST_DISTURBANCE = 0.10
 #: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.
 QUIET, QUIET_FORCE = 0.05, 1e-3
-#: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
-SOFT = 4.0
 #: A parameter further than this factor (log) from nominal is out of the question.
 FARTHEST = 4.0
 
@@ -218,15 +216,6 @@ class Problem:
                 out[n + i] = 1e-3  # the rival is the same number: the free one stands still
         return out
 
-    def retuning_cost(self, rival: Rival) -> float:
-        """``sum (log ratio / PRIOR)^2`` of the free parameters: how unlikely their values are, in units of -2 log p.
-
-        Gaussian, unlike the prior of the fits: these must not pull at a parameter that is far off.
-        """
-        ratios = rival.fit.theta[rival.n_parameters :]
-        moved = [v for name, v in zip(self.free, ratios) if self.plant.params[name] != 0]
-        return float(np.sum(np.square(moved))) / PRIOR**2
-
     # ---- likelihood -------------------------------------------------------------------------------------------------
     def linearised(self, rival: Rival) -> Linearised:
         """Sensitivities at the solution."""
@@ -282,29 +271,6 @@ class Problem:
     def quiet(self, noise: Noise) -> Noise:
         """A noise with quiet forces and sensors as white as differences of the outputs show them."""
         return replace(noise, sigma=self.sd, force=self.quiet_force(), coloured=1e-2 * self.sd)
-
-
-def fit_last(
-    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, run: np.ndarray, best: float
-) -> Rival | None:
-    """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from a free run ``run``.
-
-    A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
-    that hides the sign is fitted from the simulator's own run too: states read off it have the wrong sign in places.
-    """
-    last = effects[-1]
-    place = problem.augmented(effects).slice_of(len(effects) - 1)
-    if isinstance(last, SensorEffect) and last.folds:
-        tries, own = [problem.fit(effects, theta, x, best=best, fallback=run)], nominal_run(problem)
-        if np.isfinite(own).all():
-            tries.append(problem.fit(effects, theta, own, best=best, open_steps=0))
-        return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
-    if last.kind != "output" or not last.scan(list(theta[place])):
-        return problem.fit(effects, theta, x, best=best, fallback=run)
-    soft = replace(problem, sharpness=SOFT).fit(effects, theta, run, open_steps=0, max_steps=8)
-    if soft is None:
-        return None
-    return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
 
 
 def nominal_run(problem: Problem) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
+from sksurrogate.gap._steps import alike
 from sksurrogate.kernels.banded import solve_recursion
 
 __all__ = ["promising", "scanned"]
@@ -37,9 +38,11 @@ def promising(problem: Problem, rival: Rival, i: int = -1) -> list[np.ndarray]:
     """
     model, record, fit = rival.model, problem.record, rival.fit
     place = model.slice_of(i % len(rival.effects))
-    values = rival.effects[i].scan(tuple(fit.theta[place]))
+    effect = rival.effects[i]
+    values = effect.scan(tuple(fit.theta[place]))
     if not values:
         return []
+    values = [*values, *alike(problem.plant, record, effect, float(fit.theta[place][0]))]
     columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)
     columns[place, 1:] = np.array(values).T
     with np.errstate(all="ignore"):

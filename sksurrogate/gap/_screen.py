@@ -20,6 +20,7 @@ from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
 from sksurrogate.gap._responses import Responses
 from sksurrogate.gap._shortlist import Shortlist, shortlist
+from sksurrogate.gap._slopes import Slopes
 from sksurrogate.gap._unseen import Unseen, score_beside
 from sksurrogate.kernels.disturbance import Noise
 
@@ -108,7 +109,9 @@ class Screen:
         return eliminate((flat @ flat.T).astype(float), len(self.precision), self.precision, self.pull)
 
 
-def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray) -> Probe:
+def probe_of(
+    problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: Slopes | None = None
+) -> Probe:
     """What an effect sees of the smoothed trajectory."""
     plant, record = problem.plant, problem.record
 
@@ -133,7 +136,8 @@ def probe_of(problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndar
         v = where if v is None else v
     duration = record.dt * int(record.lengths.max())
     noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
-    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else (), noise)
+    slope = None if slopes is None else slopes.of(effect.kind, str(effect.location))
+    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else (), noise, slope)
 
 
 def _range(columns: Sequence[_Column]) -> tuple[np.ndarray, np.ndarray]:
@@ -289,13 +293,14 @@ def _columns(
     s: Responses, candidates: Sequence[BaseEffect], shape: tuple[float, ...], chosen: Shortlist | None
 ) -> list[_Column]:
     """All candidates at all their starting values, those with one shape, or those of a short list."""
-    found, unseen = [], Unseen(s)
+    found, unseen, slopes = [], Unseen(s), Slopes(s)
     for effect in candidates:
         evident, starts = [], [] if chosen is None else chosen.get(effect.key, [])
-        if chosen is None or effect.kind == "output":
-            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate)
+        jumps = bool(effect.scan(tuple(1.0 for _ in effect.parameters)))
+        if chosen is None or effect.kind == "output" or jumps:
+            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate, slopes if jumps else None)
             evident = effect.evident(probe)
-            starts = effect.starts(probe) if chosen is None else starts
+            starts = effect.starts(probe) if chosen is None or jumps else starts
         starts = list(dict.fromkeys([*evident, *starts]))
         if shape:
             starts = list(dict.fromkeys((start[0], *shape) for start in starts))

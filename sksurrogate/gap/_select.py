@@ -13,6 +13,7 @@ from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_nu
 from sksurrogate.gap._folded import folded
 from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._nested import NESTED, related, simpler
+from sksurrogate.gap._prior import prior_cost, retuning_cost
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
 from sksurrogate.gap._scan import scanned
@@ -78,7 +79,7 @@ class Search(Expander):
 
     def evidence(self, rival: Rival) -> float:
         """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""
-        return rival.log_likelihood - 0.5 * self.problem.retuning_cost(rival)
+        return rival.log_likelihood - 0.5 * prior_cost(self.problem, rival)
 
     def gain(self, rival: Rival) -> float:
         """2 (L_rival - L_null)."""
@@ -164,11 +165,11 @@ class Search(Expander):
     def singles(self, null: Rival) -> list[Rival]:
         """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
         rivals = self.expand(null, 16, 6, siblings=True)
-        if self.problem.retuning_cost(null) < FAR_RETUNED:
+        if retuning_cost(self.problem, null) < FAR_RETUNED:
             return rivals
         best: dict = {}
         for rival in [*rivals, *self.from_nominal(null, 16, 6)]:
-            worth = rival.fit.cost + self.problem.retuning_cost(rival)
+            worth = rival.fit.cost + prior_cost(self.problem, rival)
             if rival.keys not in best or worth < best[rival.keys][0]:
                 best[rival.keys] = worth, rival
         return [rival for _, rival in best.values()]

@@ -12,6 +12,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import estimate_noise, quick_likelihood
 from sksurrogate.gap._fits import taken_out
 from sksurrogate.gap._nested import NESTED
+from sksurrogate.gap._prior import prior_cost
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment, Table
 from sksurrogate.gap._select import EQUAL, Search
@@ -22,6 +23,8 @@ __all__ = ["Slot", "equivalents", "next_experiment"]
 
 #: Rivals further than this under the final noise are not judged under their own; nor are more than this many.
 NEAR, MOST_JUDGED = 40.0, 8
+#: Squares of errors over the noise within which the named effect, fitted as its rivals are, came as near again.
+CLOSE = 0.5
 #: Rivals fitted from where the others stand, with the effect of a slot taken out.
 MOST_ANEW = 6
 #: Initial states are pushed by this share of their size for sensitivities.
@@ -67,7 +70,7 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     assert final.noise is not None
     coarse, fine = search.searching(base), search.at(final)
     own = final.effects[i].key
-    level = quick_likelihood(fine, final, [final.noise]) - 0.5 * fine.retuning_cost(final)
+    level = quick_likelihood(fine, final, [final.noise]) - 0.5 * prior_cost(fine, final)
     few = search.is_far(final)
     rivals = (
         search.expand(base, 8, 2, thorough=False)
@@ -85,27 +88,36 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
     found = []
     for rival in rivals:
-        if rival.effects[-1].key == own or rival.fit.cost > 1.5 * reach + 50.0 * EQUAL:
+        if rival.fit.cost > 1.5 * reach + 50.0 * EQUAL:
             continue
         if not same_numerics:
             again = fine.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, max_steps=8, settled=True)
             rival = again or rival
-        found.append((quick_likelihood(fine, rival, [final.noise]) - 0.5 * fine.retuning_cost(rival), rival))
+        value = quick_likelihood(fine, rival, [final.noise]) - 0.5 * prior_cost(fine, rival)
+        if rival.effects[-1].key != own:
+            found.append((value, rival))
+        elif rival.fit.cost < final.fit.cost + CLOSE:  # readings in steps have slopes that promise what no fit keeps
+            level = min(level, value)
     found = _with_own_noise(fine, final, level, found)
-    sd = final.noise.sigma[:, None]
     twins, identical = [], []
     size = len(final.effects[i].parameters)
-    for value, rival in found:
-        same = bool(np.sqrt(np.mean(((rival.fit.y - final.fit.y) / sd) ** 2)) < SAME)
-        # A form with more parameters that these do not pay for (Akaike) is the simpler one with a limit never reached.
-        extra = len(rival.effects[-1].parameters) - size
-        if extra > 0 and (same or value - level < extra):
+    for _, rival in found:
+        same = predicts_the_same(rival, final)
+        # A form with more parameters that predicts the same is the simpler one with a limit never reached.
+        if same and len(rival.effects[-1].parameters) > size:
             if richer(rival.effects[-1], final.effects[i]):
                 search.richer.setdefault(final.effects[i].key, []).append(rival.effects[-1].key)
         else:
             twins.append(rival)
             identical.append(same)
     return Slot(i, twins, identical)
+
+
+def predicts_the_same(rival: Rival, final: Rival) -> bool:
+    """Whether no output differs by more than :data:`SAME` of its noise."""
+    assert final.noise is not None
+    apart = np.sqrt(np.mean((rival.fit.y - final.fit.y) ** 2, axis=1)) / final.noise.sigma
+    return bool(np.max(apart) < SAME)
 
 
 def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
@@ -117,7 +129,10 @@ def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
 def _with_own_noise(
     problem: Problem, final: Rival, level: float, found: list[tuple[float, Rival]]
 ) -> list[tuple[float, Rival]]:
-    """The rivals within :data:`EQUAL`, best first; near ones are judged under their own noise, as the final rival is."""
+    """The rivals within :data:`EQUAL`, best first; near ones are judged under their own noise, as the final rival is.
+
+    Those that predict the same, with free parameters as likely, are in it whatever a force or an initial state would do.
+    """
     assert final.noise is not None
     found.sort(key=lambda item: -item[0])
     judged = []
@@ -125,8 +140,9 @@ def _with_own_noise(
         missing = 2.0 * (level - value)
         if EQUAL < missing <= NEAR and rank < MOST_JUDGED:
             estimate_noise(problem, rival, final.noise, final.curvature, max_iterations=8)
-            value = max(value, rival.log_likelihood - 0.5 * problem.retuning_cost(rival))
-        if 2.0 * (level - value) <= EQUAL:
+            value = max(value, rival.log_likelihood - 0.5 * prior_cost(problem, rival))
+        cheap = prior_cost(problem, rival) <= prior_cost(problem, final) + EQUAL
+        if 2.0 * (level - value) <= EQUAL or (cheap and predicts_the_same(rival, final)):
             judged.append((value, rival))
     return sorted(judged, key=lambda item: -item[0])
 

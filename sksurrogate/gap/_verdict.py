@@ -139,6 +139,7 @@ def decide(facts: Facts) -> str:
         most = facts.accepted and facts.share_left > MOST_LEFT and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
             stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
+            stack = stack or (facts.names >= 3 and facts.share_left > SHARE)
             too_much = stack or most or ((lawful or hidden) and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL

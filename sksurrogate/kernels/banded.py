@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
-__all__ = ["BlockTridiagonal", "first_order_scan", "recursion_band", "solve_recursion"]
+__all__ = ["BlockTridiagonal", "first_order_scan", "recursion_band", "solve_adjoint", "solve_recursion"]
 
 
 def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -61,6 +61,31 @@ def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
     if info != 0:
         raise FloatingPointError(f"dtbtrs: argument {-info} is illegal")
     return np.ascontiguousarray(solution.reshape(n_samples, n, n_columns).transpose(1, 2, 0))
+
+
+def solve_adjoint(band: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Solve the transposed recursion, ``m[k] - A[k]' m[k+1] = c[k]``: what a change of ``b[k]`` does to ``sum c s``.
+
+    Parameters
+    ----------
+    band : ndarray (2 n_states, n_samples * n_states)
+        From :func:`recursion_band`.
+    c : ndarray (n_states, n_samples)
+
+    Returns
+    -------
+    ndarray (n_states, n_samples)
+
+    Examples
+    --------
+    >>> A = np.full((1, 1, 3), 0.5)
+    >>> solve_adjoint(recursion_band(A, np.array([0])), np.array([[0.0, 0.0, 1.0]]))
+    array([[0.25, 0.5 , 1.  ]])
+    """
+    solution, info = dtbtrs(band, np.asfortranarray(c.T.reshape(-1, 1)), uplo="L", trans="T", diag="U")
+    if info != 0:
+        raise FloatingPointError(f"dtbtrs: argument {-info} is illegal")
+    return solution.reshape(c.shape[::-1]).T
 
 
 def first_order_scan(factor: float, b: np.ndarray, starts: np.ndarray) -> np.ndarray:

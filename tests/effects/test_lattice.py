@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, Probe
-from sksurrogate.effects._lattice import lattice_steps
+from sksurrogate.effects._lattice import lattice_steps, likely_steps
 
 
 def signal(seed, n=1200):
@@ -56,3 +56,27 @@ def test_steps_that_would_show_in_the_readings_are_no_other_starts():
     assert set(steps[1]) < set(steps[0])
     assert all(step <= 0.08 or step >= np.ptp(y) / 1.7 for step in steps[1])
     assert np.any(steps[1] < 0.08) and np.any(steps[1] > np.ptp(y) / 1.7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("offset, counts", [(0.0, 60), (0.0, 400), (30.0, 150)])
+def test_a_step_far_below_the_noise_is_told_by_the_slope_of_the_likelihood(seed, offset, counts):
+    """The rounding is a third of the noise: no reading shows it, all together do."""
+    y, rng = signal(seed)
+    u = offset + y
+    step = float(np.max(np.abs(u))) / counts
+    slope = step * np.round(u / step) - u + 0.9 * step * rng.normal(size=len(u))
+    found = np.array(likely_steps(u, slope))
+    assert np.min(np.abs(found / step - 1.0)) < 0.2 / counts
+    assert len(found) < 40
+
+
+@pytest.mark.parametrize("name", ["state_saturation", "input_saturation", "sensor_saturation", "overflow"])
+def test_a_limit_that_cut_off_a_few_peaks_only_is_tried(name):
+    y, _ = signal(0)
+    x = y - np.min(y) + 1.0
+    effect = CATALOGUE[name]("place", "other") if name == "overflow" else CATALOGUE[name]("place")
+    probe = Probe(v=x, x=x, rate=1.0, dt=0.1, duration=10.0, starts=np.array([0]))
+    depths = (np.max(x) - np.array([start[0] for start in effect.starts(probe)])) / np.ptp(x)
+    assert np.any((depths > 0.0) & (depths < 0.003))
+    assert np.all(depths > 0.0)

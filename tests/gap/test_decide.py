@@ -114,3 +114,10 @@ def test_names_must_close_most_of_a_gap_that_is_small_beside_the_outputs():
     assert certified(ball, 1.02)  # to the noise
     assert certified(replace(ball, before=0.1), 2.16)  # a large gap
     assert certified(replace(ball, fraction=0.7), 2.16)
+
+
+def test_three_names_that_leave_a_quarter_of_a_gap_far_from_the_data_stand_in_for_one_that_is_missing():
+    three = Facts(accepted=True, names=3, share_left=0.244, left=7.3, law=0.0, force=0.039, retuned=False, error=0.33)
+    assert decide(three) == "unknown"
+    assert decide(replace(three, names=1)) == "explained"
+    assert decide(replace(three, share_left=0.15)) == "explained"

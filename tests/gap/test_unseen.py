@@ -5,6 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._evidence import estimate_noise
+from sksurrogate.gap._prior import start_cost
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._responses import Responses
 from sksurrogate.gap._screen import screen
@@ -66,3 +67,15 @@ def test_the_screen_tells_a_spring_whatever_the_angles_at_the_start(angles):
     assert best.effect is spring
     assert best.theta[0] == pytest.approx(0.02, rel=0.25)
     assert best.left < 0.05 * null.fit.cost
+
+
+def test_where_a_run_began_that_nobody_measured_is_not_what_makes_one_effect_of_another():
+    """A loss that an angle makes is nearly the same for all angles far from 0: what it buys must be paid for."""
+    problem, smoothed = problem_of(0.0, np.zeros(RUNS))
+    near = problem.fit((), np.zeros(0), smoothed.x)
+    x = smoothed.x.copy()
+    x[0] += 500.0 * problem.scale[0]
+    far = problem.fit((), np.zeros(0), x)
+    assert far.fit.cost == pytest.approx(near.fit.cost, rel=1e-6)  # no output shows it
+    assert start_cost(problem, near) < 1.0
+    assert start_cost(problem, far) == pytest.approx(RUNS * 50.0**2, rel=0.02)

@@ -1,0 +1,39 @@
+"""Steps of quantisation: which the data tell apart, and which look alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["alike", "told_apart"]
+
+#: Steps more or fewer up to the mean level that are looked at.
+MORE = 2
+
+
+def rounded(plant: Plant, record: Record, effect: BaseEffect) -> np.ndarray:
+    """The signal that a quantisation rounds, as it was recorded (n_samples,)."""
+    if effect.kind == "input":
+        return record.u[plant.inputs.index(str(effect.location))]
+    return record.y[plant.outputs.index(str(effect.location))]
+
+
+def told_apart(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float] | np.ndarray) -> float:
+    """How many steps the data tell apart down to this one: a quarter of a step at the largest value; 1 for other effects."""
+    if not len(theta) or not theta[0] or not effect.scan(tuple(theta)):
+        return 1.0
+    largest = float(np.max(np.abs(rounded(plant, record, effect))))
+    return max(1.0, 4.0 * largest / abs(float(theta[0])))
+
+
+def alike(plant: Plant, record: Record, effect: BaseEffect, step: float) -> list[tuple[float, ...]]:
+    """Steps that round a signal far from 0 nearly alike: with one or two more of them, or fewer, up to its mean level."""
+    level = abs(float(np.mean(rounded(plant, record, effect))))
+    if level <= MORE * abs(step):
+        return []
+    return [(step / (1.0 + k * step / level),) for k in range(-MORE, MORE + 1) if k]
