@@ -32,6 +32,8 @@ _GAUSS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
 #: Steps of more than this many times the noise show in readings that span some of them (:func:`lattice_steps`).
 HIDDEN = 8.0
+#: Columns of readings closer than this share of a step are differences of one.
+BESIDE = 1e-2
 #: Range, over the noise, in which a crowd can be seen; how many times more readings it has than the same width below it, and
 #: which share of all.
 WIDE, CROWD, LEAST_CROWD = 20.0, 3.0, 0.02
@@ -350,15 +352,18 @@ class SensorQuantization(SensorEffect):
 
         The likelihood is that of interval-censored readings: a value just beside a threshold is no error of a whole step.
         A disturbance moves the moment of a crossing, so that the excess is known less well than a reading is.
-        Otherwise a staircase with steep flanks: with jumps, a fit sees no slope and rivals win by what happens to flip.
+        Otherwise a staircase with steep flanks, on which columns that differ by next to nothing stand where the first does: a
+        slope is that of many steps, 1, not that of a flank.
         """
         step = np.abs(theta[0])
         some = np.where(step > 0, step, 1.0)
-        ratio = y / some
-        whole = np.floor(ratio)
-        stairs = np.where(step > 0, step * (whole + np.clip((ratio - whole - 0.5) / width + 0.5, 0.0, 1.0)), y)
+        moved = np.where(np.abs(y - y[:1]) < BESIDE * some, y - y[:1], 0.0)
+        first = (y - moved) / some
+        whole = np.floor(first)
+        stairs = np.where(step > 0, step * (whole + np.clip((first - whole - 0.5) / width + 0.5, 0.0, 1.0)) + moved, y)
         if readings is None:
             return stairs
+        ratio = y / some
         level = np.round(readings / some)
         beyond = ratio - level
         soft = EXCESS * width * (np.logaddexp(0.0, (beyond - 0.5) / width) - np.logaddexp(0.0, (-beyond - 0.5) / width))

@@ -171,12 +171,21 @@ def test_sensors_act_in_the_order_of_the_table_and_coupling_reads_the_plain_outp
 
 def test_a_soft_staircase_is_continuous_and_differs_on_its_flanks_only():
     effect, y, t = CATALOGUE["sensor_quantization"]("q"), np.linspace(-2, 2, 40001), None
-    sharp, soft = effect.read(y, None, t, (0.6,)), effect.soft(y, None, t, (0.6,), 0.02)
+    sharp, soft = effect.read(y, None, t, (0.6,)), effect.soft(y[None], None, t, (0.6,), 0.02)[0]
     assert np.max(np.abs(np.diff(soft))) < 51 * (y[1] - y[0])
     flank = np.abs(y / 0.6 - np.floor(y / 0.6) - 0.5) <= 0.0101
     np.testing.assert_allclose(soft[~flank], sharp[~flank], atol=1e-12)
     assert 0.015 < np.mean(flank) < 0.025 and np.max(np.abs(soft - sharp)) <= 0.3 + 1e-9
-    np.testing.assert_array_equal(effect.soft(y, None, t, (0.0,), 0.02), y)
+    np.testing.assert_array_equal(effect.soft(y[None], None, t, (0.0,), 0.02), y[None])
+
+
+def test_a_difference_of_columns_sees_the_slope_of_many_steps_not_that_of_a_flank():
+    effect, y = CATALOGUE["sensor_quantization"]("q"), np.linspace(-2, 2, 4001)
+    columns = np.stack([y, y + 1e-6, y - 1e-4])
+    soft = effect.soft(columns, None, None, (np.full((3, 1), 0.6),), 0.02)
+    np.testing.assert_allclose(soft - soft[:1], columns - y, rtol=0, atol=1e-12)
+    far = effect.soft(np.stack([y, y + 0.3]), None, None, (np.full((2, 1), 0.6),), 0.02)
+    np.testing.assert_allclose(far[1], effect.soft(y[None] + 0.3, None, None, (0.6,), 0.02)[0], atol=1e-12)
 
 
 def test_a_simulator_reads_whole_steps(oscillator, force):
