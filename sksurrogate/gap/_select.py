@@ -182,14 +182,14 @@ class Search(Expander):
         trial = self.ranked(self.expand(best, 8, 4, siblings=True, least=hopeless), best)
         if not trial and hopeless:
             return None
-        if trial and not self.passes(trial[0], best, passed):
-            if passed and left(best) < 1.5:
-                return None
+        settled = bool(trial) and passed and left(best) < 1.5 and not self.passes(trial[0], best, passed)
+        if settled and left(best) < 1.15:
+            return None
         if len(best.effects) == 1:
             trial.extend(self.ranked(self.pairs(self.null, MOST_PAIRS), best))
         nearest = max(trial, key=self.score, default=None)
         near = nearest is not None and nearest.noise is not None and left(nearest) < NEAR
-        for base in () if near else self.beam(best):
+        for base in () if near or settled else self.beam(best):
             trial.extend(self.ranked(self.expand(base, 6, 3), base))
         if not trial:
             return None

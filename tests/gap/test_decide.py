@@ -121,3 +121,10 @@ def test_three_names_that_leave_a_quarter_of_a_gap_far_from_the_data_stand_in_fo
     assert decide(three) == "unknown"
     assert decide(replace(three, names=1)) == "explained"
     assert decide(replace(three, share_left=0.15)) == "explained"
+
+
+def test_two_names_that_leave_a_third_of_a_gap_are_stand_ins_and_one_beside_a_disturbance_is_not():
+    two = Facts(accepted=True, names=2, share_left=0.347, left=4.56, law=0.015, force=0.138, retuned=False, error=0.065)
+    two = replace(two, moved=0.0296)
+    assert decide(two) == "unknown"
+    assert decide(replace(two, names=1)) == "explained"
