@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect, SensorEffect
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
 from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._problem import Problem, Rival, nominal_run
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Start
 from sksurrogate.gap._sticking import sticks_in
-from sksurrogate.kernels.output_error import Fit, settle_hidden
+from sksurrogate.kernels.output_error import Fit, free_run, settle_hidden
 
 __all__ = [
     "best_starts",
@@ -36,6 +36,8 @@ STICKING_SUBSTEPS = 8
 #: Numerics matter where they move the free run by this much of the noise; where its error is over so many times the noise,
 #: by this share of the error.
 MOVED, FAR, MOVED_OF_ERROR = 0.03, 2.0, 0.3
+#: Cost over the number of values beyond which a limit is fitted from another start.
+ASTRAY = 5.0
 #: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
 SOFT = 4.0
 #: Shares of a start that are tried, one after the other, where its free run does not stay finite.
@@ -82,6 +84,8 @@ def fit_last(
         if np.isfinite(own).all():
             tries.append(problem.fit(effects, theta, own, best=best, open_steps=0))
         return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
+    if isinstance(last, LimitEffect):
+        return fit_limit(problem, effects, theta, x, run, best)
     if not last.scan(list(theta[place])):
         return problem.fit(effects, theta, x, best=best, fallback=run)
     if last.kind != "output":
@@ -92,6 +96,25 @@ def fit_last(
     if soft is None:
         return None
     return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
+
+
+def fit_limit(
+    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, run: np.ndarray, best: float
+) -> Rival | None:
+    """Fit effects of which the last is a limit: from a smoothed trajectory, and where that leads nowhere from where runs began.
+
+    Beyond a limit states have no slopes, and initial states of a fit that knew of no limit have made up for it: the free run
+    begins where the simulator's own does.
+    """
+    found = problem.fit(effects, theta, x, best=best, fallback=run)
+    model = problem.augmented(effects)
+    near = found is not None and found.fit.cost < ASTRAY * found.fit.y.size
+    if near or problem.run is None or model.n_states > len(problem.run):
+        return found
+    with np.errstate(all="ignore"):
+        own = free_run(model, theta, problem.run[:, problem.record.starts])
+    other = problem.fit(effects, theta, own, open_steps=0) if np.isfinite(own).all() else None
+    return min((one for one in (found, other) if one is not None), key=lambda one: one.fit.cost, default=None)
 
 
 def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:
@@ -126,6 +149,7 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
             out.append(apart(group, MOST_APART))
             continue
         n = 1 if group[0].effect.linear and not isinstance(group[0].effect, HiddenEffect) else 2
+        n = 3 if isinstance(group[0].effect, LimitEffect) else n
         picked = group[:n]
         first = max(group, key=lambda s: s.forced)
         if not group[0].effect.linear and all(first is not p for p in picked):

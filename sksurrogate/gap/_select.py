@@ -17,7 +17,6 @@ from sksurrogate.gap._prior import prior_cost, retuning_cost
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
 from sksurrogate.gap._scan import scanned
-from sksurrogate.gap._sticking import sticks_in
 
 __all__ = ["EQUAL", "Search"]
 
@@ -321,13 +320,10 @@ class Search(Expander):
         return rival.fit.cost > 5.0 * self.n_values
 
     def polish(self, rival: Rival) -> Rival:
-        """Refit with kinks sharper and steps shorter where that matters; far from the data only for friction that sticks."""
+        """Refit with kinks sharper and steps shorter where that matters."""
         problem, far = self.at(rival), self.is_far(rival)
         best = rival if far else revived(problem, rival)
-        values = [rival.theta_of(i) for i in range(len(rival.effects))]
-        for n_sub, sharpness in (
-            ((4, 150.0), (8, 500.0)) if not far or sticks_in(problem, rival.effects, values) else ()
-        ):
+        for n_sub, sharpness in ((4, 150.0), (8, 500.0)):
             finer = replace(problem, n_sub=max(n_sub, 2 * best.model.n_sub), sharpness=sharpness)
             if not numerics_matter(finer, best):
                 break

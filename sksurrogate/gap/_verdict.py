@@ -34,9 +34,9 @@ LEFT_BY_SEVERAL, NUMERICS_SHARE = 1.03, 0.01
 #: of the gap than this share are a good model of a real plant.
 LAW_BY_TWO, SHARE_BY_TWO = 0.03, 0.08
 #: Names that leave more than this share of the gap (amplitude), where the error is over this many times the noise, explain
-#: less of it than they leave: no disturbance beside a true name was found to be as large. Several names could have closed more.
+#: less of it than they leave. Several names could have closed more; a disturbance, in which nothing is lawful, may leave more.
 MOST_LEFT, LEFT_FOR_MOST = 0.4, 1.5
-MOST_LEFT_BY_SEVERAL = 0.3
+MOST_LEFT_BY_SEVERAL, MOST_LEFT_LAWLESS = 0.3, 0.5
 #: Free runs further than this many times the noise are never waved through as a disturbance.
 FAR = 5.0
 #: A gap closed to this share (amplitude) is explained however precise the sensors are: no real plant's model is exact.
@@ -137,8 +137,7 @@ def decide(facts: Facts) -> str:
         within = facts.left < WITHIN
         hidden = unnamed_curve(facts, CURVE_MOVED_WITHIN if within else CURVE_MOVED)
         hidden = hidden and facts.curve_share > (CURVE_SHARE_WITHIN if within else CURVE_SHARE)
-        least = MOST_LEFT if facts.names == 1 else MOST_LEFT_BY_SEVERAL
-        most = facts.accepted and facts.share_left > least and facts.left > LEFT_FOR_MOST
+        most = facts.accepted and facts.share_left > most_left(facts) and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
             stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
             stack = stack or (facts.names >= 3 and facts.share_left > SHARE)
@@ -164,6 +163,14 @@ def certified(shrink: Shrink, left: float) -> bool:
     small = shrink.before < PRACTICAL_LAWLESS and left > LEFT_FOR_MOST
     least = 1.0 - MOST_LEFT if small else CERTIFICATE
     return shrink.fraction > least if np.isfinite(shrink.fraction) else not shrink.after > shrink.before
+
+
+def most_left(facts: Facts) -> float:
+    """Share of the gap (amplitude) that names may leave."""
+    if facts.names > 1:
+        return MOST_LEFT_BY_SEVERAL
+    lawless = facts.law <= 0.0 and facts.curve < 0.0 and facts.force < FORCE
+    return MOST_LEFT_LAWLESS if lawless else MOST_LEFT
 
 
 def unnamed_curve(facts: Facts, moved: float) -> bool:

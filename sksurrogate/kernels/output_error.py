@@ -289,10 +289,11 @@ class _OutputError:
         if not np.isfinite(cost):
             # The open steps went astray: closed steps from the start.
             theta, lin = first[0], None
+            near = first[1] if fallback is None else fallback
             if fallback is not None:
                 x, y, cost = self.closed(theta, fallback, None)
-            else:
-                x = free_run(self.model, theta, first[1][:, self.record.starts])
+            if not np.isfinite(cost):  # no trajectory near leads to the free run (a hard limit): step by step
+                x = free_run(self.model, theta, near[:, self.record.starts])
                 if np.all(np.isfinite(x)):
                     y = self.model.bind(theta[:, None]).outputs(x[:, None])[:, 0]
                     cost = self.cost(y, theta)

@@ -128,3 +128,12 @@ def test_two_names_that_leave_a_third_of_a_gap_are_stand_ins_and_one_beside_a_di
     two = replace(two, moved=0.0296)
     assert decide(two) == "unknown"
     assert decide(replace(two, names=1)) == "explained"
+
+
+def test_what_a_true_name_leaves_beside_a_disturbance_of_half_its_gap_is_no_reason_to_doubt_it():
+    one = Facts(
+        accepted=True, share_left=0.434, left=3.04, law=0.0, force=0.032, retuned=False, error=0.026, curve=-30.7
+    )
+    assert decide(one) == "explained"
+    assert decide(replace(one, law=0.02)) == decide(replace(one, force=0.07)) == "unknown"
+    assert decide(replace(one, share_left=0.51)) == "unknown"
