@@ -17,6 +17,8 @@ MOST_ALIKE, BETWEEN = 8, 0.9
 
 #: Least coherence at which every reading shows its level: white noise of a sixth of a step leaves as much.
 SHOWN = 0.58
+#: How much clearer than by chance a lattice must be.
+CHANCE = 1.2
 #: Steps that the readings must span: fewer are seen in many a smooth signal.
 LEVELS = 1.7
 
@@ -42,7 +44,15 @@ def shows_steps(readings: np.ndarray, step: Any) -> np.ndarray:
     [True, False]
     """
     step = np.atleast_1d(np.asarray(step, dtype=float))
-    return coherence(readings, step.ravel()).reshape(step.shape) > SHOWN
+    return coherence(readings, step.ravel()).reshape(step.shape) > np.maximum(SHOWN, by_chance(readings, step))
+
+
+def by_chance(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Coherence that a smooth signal of few readings reaches with one of all the steps down to this one."""
+    rounded = np.sum(np.abs(readings)) / np.maximum(
+        np.abs(step), 1e-300
+    )  # each reading passes from step to step so often
+    return CHANCE * np.sqrt(np.log(np.maximum(rounded, 1.0)) / max(len(readings), 1))
 
 
 def lattice_steps(readings: np.ndarray) -> list[float]:
@@ -93,7 +103,7 @@ def lattice_steps(readings: np.ndarray) -> list[float]:
     steps = np.array([top_of(readings, 1.0 / frequency[k], span) for k in likely])
     clearness = coherence(readings, steps)
     best = int(np.argmax(clearness))
-    return [float(steps[best])] if clearness[best] > LEAST else []
+    return [float(steps[best])] if clearness[best] > max(LEAST, by_chance(readings, steps[best])) else []
 
 
 def top_of(readings: np.ndarray, step: float, span: float) -> float:

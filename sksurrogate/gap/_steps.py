@@ -24,11 +24,13 @@ def rounded(plant: Plant, record: Record, effect: BaseEffect) -> np.ndarray:
 
 
 def told_apart(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float] | np.ndarray) -> float:
-    """How many steps the data tell apart down to this one: a quarter of a step at the largest value; 1 for other effects."""
+    """How many steps round the data in different ways down to this one; 1 for other effects.
+
+    While a step shrinks a value u passes from one multiple to the next u / c times.
+    """
     if not len(theta) or not theta[0] or not effect.scan(tuple(theta)):
         return 1.0
-    largest = float(np.max(np.abs(rounded(plant, record, effect))))
-    return max(1.0, 4.0 * largest / abs(float(theta[0])))
+    return max(1.0, float(np.sum(np.abs(rounded(plant, record, effect)))) / abs(float(theta[0])))
 
 
 def alike(plant: Plant, record: Record, effect: BaseEffect, step: float) -> list[tuple[float, ...]]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, Probe
-from sksurrogate.effects._lattice import lattice_steps, likely_steps
+from sksurrogate.effects._lattice import LEAST, coherence, lattice_steps, likely_steps, shows_steps
 
 
 def signal(seed, n=1200):
@@ -80,3 +80,15 @@ def test_a_limit_that_cut_off_a_few_peaks_only_is_tried(name):
     depths = (np.max(x) - np.array([start[0] for start in effect.starts(probe)])) / np.ptp(x)
     assert np.any((depths > 0.0) & (depths < 0.003))
     assert np.all(depths > 0.0)
+
+
+def test_forty_readings_crowd_at_the_multiples_of_some_step_by_chance():
+    t = np.linspace(0.0, 2.6, 40)
+    steps = 1.0 / np.linspace(1.0 / 0.5, 1.0 / 0.02, 20000)
+    chances = 0
+    for seed in range(20):
+        y = 35.0 - 4.9 * t**2 + 0.03 * np.random.default_rng(seed).normal(size=len(t))
+        chances += bool(np.any(coherence(y, steps) > LEAST))
+        assert not np.any(shows_steps(y, steps))
+        assert not lattice_steps(y)
+    assert chances > 10
