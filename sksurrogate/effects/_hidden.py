@@ -63,8 +63,8 @@ class LugreFriction(HiddenEffect):
     name = "lugre_friction"
     parameters = (
         Parameter("stiffness", low=0.0, unit="dx/dt over the integral of v"),
-        Parameter("level", null=1.0, low=TINY, unit="dx/dt"),
-        Parameter("static_level", null=1.0, low=TINY, unit="dx/dt"),
+        Parameter("level", null=1.0, low=TINY, unit="dx/dt", grows=True),
+        Parameter("static_level", null=1.0, low=TINY, unit="dx/dt", grows=True),
         Parameter("velocity", null=1.0, low=TINY, unit="v"),
     )
     equation = "- c z, dz/dt = v - c abs(v) z / g(v), g = level + (static_level - level) exp(-(v/velocity)^2)"
@@ -96,7 +96,7 @@ class LugreFriction(HiddenEffect):
         return -theta[0] * z[0]
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Bristles that give way after a small part of a typical travel; friction at rest above and below the other."""
+        """Bristles that give way after a part of a typical travel or more; friction at rest above and below the other."""
         assert probe.v is not None
         speed = float(np.sqrt(np.mean(probe.v**2)))
         level = probe.unit(np.sign(probe.v))
@@ -105,10 +105,8 @@ class LugreFriction(HiddenEffect):
         if speed == 0 or travel == 0:
             return []
         found: list[tuple[float, ...]] = []
-        for size in (0.7, 2.0):
-            for share in (0.02, 0.1, 0.5):
-                c = size * level
-                found.extend((c / (share * travel), c, ratio * c, 0.3 * speed) for ratio in (1.5, 0.8))
+        for share in (0.02, 0.1, 0.5, 2.0):
+            found.extend((level / (share * travel), level, ratio * level, 0.3 * speed) for ratio in (1.5, 0.8))
         return found
 
 

@@ -22,6 +22,8 @@ class Parameter:
         Bounds.
     unit : str
         In words, for example "dx/dt over v".
+    grows : bool
+        Whether it grows with the magnitude where the whole effect does (levels of a friction with springy bristles).
 
     Examples
     --------
@@ -35,6 +37,7 @@ class Parameter:
     low: float = -np.inf
     high: float = np.inf
     unit: str = ""
+    grows: bool = False
 
 
 @dataclass(frozen=True, eq=False)

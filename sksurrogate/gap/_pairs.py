@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap._screen import Screen, Start, scaled
+from sksurrogate.gap._screen import Screen, Start, grown, grows
 
 __all__ = ["best_pairs"]
 
@@ -74,6 +74,6 @@ def _joint(screen: Screen) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _at(screen: Screen, k: int, amplitude: float) -> Start:
     """The start of one column with the amplitude that it has in the pair."""
     start, theta = screen.starts[k], screen.raw[k].copy()
-    if len(theta) and (start.effect.linear or amplitude < 0.5):
-        theta[0] = scaled(start.effect, theta[0], amplitude)
+    if len(theta) and (grows(start.effect) or amplitude < 0.5):
+        theta = grown(start.effect, theta, amplitude)
     return replace(start, theta=theta)

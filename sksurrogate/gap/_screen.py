@@ -24,7 +24,7 @@ from sksurrogate.gap._slopes import Slopes
 from sksurrogate.gap._unseen import Unseen, score_beside
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["Screen", "Start", "scaled", "screen"]
+__all__ = ["Screen", "Start", "grown", "grows", "screen"]
 
 #: Numbers of the null's columns that are kept (single precision).
 MOST_KEPT = 60_000_000
@@ -145,7 +145,7 @@ def _range(columns: Sequence[_Column]) -> tuple[np.ndarray, np.ndarray]:
 
     The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
     """
-    linear = np.array([c.effect.linear for c in columns])
+    linear = np.array([grows(c.effect) for c in columns])
     one_signed = np.array([bool(c.effect.parameters) and c.effect.parameters[0].low >= 0 for c in columns])
     low = np.where(linear, np.where(one_signed, 0.0, -np.inf), np.where(_smallest(columns), 0.0, 0.5))
     return low, np.where(linear, np.inf, 2.0)
@@ -332,9 +332,24 @@ def _starts(
         if k in pairs:
             theta, gained = pairs[k]
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
-        elif (c.effect.linear or small[k]) and len(theta) and not c.evident:
-            theta[0] = scaled(c.effect, theta[0], amplitude[k])
+        elif (grows(c.effect) or small[k]) and len(theta) and not c.evident:
+            theta = grown(c.effect, theta, amplitude[k])
         out.append(Start(c.effect, theta, gained, pulled, total - gained, c.path, c.evident))
+    return out
+
+
+def grows(effect: BaseEffect) -> bool:
+    """Whether the column of an effect is proportional to its magnitude, or to all the parameters that grow with it."""
+    return effect.linear or any(parameter.grows for parameter in effect.parameters)
+
+
+def grown(effect: BaseEffect, theta: np.ndarray, amplitude: float) -> np.ndarray:
+    """A start whose effect is so many times as large: its magnitude, and the parameters that grow with it."""
+    out = theta.copy()
+    out[0] = scaled(effect, theta[0], amplitude)
+    ratio = out[0] / theta[0] if theta[0] else 1.0
+    together = [i for i, parameter in enumerate(effect.parameters) if parameter.grows]
+    out[together] *= abs(ratio)
     return out
 
 

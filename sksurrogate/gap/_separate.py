@@ -25,6 +25,8 @@ __all__ = ["Slot", "equivalents", "next_experiment"]
 NEAR, MOST_JUDGED = 40.0, 8
 #: Squares of errors over the noise within which the named effect, fitted as its rivals are, came as near again.
 CLOSE = 0.5
+#: Nats by which a form with more parameters may be less likely than the named one and yet be of its class.
+AS_LIKELY = 1.0
 #: Rivals fitted from where the others stand, with the effect of a slot taken out.
 MOST_ANEW = 6
 #: Initial states are pushed by this share of their size for sensitivities.
@@ -101,10 +103,11 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     found = _with_own_noise(fine, final, level, found)
     twins, identical = [], []
     size = len(final.effects[i].parameters)
-    for _, rival in found:
+    for value, rival in found:
         same = predicts_the_same(rival, final)
-        # A form with more parameters that predicts the same is the simpler one with a limit never reached.
-        if same and len(rival.effects[-1].parameters) > size:
+        # With more parameters a form must be as likely, and predict something else than a limit that is never reached.
+        more = len(rival.effects[-1].parameters) > size
+        if more and (same or value < level - AS_LIKELY):
             if richer(rival.effects[-1], final.effects[i]):
                 search.richer.setdefault(final.effects[i].key, []).append(rival.effects[-1].key)
         else:
