@@ -48,10 +48,11 @@ def shows_steps(readings: np.ndarray, step: Any) -> np.ndarray:
 
 
 def by_chance(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Coherence that a smooth signal of few readings reaches with one of all the steps down to this one."""
-    rounded = np.sum(np.abs(readings)) / np.maximum(
-        np.abs(step), 1e-300
-    )  # each reading passes from step to step so often
+    """Coherence that a smooth signal of few readings reaches with one of all the steps down to this one.
+
+    While a step shrinks a reading y passes from one multiple to the next y / step times.
+    """
+    rounded = np.sum(np.abs(readings)) / np.maximum(np.abs(step), 1e-300)
     return CHANCE * np.sqrt(np.log(np.maximum(rounded, 1.0)) / max(len(readings), 1))
 
 

@@ -37,7 +37,7 @@ STICKING_SUBSTEPS = 8
 #: by this share of the error.
 MOVED, FAR, MOVED_OF_ERROR = 0.03, 2.0, 0.3
 #: Cost over the number of values beyond which a limit is fitted from another start.
-ASTRAY = 5.0
+NOWHERE = 5.0
 #: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
 SOFT = 4.0
 #: Shares of a start that are tried, one after the other, where its free run does not stay finite.
@@ -108,7 +108,7 @@ def fit_limit(
     """
     found = problem.fit(effects, theta, x, best=best, fallback=run)
     model = problem.augmented(effects)
-    near = found is not None and found.fit.cost < ASTRAY * found.fit.y.size
+    near = found is not None and found.fit.cost < NOWHERE * found.fit.y.size
     if near or problem.run is None or model.n_states > len(problem.run):
         return found
     with np.errstate(all="ignore"):

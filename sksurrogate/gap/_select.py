@@ -28,6 +28,8 @@ SMALLEST_SHARE = 1e-3
 FAR = 5.0
 #: Where a set of effects comes this near (free-run error over the noise), no other is looked for beside it.
 NEAR = 1.02
+#: Where no further effect passes none is looked for of sets that leave less than the first times the noise, up to the second pairs.
+NO_MORE, PAIRS_UP_TO = 1.15, 1.5
 #: Near the noise the screen expects of a rival nearly what its fit gains: with less than this share of what it must gain
 #: it is not fitted.
 SCREENED = 0.4
@@ -181,8 +183,8 @@ class Search(Expander):
         trial = self.ranked(self.expand(best, 8, 4, siblings=True, least=hopeless), best)
         if not trial and hopeless:
             return None
-        settled = bool(trial) and passed and left(best) < 1.5 and not self.passes(trial[0], best, passed)
-        if settled and left(best) < 1.15:
+        settled = bool(trial) and passed and left(best) < PAIRS_UP_TO and not self.passes(trial[0], best, passed)
+        if settled and left(best) < NO_MORE:
             return None
         if len(best.effects) == 1:
             trial.extend(self.ranked(self.pairs(self.null, MOST_PAIRS), best))
@@ -316,7 +318,7 @@ class Search(Expander):
         return max(polished, key=self.order(polished))
 
     def is_far(self, rival: Rival) -> bool:
-        """Whether a rival is so far from the data that finer numerics cannot matter."""
+        """Whether a rival is so far from the data that sizes, not likelihoods, tell rivals apart."""
         return rival.fit.cost > 5.0 * self.n_values
 
     def polish(self, rival: Rival) -> Rival:

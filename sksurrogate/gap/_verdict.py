@@ -139,8 +139,8 @@ def decide(facts: Facts) -> str:
         hidden = hidden and facts.curve_share > (CURVE_SHARE_WITHIN if within else CURVE_SHARE)
         most = facts.accepted and facts.share_left > most_left(facts) and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
-            stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
-            stack = stack or (facts.names >= 3 and facts.share_left > SHARE)
+            lawful_stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
+            stack = lawful_stack or (facts.names >= 3 and facts.share_left > SHARE)
             too_much = stack or most or ((lawful or hidden) and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
