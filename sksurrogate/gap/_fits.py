@@ -47,7 +47,7 @@ NEARER = (1.0, 0.3, 0.1)
 def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
     """Fit a base with one effect more, from the best of several starts."""
     found: Rival | None = None
-    split, n = base.n_parameters, len(problem.plant.states)
+    split = base.n_parameters
     values = [base.theta_of(i) for i in range(len(base.effects))]
     if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
         problem = replace(problem, n_sub=max(problem.n_sub, STICKING_SUBSTEPS))
@@ -56,7 +56,7 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
             own = np.r_[share * start.theta[:1], start.theta[1:]]
             theta = np.concatenate([base.fit.theta[:split], own, base.fit.theta[split:]])
             try:
-                rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit.x[:n], best)
+                rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit, best)
             except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
                 rival = None
             if rival is not None:
@@ -69,15 +69,15 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
 
 
 def fit_last(
-    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, run: np.ndarray, best: float
+    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
 ) -> Rival | None:
-    """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from a free run ``run``.
+    """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from the free run of a ``base`` without it.
 
     A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
     that hides the sign is fitted from the simulator's own run too: states read off it have the wrong sign in places. A step of an
     input is fitted from the free run too: it must not follow a path that is no free run yet.
     """
-    last = effects[-1]
+    last, run = effects[-1], base.x[: len(problem.plant.states)]
     place = problem.augmented(effects).slice_of(len(effects) - 1)
     if isinstance(last, SensorEffect) and last.folds:
         tries, own = [problem.fit(effects, theta, x, best=best, fallback=run)], nominal_run(problem)
@@ -85,7 +85,7 @@ def fit_last(
             tries.append(problem.fit(effects, theta, own, best=best, open_steps=0))
         return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
     if isinstance(last, LimitEffect):
-        return fit_limit(problem, effects, theta, x, run, best)
+        return fit_limit(problem, effects, theta, x, base, best)
     if not last.scan(list(theta[place])):
         return problem.fit(effects, theta, x, best=best, fallback=run)
     if last.kind != "output":
@@ -99,16 +99,16 @@ def fit_last(
 
 
 def fit_limit(
-    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, run: np.ndarray, best: float
+    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
 ) -> Rival | None:
     """Fit effects of which the last is a limit: from a smoothed trajectory, and where that leads nowhere from where runs began.
 
-    Beyond a limit states have no slopes, and initial states of a fit that knew of no limit have made up for it: the free run
-    begins where the simulator's own does.
+    Beyond a limit states have no slopes, and initial states of a base that knew of no limit and is far from the data have
+    made up for it: the free run begins where the simulator's own does.
     """
-    found = problem.fit(effects, theta, x, best=best, fallback=run)
+    found = problem.fit(effects, theta, x, best=best, fallback=base.x[: len(problem.plant.states)])
     model = problem.augmented(effects)
-    near = found is not None and found.fit.cost < NOWHERE * found.fit.y.size
+    near = min(base.cost, np.inf if found is None else found.fit.cost) < NOWHERE * base.y.size
     if near or problem.run is None or model.n_states > len(problem.run):
         return found
     with np.errstate(all="ignore"):

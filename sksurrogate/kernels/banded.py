@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
-__all__ = ["BlockTridiagonal", "first_order_scan", "recursion_band", "solve_adjoint", "solve_recursion"]
+__all__ = ["BlockTridiagonal", "first_order_scan", "recursion_band", "solve_adjoint", "solve_blocks", "solve_recursion"]
 
 
 def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -104,6 +104,42 @@ def first_order_scan(factor: float, b: np.ndarray, starts: np.ndarray) -> np.nda
     rows = np.asfortranarray(b.reshape(-1, n_samples).T)
     solution, _ = dtbtrs(band.T, rows, uplo="L", diag="U")
     return np.ascontiguousarray(solution.T).reshape(b.shape)
+
+
+def solve_blocks(factor: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Solve ``L s = b`` with the lower band L of a block tridiagonal matrix, sample by sample, for hundreds of columns.
+
+    LAPACK walks through the band once for every column; here every sample is one small product for all of them.
+
+    Parameters
+    ----------
+    factor : ndarray (width, n_samples * n)
+        Lower band as LAPACK keeps it; row and column of an entry lie in the same sample or in neighbours.
+    b : ndarray (n_samples, n, n_columns)
+
+    Returns
+    -------
+    ndarray (n_samples, n, n_columns)
+
+    Examples
+    --------
+    >>> factor = np.array([[2.0, 4.0], [1.0, 0.0]])  # of [[2, 0], [1, 4]]
+    >>> solve_blocks(factor, np.array([[[2.0]], [[5.0]]])).ravel()
+    array([1., 1.])
+    """
+    n_samples, n, _ = b.shape
+    band = factor.T.reshape(n_samples, n, -1)
+    own, before = np.zeros((n_samples, n, n)), np.zeros((n_samples, n, n))
+    for j in range(n):
+        inside = min(n - j, band.shape[2])
+        own[:, j : j + inside, j] = band[:, j, :inside]
+        beyond = min(band.shape[2] - inside, n)
+        before[1:, :beyond, j] = band[:-1, j, inside : inside + beyond]
+    inverse = np.linalg.inv(own)
+    out, carry = inverse @ b, inverse @ before
+    for k in range(1, n_samples):
+        out[k] -= carry[k] @ out[k - 1]
+    return out
 
 
 class BlockTridiagonal:

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
-from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_blocks, solve_recursion
 
 __all__ = ["Disturbance", "Noise"]
 
@@ -200,7 +200,7 @@ class Disturbance:
             out.append(white @ white.T - own.T @ own)
         return np.stack(out)
 
-    def gram_rows(self, r: np.ndarray, noise: Noise, n_rows: int, block: int = 64) -> tuple[np.ndarray, np.ndarray]:
+    def gram_rows(self, r: np.ndarray, noise: Noise, n_rows: int, block: int = 256) -> tuple[np.ndarray, np.ndarray]:
         """First rows (n_rows, n_columns) and the diagonal (n_columns,) of :meth:`gram`, for many columns."""
         factor, _ = self._factor(noise)
         solved, _ = dpbtrs(factor, self._load(r[:, :n_rows], noise), lower=1)
@@ -209,8 +209,8 @@ class Disturbance:
         for a in range(0, r.shape[1], block):
             load = self._load(r[:, a : a + block], noise)
             rows[:, a : a + block] -= solved.T @ load
-            half, _ = dtbtrs(factor, load, uplo="L", overwrite_b=1)
-            diagonal[a : a + block] -= np.einsum("ik,ik->k", half, half)
+            half = solve_blocks(factor, load.T.reshape(-1, self.n_samples, self.size).transpose(1, 2, 0))
+            diagonal[a : a + block] -= np.einsum("tik,tik->k", half, half)
         return rows, diagonal
 
     def log_likelihood(self, r: np.ndarray, noise: Noise) -> float:

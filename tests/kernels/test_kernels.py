@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from sksurrogate.kernels.banded import BlockTridiagonal, first_order_scan, recursion_band, solve_recursion
+from sksurrogate.kernels.banded import BlockTridiagonal, first_order_scan, recursion_band, solve_blocks, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import close, march, rk4
 from sksurrogate.kernels.signals import Signal, delay, hold, lag, play, rate_limit
@@ -48,6 +48,19 @@ def test_block_tridiagonal_equals_dense():
     b = RNG.normal(size=(1, n, m))
     np.testing.assert_allclose(T.solve(b).ravel(), np.linalg.solve(M, b.ravel()))
     assert T.log_determinant() == pytest.approx(np.linalg.slogdet(M)[1])
+
+
+@pytest.mark.parametrize("width", [1, 3, 5, 6])
+def test_sample_by_sample_equals_dense_triangles(width):
+    n_samples, n = 7, 3
+    rows = n_samples * n
+    L = np.tril(RNG.normal(size=(rows, rows))) * (np.subtract.outer(np.arange(rows), np.arange(rows)) < width)
+    L *= np.subtract.outer(np.arange(rows) // n, np.arange(rows) // n) <= 1  # a sample and the one before it
+    L += 3 * np.eye(rows)
+    factor = np.stack([np.r_[np.diag(L, -k), np.zeros(k)] for k in range(width)])
+    b = RNG.normal(size=(n_samples, n, 4))
+    expected = np.linalg.solve(L, b.reshape(rows, 4)).reshape(b.shape)
+    np.testing.assert_allclose(solve_blocks(factor, b), expected, atol=1e-12)
 
 
 def test_runge_kutta_has_order_four():
@@ -134,6 +147,18 @@ def test_play_and_rate_limit_equal_their_recursions():
         if abs(u[k] - last) >= 3 * h:  # a full ramp: its two moments give its end
             assert end[k] == pytest.approx(following)
         last = following
+
+
+def test_rows_and_diagonal_are_those_of_the_whole_gram():
+    A = 0.3 * RNG.normal(size=(2, 2, 100))
+    B, C = RNG.normal(size=(2, 2, 100)), RNG.normal(size=(1, 2, 100))
+    noise = Noise(np.array([0.5]), np.array([0.2, 0.3]), 7.0, np.array([0.4]), 5.0)
+    model = Disturbance(A, B, C, STARTS, np.ones(2), 1e-3 * np.ones(2))
+    r = RNG.normal(size=(1, 9, 100))
+    rows, diagonal = model.gram_rows(r, noise, 2, block=4)
+    whole, _ = model.gram(r, noise)
+    np.testing.assert_allclose(rows, whole[:2], atol=1e-9)
+    np.testing.assert_allclose(diagonal, np.diag(whole), atol=1e-9)
 
 
 def test_likelihood_equals_the_dense_gaussian():
