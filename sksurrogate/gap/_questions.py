@@ -291,10 +291,11 @@ class Questions:
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         found = self.found
         location, kind = None, None
-        if verdict == "explained" and effects:
-            kinds = {e.key: e.kind for e in self.final.effects}
-            location = effects[0].location
-            kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
+        named = _where.named_places(
+            effects if verdict == "explained" else [], {e.key: e.kind for e in self.final.effects}
+        )
+        if named:
+            location, kind, _ = named[0]
         elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (
@@ -313,7 +314,7 @@ class Questions:
             location,
             kind,
             _where.by_output(found.shrink),
-            _where.by_location(found.places or []),
+            _where.by_location(found.places or [], named),
             *where_and_when(self.problem, self.null_force(), location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )

@@ -153,7 +153,8 @@ class Where:
     by_output : Table
         output, gap (units of the output), noise, share.
     by_location : Table
-        location, kind, share, evidence.
+        location, kind, share (of the gap, held by the named effects there; where nothing is named, how probable a free
+        signal there alone is), evidence (of a free signal there alone, in nats over the least).
     by_region : Table
         rule (readable), share of the gap's power there, share of the samples.
     by_time : Table

@@ -24,7 +24,7 @@ from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
 from sksurrogate.gap._shape import shape_of
 from sksurrogate.gap._verdict import Facts, decide, parameter_errors
-from sksurrogate.gap._where import by_frequency, by_location, by_output, regions, times
+from sksurrogate.gap._where import by_frequency, by_location, by_output, named_places, regions, times
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
@@ -207,10 +207,9 @@ class _Answers(AroundQuestions):
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         location, kind = None, None
-        if verdict == "explained" and effects:
-            kinds = {e.key: e.kind for e in self.final.effects}
-            location = effects[0].location
-            kind = kinds.get((effects[0].name, effects[0].location, effects[0].variable), "parameter")
+        named = named_places(effects if verdict == "explained" else [], {e.key: e.kind for e in self.final.effects})
+        if named:
+            location, kind, _ = named[0]
         elif verdict == "unknown" and self.places:
             location, kind = self.places[0].location, self.places[0].kind
         if self.shrink is None or self.held is None or self.search.null is None:
@@ -223,7 +222,7 @@ class _Answers(AroundQuestions):
             location,
             kind,
             by_output(self.shrink),
-            by_location(self.places),
+            by_location(self.places, named),
             regions(self.around.record, Z, names, w),
             times(self.around.record, w),
             by_frequency(self.held.record, self.held.before, self.floor()),

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.signal import welch
 from sklearn.tree import DecisionTreeRegressor
 
-from sksurrogate.gap._report import Shrink, Table
+from sksurrogate.gap._report import EffectEstimate, Shrink, Table
 from sksurrogate.gap._unknown import Place, folds
 from sksurrogate.kernels.record import Record
 
-__all__ = ["by_frequency", "by_location", "by_output", "regions", "times"]
+__all__ = ["by_frequency", "by_location", "by_output", "named_places", "regions", "times"]
 
 #: Share of the size of the force that a tree must explain on the other half of the runs before regions are named, and
 #: what a further split must add.
@@ -39,24 +39,39 @@ def by_output(shrink: Shrink) -> Table:
     )
 
 
-def by_location(found: Sequence[Place]) -> Table:
-    """Places with their evidence over the best of the others, as shares that sum to one."""
+def named_places(effects: Sequence[EffectEstimate], kinds: Mapping[tuple, str]) -> list[tuple[str, str, float]]:
+    """Location, kind and share of the gap of every named effect; parameters where ``kinds`` (by key) knows none."""
+    keys = [(effect.name, effect.location, effect.variable) for effect in effects]
+    return [(effect.location, kinds.get(key, "parameter"), effect.share) for effect, key in zip(effects, keys)]
+
+
+def by_location(found: Sequence[Place], named: Sequence[tuple[str, str, float]] = ()) -> Table:
+    """Places with their share, and the evidence of a free signal there over the least of them (nats).
+
+    Where effects are named, the share of the gap that they hold at their places; else how probable a free signal at one
+    place alone makes it.
+
+    Parameters
+    ----------
+    found : sequence of Place
+    named : sequence of (location, kind, share)
+        Of the named effects.
+    """
     if not found:
         return Table()
     value = np.array([place.log_likelihood for place in found])
     weight = np.exp(np.clip(value - value.max(), -700, 0))
-    weight /= weight.sum()
-    return Table(
-        tuple(
-            {
-                "location": p.location,
-                "kind": p.kind,
-                "share": float(w),
-                "evidence": float(p.log_likelihood - value.min()),
-            }
-            for p, w in zip(found, weight)
-        )
-    )
+    evidence = {(p.location, p.kind): float(v - value.min()) for p, v in zip(found, value)}
+    share = dict(zip(evidence, (float(w) for w in weight / weight.sum())))
+    if named:
+        share = dict.fromkeys(evidence, 0.0)
+        for location, kind, part in named:
+            share[location, kind] = share.get((location, kind), 0.0) + float(np.nan_to_num(part))
+    rows = [
+        {"location": place[0], "kind": place[1], "share": share[place], "evidence": evidence.get(place, float("nan"))}
+        for place in sorted(share, key=lambda place: -share[place])
+    ]
+    return Table(tuple(rows))
 
 
 def regions(record: Record, Z: np.ndarray, names: Sequence[str], w: np.ndarray) -> Table:
