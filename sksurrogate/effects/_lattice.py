@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["COARSE", "LEVELS", "lattice_steps", "likely_steps", "shows_steps"]
+__all__ = ["COARSE", "LEVELS", "coherence", "lattice_steps", "likely_steps", "shows_steps"]
 
 #: Bins over the range of the readings, at least, and most bins with the empty ones.
 BINS, MOST_BINS = 2000, 1 << 19

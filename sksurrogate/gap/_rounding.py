@@ -1,6 +1,6 @@
 """Readings that stand on a grid which nothing named explains: a quantizer that no rival knows.
 
-The error of a rounding looks like white noise to every likelihood; the grid, and the saw tooth along the free run, tell them apart.
+The error of a rounding looks like white noise to every likelihood; the grid, on which the free run does not stand, tells them apart.
 """
 
 from __future__ import annotations
@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.effects._lattice import lattice_steps, shows_steps
+from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
 from sksurrogate.gap._problem import Rival
 
 __all__ = ["STEPS", "Rounding", "unnamed_rounding"]
 
-#: Share of the residual's power that the saw tooth must be: a grid by chance, or by the levels of an input, is none of it.
-SAW_TOOTH = 0.5
+#: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
+#: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
+FACTOR, CROWDS = 2.0, 0.5
 
 STEPS = (
     "The readings of {name!r} stand on steps of {step:.3g}, and nothing named rounds them: "
@@ -55,14 +56,17 @@ def unnamed_rounding(rival: Rival) -> Rounding | None:
 
 
 def is_rounded(y: np.ndarray, fitted: np.ndarray, step: float) -> bool:
-    """Whether what a free run leaves is the saw tooth of its rounding.
+    """Whether a free run misses the rounding of readings that crowd at the multiples of a step: it does not crowd there, and
+    what it leaves is as large as the error of a rounding.
 
     Examples
     --------
     >>> import numpy as np
     >>> true = np.linspace(0.0, 9.0, 500)
-    >>> is_rounded(np.round(true), true, 1.0), is_rounded(true + 0.3, true, 1.0)
+    >>> is_rounded(np.round(true), true, 1.0), is_rounded(np.round(true), np.round(true) + 0.1, 1.0)
     (True, False)
     """
-    r, saw_tooth = y - fitted, step * np.round(fitted / step) - fitted
-    return bool(np.sum((r - saw_tooth) ** 2) < (1.0 - SAW_TOOTH) * np.sum((r - r.mean()) ** 2))
+    error, left = step**2 / 12.0, float(np.var(y - fitted))
+    steps = np.array([step])
+    crowds = coherence(fitted, steps)[0] > CROWDS * coherence(y, steps)[0]
+    return bool(left / FACTOR < error < FACTOR * left and not crowds)

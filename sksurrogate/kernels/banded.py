@@ -56,11 +56,13 @@ def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
     array([[[1.  , 0.5 , 0.25]]])
     """
     n, n_columns, n_samples = b.shape
-    columns = np.asfortranarray(b.transpose(2, 0, 1).reshape(n_samples * n, n_columns))
-    solution, info = dtbtrs(band, columns, uplo="L", diag="U")
+    columns = np.array(b.transpose(1, 2, 0), order="C").reshape(
+        n_columns, n_samples * n
+    )  # a copy, to be solved in place
+    solution, info = dtbtrs(band, columns.T, uplo="L", diag="U", overwrite_b=1)
     if info != 0:
         raise FloatingPointError(f"dtbtrs: argument {-info} is illegal")
-    return np.ascontiguousarray(solution.reshape(n_samples, n, n_columns).transpose(1, 2, 0))
+    return np.ascontiguousarray(solution.T.reshape(n_columns, n_samples, n).transpose(2, 0, 1))
 
 
 def solve_adjoint(band: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -126,31 +126,30 @@ class Disturbance:
 
     def _factor(self, noise: Noise) -> tuple[np.ndarray, float]:
         """Banded Cholesky factor of the posterior precision, and log determinant of the prior precision."""
-        n, b, size = self.n, self.b, self.size
-        a_w, a_v = np.exp(-1.0 / noise.tau), np.exp(-1.0 / noise.tau_sensor)
-        q_w = 1.0 / (noise.force**2 * (1 - a_w**2))
-        q_v = 1.0 / (noise.coloured**2 * (1 - a_v**2))
-        inner, later = self.inner[:, None], self.later[:, None]
-        top = n + b
+        n, size, top = self.n, self.size, self.n + self.b
+        spread = np.concatenate([noise.force, noise.coloured])
+        a = np.exp(-1.0 / np.repeat([noise.tau, noise.tau_sensor], [self.b, self.m]))
+        q = 1.0 / (spread**2 * (1 - a**2))
         band = self.constant.copy()
-        band[:, n:top, 0] += q_w * (inner * a_w**2 + later) + (1.0 - later) / noise.force**2
-        band[:, n:top, size] = -q_w * a_w * inner
-        band[:, top:, 0] += noise.sigma**-2 + q_v * (inner * a_v**2 + later) + (1.0 - later) / noise.coloured**2
-        band[:, top:, size] = -q_v * a_v * inner
+        # Chains of first order: q (1 + a^2) on the diagonal, q where a run starts and where it ends, -q a beside it.
+        band[:, n:, 0] += q * (1 + a**2)
+        band[self.starts, n:, 0] -= q * a**2
+        band[self.ends, n:, 0] -= q * a**2
+        band[:, n:, size] = -q * a
+        band[self.ends, n:, size] = 0.0
+        band[:, top:, 0] += noise.sigma**-2
         for j, seen in enumerate(self.seen):
-            w, C = 1.0 / noise.sigma[j] ** 2, self.C[:, j]
             for i in seen:
+                weighted = self.C[:, j, i] / noise.sigma[j] ** 2
                 for k in seen[seen <= i]:
-                    band[:, k, i - k] += w * C[:, i] * C[:, k]
-                band[:, i, top + j - i] += w * C[:, i]
+                    band[:, k, i - k] += weighted * self.C[:, j, k]
+                band[:, i, top + j - i] += weighted
         factor, info = dpbtrf(band.reshape(self.n_samples * size, size + n).T, lower=1, overwrite_ab=1)
         if info != 0:
             raise np.linalg.LinAlgError("the posterior precision is not positive definite")
         steps, runs = float(self.later.sum()), len(self.starts)
-        prior = steps * (np.sum(np.log(1.0 / self.slack**2)) + np.sum(np.log(q_w)) + np.sum(np.log(q_v)))
-        prior -= (
-            2 * runs * (np.sum(np.log(self.start_sd)) + np.sum(np.log(noise.force)) + np.sum(np.log(noise.coloured)))
-        )
+        prior = steps * (np.sum(np.log(1.0 / self.slack**2)) + np.sum(np.log(q)))
+        prior -= 2 * runs * (np.sum(np.log(self.start_sd)) + np.sum(np.log(spread)))
         return factor, float(prior)
 
     def _load(self, r: np.ndarray, noise: Noise) -> np.ndarray:

@@ -55,6 +55,18 @@ def test_smooth_readings_and_steps_below_the_noise_stand_on_no_grid(step, noise)
     assert unnamed_rounding(free_run(step, noise)) is None
 
 
+def test_a_slow_disturbance_that_shifts_the_free_run_hides_no_grid():
+    rival = free_run(0.3, 0.01)
+    rival.fit.y = rival.fit.y + 0.03 * np.sin(np.arange(rival.fit.y.shape[1]) / 40.0)
+    assert unnamed_rounding(rival).step == pytest.approx(0.3, rel=1e-3)
+
+
+def test_a_grid_far_finer_than_what_is_left_is_not_what_is_missing():
+    rival = free_run(0.3, 0.01)
+    rival.fit.y = rival.fit.y + 0.3 * np.sin(np.arange(rival.fit.y.shape[1]) / 40.0)
+    assert unnamed_rounding(rival) is None
+
+
 def test_a_named_quantizer_explains_its_grid():
     assert unnamed_rounding(free_run(0.3, 0.01, (SensorQuantization("level"),))) is None
 
