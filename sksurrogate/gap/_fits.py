@@ -83,7 +83,7 @@ def fit_last(
         tries, own = [problem.fit(effects, theta, x, best=best, fallback=run)], nominal_run(problem)
         if np.isfinite(own).all():
             tries.append(problem.fit(effects, theta, own, best=best, open_steps=0))
-        return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
+        return cheapest(tries)
     if isinstance(last, LimitEffect):
         return fit_limit(problem, effects, theta, x, base, best)
     if not last.scan(list(theta[place])):
@@ -91,7 +91,7 @@ def fit_last(
     if last.kind != "output":
         tries = [problem.fit(effects, theta, x, best=best, fallback=run)]
         tries.append(problem.fit(effects, theta, run, open_steps=0))
-        return min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
+        return cheapest(tries)
     soft = replace(problem, sharpness=SOFT).fit(effects, theta, run, open_steps=0, max_steps=8)
     if soft is None:
         return None
@@ -114,7 +114,12 @@ def fit_limit(
     with np.errstate(all="ignore"):
         own = free_run(model, theta, problem.run[:, problem.record.starts])
     other = problem.fit(effects, theta, own, open_steps=0) if np.isfinite(own).all() else None
-    return min((one for one in (found, other) if one is not None), key=lambda one: one.fit.cost, default=None)
+    return cheapest([found, other])
+
+
+def cheapest(tries: Sequence[Rival | None]) -> Rival | None:
+    """Of several fits the one nearest to the data, the first of equal ones; None where none came to an end."""
+    return min((rival for rival in tries if rival is not None), key=lambda rival: rival.fit.cost, default=None)
 
 
 def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:

@@ -285,12 +285,8 @@ def _where(report: GapReport) -> list[str]:
         if len(table):
             parts.append(f"<h3>{title}</h3>{_table(table)}")
         if len(table) and table is where.by_location:
-            share = (
-                "share of the gap that the named effects hold" if report.verdict == "explained" else "its probability"
-            )
-            parts.append(
-                f'<p class="small">Evidence: of a free signal in one place alone, in nats. Share: {share}.</p>'
-            )
+            share = "what the effects named there hold of the gap" if report.verdict == "explained" else "its probability"
+            parts.append(f'<p class="small">Share: {share}. Evidence: of a free signal there alone, in nats.</p>')
     return parts if len(parts) > 1 else []
 
 
