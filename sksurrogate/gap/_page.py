@@ -285,7 +285,7 @@ def _where(report: GapReport) -> list[str]:
         if len(table):
             parts.append(f"<h3>{title}</h3>{_table(table)}")
         if len(table) and table is where.by_location:
-            share = "what the effects named there hold of the gap" if report.verdict == "explained" else "its probability"
+            share = "what effects named there hold of the gap" if report.verdict == "explained" else "its probability"
             parts.append(f'<p class="small">Share: {share}. Evidence: of a free signal there alone, in nats.</p>')
     return parts if len(parts) > 1 else []
 
