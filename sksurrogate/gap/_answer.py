@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.gap._report import EffectEstimate, MissingTerm, NextExperiment, Shrink, Where
+from sksurrogate.gap._verdict import PRACTICAL
 
-__all__ = ["sentence_of"]
+__all__ = ["note_on_none", "sentence_of"]
 
 #: A law longer than this (characters) is not read in a sentence.
 LONGEST = 80
@@ -26,6 +27,19 @@ def _described(effect: EffectEstimate) -> str:
     return f"{effect.name.replace('_', ' ')} at {effect.location}{driver}{value}"
 
 
+def note_on_none(shrink: Shrink) -> str:
+    """Why a gap above the noise floor has no name: it is below the practical bar, or no law explains it."""
+    if shrink.before < PRACTICAL:
+        return (
+            f"The free run lies above the noise floor, but misses the outputs by {100 * shrink.before:.2g} % of their deviation only, "
+            f"less than the practical bar of {100 * PRACTICAL:g} %."
+        )
+    return (
+        "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
+        "repeat a run with the same inputs to tell a disturbance from an effect."
+    )
+
+
 def sentence_of(
     verdict: str,
     effects: Sequence[EffectEstimate],
@@ -36,6 +50,11 @@ def sentence_of(
 ) -> str:
     """One to three sentences."""
     closed = f"{100 * shrink.fraction:.1f} %" if np.isfinite(shrink.fraction) else "an unknown share"
+    if verdict == "none" and shrink.measurable and shrink.before < PRACTICAL:
+        return (
+            f"The simulator is within {100 * PRACTICAL:g} % of the outputs' deviation: what it misses beyond the noise is too small "
+            "to matter in practice, and no name is given for it."
+        )
     if verdict == "none":
         return (
             "The simulator agrees with the data to within noise and disturbance: no effect is missing that these runs could show. "

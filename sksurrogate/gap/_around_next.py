@@ -5,22 +5,16 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap._around import Around, Trial
-from sksurrogate.gap._report import NextExperiment, Table
+from sksurrogate.gap._report import NextExperiment
+from sksurrogate.gap._tied import name_of, suggestion
 from sksurrogate.kernels.record import Record
 
-__all__ = ["name_of", "next_experiment"]
-
-
-def name_of(effect: BaseEffect) -> str:
-    """Readable name of an effect."""
-    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "")
+__all__ = ["next_experiment"]
 
 
 def next_experiment(around: Around, final: Trial, slots: Sequence[list[tuple[Trial, bool]]]) -> NextExperiment | None:
@@ -30,26 +24,15 @@ def next_experiment(around: Around, final: Trial, slots: Sequence[list[tuple[Tri
         return None
     i = list(slots).index(tied)
     names = [name_of(final.effects[i]), *(name_of(t.effects[-1]) for t, _ in tied[:4])]
-    rows = _rows(around, final, [t for t, _ in tied[:4]], names)
-    if not rows or rows[0]["gain"] < 3.0:
-        return NextExperiment(
-            f"No variation of the inputs tried here separates {', '.join(names)}: they predict the same. "
-            "Only another sensor or knowledge of the plant can decide.",
-            Table(tuple(rows)),
-        )
-    best, gain = rows[0], rows[0]["gain"]
-    text = f"{gain:.0f}" if gain < 1000 else "more than 1000"
-    return NextExperiment(
-        f"To tell {best['between']} apart, record {best['experiment']}: expected separation {text} nats (3 are enough).",
-        Table(tuple(rows)),
-    )
+    apart = _apart(around, final, [t for t, _ in tied[:4]])
+    return suggestion(apart, names) if apart else None
 
 
-def _rows(around: Around, final: Trial, tied: Sequence[Trial], names: Sequence[str]) -> list[dict[str, Any]]:
-    """Expected separation of every experiment, best first."""
+def _apart(around: Around, final: Trial, tied: Sequence[Trial]) -> dict[str, np.ndarray]:
+    """Nats that part the final trial from every tied one, by experiment."""
     assert final.noise is not None
     weight = (around.sd / final.noise.sigma)[:, None]
-    rows: list[dict[str, Any]] = []
+    out: dict[str, np.ndarray] = {}
     for label, given in _inputs(around.record).items():
         at = _alone(around, np.ascontiguousarray(given))
         try:
@@ -59,9 +42,8 @@ def _rows(around: Around, final: Trial, tied: Sequence[Trial], names: Sequence[s
             continue
         gains = [0.5 * float(np.sum(at.without_starts(((first - y) * weight)[None]) ** 2)) for y in others]
         if np.all(np.isfinite(gains)):
-            k = int(np.argmin(gains))
-            rows.append({"experiment": label, "gain": gains[k], "between": f"{names[0]} and {names[1 + k]}"})
-    return sorted(rows, key=lambda row: -row["gain"])
+            out[label] = np.array(gains)
+    return out
 
 
 def _inputs(record: Record) -> dict[str, np.ndarray]:

@@ -19,7 +19,7 @@ from sksurrogate.gap._correction import generic_correction
 from sksurrogate.gap._report import NextExperiment, Shrink
 from sksurrogate.gap._shrink import HeldOut, blocked, measure
 from sksurrogate.gap._unknown import Place, repeatable
-from sksurrogate.gap._verdict import CERTIFICATE
+from sksurrogate.gap._verdict import certified
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
@@ -83,7 +83,7 @@ class AroundQuestions:
         self.say("how far the gap shrinks on runs left out")
         self.held = self.held_out(final)
         self.shrink = measure(self.held, self.floor(), self.plant.outputs, self.seed)
-        if final.effects and np.isfinite(self.shrink.fraction) and self.shrink.fraction < CERTIFICATE:
+        if final.effects and not certified(self.shrink, left_of(around, final)):
             self.withdraw()
         if self.final.effects:
             self.shares = self.shares_of(self.final, self.shrink.fraction_power)

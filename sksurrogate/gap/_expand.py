@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, nominal
@@ -211,8 +211,8 @@ class Expander:
     def fit_all(
         self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float = np.inf
     ) -> list[Rival]:
-        """Fit rivals, best first; in worker processes where asked."""
-        if self.n_jobs is None or self.n_jobs == 1:
+        """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it."""
+        if effective_n_jobs(self.n_jobs) == 1:
             out, best = [], min(base.fit.cost, best)
             for starts in chosen:
                 rival = fit_added(problem, base, starts, best)
@@ -222,5 +222,5 @@ class Expander:
             return out
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
-        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk) for chunk in chunks)
+        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, best) for chunk in chunks)
         return [rival for part in parts for rival in part if rival is not None]

@@ -122,9 +122,9 @@ def cheapest(tries: Sequence[Rival | None]) -> Rival | None:
     return min((rival for rival in tries if rival is not None), key=lambda rival: rival.fit.cost, default=None)
 
 
-def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]]) -> list[Rival | None]:
+def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]], best: float) -> list[Rival | None]:
     """One worker's share."""
-    return [fit_added(problem, base, starts, base.fit.cost) for starts in chunk]
+    return [fit_added(problem, base, starts, min(base.fit.cost, best)) for starts in chunk]
 
 
 def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:

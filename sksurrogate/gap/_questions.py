@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._accused import accused, told_by, told_by_law
-from sksurrogate.gap._answer import sentence_of
+from sksurrogate.gap._answer import note_on_none, sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._correction import generic_correction, known_runs
 from sksurrogate.gap._curve_shapes import CERTAIN
@@ -22,12 +22,15 @@ from sksurrogate.gap._free_curve import free_curve
 from sksurrogate.gap._imitated import imitated_by_retuning
 from sksurrogate.gap._law_rival import LawRival, law_rival
 from sksurrogate.gap._loop import LOOP, closed_loop
+from sksurrogate.gap._probability import probabilities
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
+from sksurrogate.gap._reported import reported
 from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search, left
-from sksurrogate.gap._separate import Slot, equivalents, next_experiment, why
+from sksurrogate.gap._separate import Slot, equivalents, next_experiment
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares, traces
+from sksurrogate.gap._tied import name_of, when_they_part
 from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
     FAR,
@@ -39,7 +42,6 @@ from sksurrogate.gap._verdict import (
     intervals,
     left_over,
     parameter_errors,
-    probabilities,
     ranking,
     retuned_table,
 )
@@ -247,16 +249,18 @@ class Questions:
         final, found = self.final, self.found
         best = found.fitted or final
         low, high = found.bounds if found.bounds is not None else (final.fit.theta * np.nan, final.fit.theta * np.nan)
+        unnamed = found.curve.gain if found.curve is not None else -np.inf
         chances = (
-            probabilities(self.search, final, found.slots, verdict == "unknown")
+            probabilities(self.search, final, found.slots, unnamed, verdict == "unknown")
             if found.slots
             else [float("nan")] * len(final.effects)
         )
         out = []
         for i, effect in enumerate(final.effects):
-            rows = range(*final.model.slice_of(i).indices(len(final.fit.theta)))
-            names = [p.name for p in effect.parameters]
+            rows = final.model.slice_of(i)
             slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
+            params, ends = reported(effect, best.theta_of(i), low[rows], high[rows])
+            tied = [name_of(rival.effects[-1]) for rival in slot.twins]
             twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.keys]
             richer = [k for k in self.search.richer.get(effect.key, []) if k not in final.keys]
             out.append(
@@ -265,11 +269,13 @@ class Questions:
                     str(effect.location),
                     effect.variable,
                     float(found.shares[i]) if found.shares else float("nan"),
-                    dict(zip(names, (float(v) for v in effect.canonical(tuple(best.theta_of(i)))))),
-                    {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
+                    params,
+                    ends,
                     chances[i],
                     [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
-                    why(final, slot, found.experiment, sorted({k[0] for k in richer})),
+                    when_they_part(
+                        name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer})
+                    ),
                 )
             )
         if not out and verdict == "explained":
@@ -378,10 +384,7 @@ class Questions:
             notes.append(self.uncertified)
         found = self.found
         if verdict == "none" and found.shrink is not None and found.shrink.measurable:
-            notes.append(
-                "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
-                "repeat a run with the same inputs to tell a disturbance from an effect."
-            )
+            notes.append(note_on_none(found.shrink))
         rounding = self.rounding()
         if verdict == "unknown" and rounding is not None:
             notes.append(STEPS.format(name=rounding.sensor, step=rounding.step))

@@ -96,7 +96,7 @@ class EffectEstimate:
     intervals : dict of (float, float)
         90 % intervals, same keys as ``params``; inf where unbounded.
     probability : float
-        Among all rivals, none and unknown.
+        Among the rivals fitted in its place, none, and the likeliest law without a name; half of that where the verdict is unknown.
     equivalents : list of (name, location, variable)
         Other effects that these data cannot tell from this one.
     why : str
@@ -265,10 +265,16 @@ class NextExperiment:
     sentence : str
     options : Table
         experiment, gain (expected separation of the tied rivals in nats), between.
+    named : str
+        The effect whose rivals it is about.
+    parted : tuple of str
+        Rivals from which the first option parts it.
     """
 
     sentence: str
     options: Table = Table()
+    named: str = ""
+    parted: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

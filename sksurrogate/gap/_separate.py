@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,8 +13,9 @@ from sksurrogate.gap._fits import taken_out
 from sksurrogate.gap._nested import NESTED
 from sksurrogate.gap._prior import prior_cost
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._report import NextExperiment, Table
+from sksurrogate.gap._report import NextExperiment
 from sksurrogate.gap._select import EQUAL, Search
+from sksurrogate.gap._tied import name_of, suggestion
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
@@ -31,8 +31,6 @@ AS_LIKELY = 1.0
 MOST_ANEW = 6
 #: Initial states are pushed by this share of their size for sensitivities.
 PUSH = 1e-4
-#: Nats of log likelihood that settle between two rivals.
-ENOUGH = 3.0
 #: Outputs closer than this share of the noise are the same prediction.
 SAME = 0.02
 
@@ -220,7 +218,7 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
         return None
     assert final.noise is not None
     rivals = [final, *slot.twins[:5]]
-    names = [_name(final.effects[slot.index]), *(_name(r.effects[-1]) for r in slot.twins[:5])]
+    names = [name_of(final.effects[slot.index]), *(name_of(r.effects[-1]) for r in slot.twins[:5])]
     experiments = _experiments(problem, final)
     count, n = len(experiments), len(problem.plant.states)
     pushed = [replace(e, x0=e.x0 + step) for step in PUSH * np.diag(problem.scale) for e in experiments]
@@ -247,7 +245,7 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
     apart = {name: value for name, value in apart.items() if np.isfinite(value).any()}
     if not apart:
         return None
-    return _suggestion(apart, names)
+    return suggestion(apart, names)
 
 
 def _separations(differences: Sequence[np.ndarray], starts: np.ndarray, sd: np.ndarray) -> np.ndarray:
@@ -264,54 +262,3 @@ def _separations(differences: Sequence[np.ndarray], starts: np.ndarray, sd: np.n
             d = d - J @ np.linalg.lstsq(J, d, rcond=1e-8)[0]
             out[k] = 0.5 * float(d @ d)
     return out
-
-
-def _suggestion(apart: dict[str, np.ndarray], names: Sequence[str]) -> NextExperiment:
-    """The experiment that parts the final effect best from the tied rival that is hardest to tell; twins that none parts
-    are left out where another can be told."""
-    most = np.nanmax(np.where(np.isfinite(list(apart.values())), list(apart.values()), -1.0), axis=0)
-    told = np.flatnonzero(most >= ENOUGH) if np.any(most >= ENOUGH) else np.arange(len(most))
-    rows: list[dict[str, Any]] = []
-    for experiment, values in apart.items():
-        known = [int(k) for k in told if np.isfinite(values[k])]
-        hardest = min(known, key=lambda k: values[k], default=None)
-        if hardest is not None:
-            between = f"{names[0]} and {names[1 + hardest]}"
-            rows.append({"experiment": experiment, "gain": float(values[hardest]), "between": between})
-    rows.sort(key=lambda row: -row["gain"])
-    best = rows[0]
-    if best["gain"] < ENOUGH:
-        sentence = (
-            f"No variation of the inputs tried here separates {', '.join(names)}: they predict the same. "
-            "Only another sensor or knowledge of the plant can decide."
-        )
-        return NextExperiment(sentence, Table(tuple(rows)))
-    gain = f"{best['gain']:.0f}" if best["gain"] < 1000 else "more than 1000"
-    sentence = (
-        f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats (3 are enough)."
-    )
-    same = [names[1 + k] for k in range(len(most)) if k not in told]
-    if same:
-        sentence += f" Nothing tried here tells {', '.join(same)} from {names[0]}."
-    return NextExperiment(sentence, Table(tuple(rows)))
-
-
-def _name(effect) -> str:
-    """Readable name of an effect."""
-    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "")
-
-
-def why(final: Rival, slot: Slot, experiment: NextExperiment | None, richer: Sequence[str] = ()) -> str:
-    """The sentence that says when tied effects part; ``richer``: forms that contain the named one and fit no better."""
-    if not slot.twins and richer:
-        return f"Only richer forms ({', '.join(richer)}) explain these data as well; nothing in the data needs them."
-    if not slot.twins:
-        return "No other effect of the catalogue explains these data as well."
-    others = ", ".join(_name(r.effects[-1]) for r in slot.twins[:4]) + (" and more" if len(slot.twins) > 4 else "")
-    how = "predict the same" if all(slot.identical) else "explain these data equally well"
-    part = "they part in none of the experiments tried here"
-    if experiment is not None:
-        good = [row for row in experiment.options if row["gain"] >= ENOUGH]
-        if good:
-            part = f"they part with {good[0]['experiment']}"
-    return f"{_name(final.effects[slot.index])} and {others} {how} on the range that was reached; {part}."

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._catalogue import CATALOGUE
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._around import Trial
-from sksurrogate.gap._around_next import name_of
 from sksurrogate.gap._around_questions import AroundQuestions
 from sksurrogate.gap._around_where import channel_of, left_of
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
+from sksurrogate.gap._reported import reported
 from sksurrogate.gap._shape import shape_of
+from sksurrogate.gap._tied import name_of, when_they_part
 from sksurrogate.gap._verdict import Facts, decide, parameter_errors
 from sksurrogate.gap._where import by_frequency, by_location, by_output, named_places, regions, times
 from sksurrogate.physics._simulator import Plant
@@ -68,7 +68,7 @@ class _Answers(AroundQuestions):
     def verdict(self) -> str:
         final, shrink = self.final, self.shrink
         if shrink is None:
-            return "explained" if final.effects else "unknown"
+            return "unknown"  # interrupted: nothing is certified yet
         left = left_of(self.around, final)
         return decide(
             Facts(
@@ -153,8 +153,8 @@ class _Answers(AroundQuestions):
         final, out = self.final, []
         total = self.shrink.fraction_power if self.shrink is not None else _NAN
         for i, effect in enumerate(final.effects):
-            rows = range(*final.slice_of(i).indices(len(final.theta)))
-            names = [p.name for p in effect.parameters]
+            rows = final.slice_of(i)
+            params, ends = reported(effect, final.theta[rows], low[rows], high[rows])
             slot = self.slots[i] if i < len(self.slots) else []
             weights = [1.0, *(float(np.exp(min(t.log_likelihood - final.log_likelihood, 0.0))) for t, _ in slot)]
             out.append(
@@ -163,25 +163,20 @@ class _Answers(AroundQuestions):
                     str(effect.location),
                     effect.variable,
                     float(self.shares[i]) if self.shares else float(total),
-                    dict(zip(names, (float(v) for v in effect.canonical(tuple(final.theta[list(rows)]))))),
-                    {n: (float(low[r]), float(high[r])) for n, r in zip(names, rows)},
+                    params,
+                    ends,
                     1.0 / sum(weights),
                     [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys(t.effects[-1].key for t, _ in slot)],
-                    self.why(effect, slot),
+                    when_they_part(
+                        name_of(effect),
+                        [name_of(t.effects[-1]) for t, _ in slot],
+                        all(same for _, same in slot),
+                        self.experiment,
+                        among="that can be tested here",
+                    ),
                 )
             )
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
-
-    def why(self, effect: BaseEffect, slot: list[tuple[Trial, bool]]) -> str:
-        """The sentence that says when tied effects part."""
-        if not slot:
-            return "No other effect that can be tested here explains these data as well."
-        others = ", ".join(name_of(t.effects[-1]) for t, _ in slot[:4]) + (" and more" if len(slot) > 4 else "")
-        how = "predict the same" if all(same for _, same in slot) else "explain these data equally well"
-        part = "they part in none of the experiments tried here"
-        if self.experiment is not None and len(self.experiment.options) and self.experiment.options[0]["gain"] >= 3.0:
-            part = f"they part with {self.experiment.options[0]['experiment']}"
-        return f"{name_of(effect)} and {others} {how} on the range that was reached; {part}."
 
     def retuned_table(self, low: np.ndarray, high: np.ndarray) -> Table:
         """One row a free parameter."""

@@ -18,7 +18,7 @@ from sksurrogate.gap._rounding import Rounding
 from sksurrogate.gap._select import MOST_EFFECTS, Search, left
 from sksurrogate.gap._unknown import LatentForce, moved_by
 
-__all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors", "probabilities", "ranking", "retuned_table"]
+__all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors", "ranking", "retuned_table"]
 
 #: `explained` when the named effects leave less than this share of the gap (amplitude).
 SHARE = 0.20
@@ -289,24 +289,6 @@ def intervals(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray]:
     half = np.sqrt((1.645 * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2)
     low, high = problem.bounds(rival.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
-
-
-def probabilities(search: Search, final: Rival, slots: Sequence, unknown: bool) -> list[float]:
-    """Probability of each named effect among the rivals of its slot, none and unknown."""
-    out = []
-    for slot in slots:
-        own = search.score(final)
-        rivals = [
-            search.score(r)
-            if r.noise is not None
-            else own - 0.5 * (r.n_parameters - final.n_parameters) * np.log(search.n_values)
-            for r in slot.twins
-        ]
-        none = search.score(search.null) if search.null is not None else -np.inf
-        values = np.array([own, *rivals, none - np.log(max(len(search.candidates), 1)) * 0.0])
-        weight = np.exp(values - values.max())
-        out.append(float(weight[0] / weight.sum()) * (0.5 if unknown else 1.0))
-    return out
 
 
 def ranking(search: Search, final: Rival) -> Table:

@@ -55,13 +55,21 @@ def test_a_search_on_the_cluster(client):
     np.testing.assert_allclose(there.cv_results_["mean_test_score"], here.cv_results_["mean_test_score"], rtol=1e-9)
 
 
-def test_a_diagnosis_on_the_cluster(client):
+def test_a_diagnosis_on_the_cluster(client, monkeypatch):
     X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
     names = ["parameter_error", "sensor_bias", "input_bias", "input_lag"]
     here = GapDiagnoser(make_reactor(second=80.0), effects=names, random_state=0).fit(X, y, groups=groups).report_
+    workers = []
+
+    def spy(**options):
+        workers.append(joblib.effective_n_jobs(options["n_jobs"]))
+        return joblib.Parallel(**options)
+
+    monkeypatch.setattr("sksurrogate.gap._expand.Parallel", spy)
     with joblib.parallel_config("dask"):
         there = GapDiagnoser(make_reactor(second=80.0), effects=names, random_state=0).fit(X, y, groups=groups).report_
     assert str(here) == str(there)
+    assert workers and set(workers) == {2}
 
 
 def test_a_blind_check_on_the_cluster(client, tmp_path, monkeypatch):

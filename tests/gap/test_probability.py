@@ -1,0 +1,41 @@
+"""The probability of a name among its rivals, none, and a law without a name."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects._balance import ConstantBias, LinearLoss
+from sksurrogate.gap._probability import probabilities
+from sksurrogate.gap._select import EQUAL
+
+
+def rival(*effects, value):
+    keys = tuple(effect.key for effect in effects)
+    return SimpleNamespace(effects=effects, keys=keys, n_parameters=len(effects), noise=object(), value=value)
+
+
+def chance(twins=(), rejected=(), null=-500.0, unnamed=-np.inf, unknown=False):
+    final = rival(ConstantBias("speed"), value=0.0)
+    fitted = {frozenset(one.keys): one for one in (final, *twins, *rejected)}
+    search = SimpleNamespace(score=lambda one: one.value, null=rival(value=null), fitted=fitted, n_values=100)
+    (found,) = probabilities(search, final, [SimpleNamespace(index=0, twins=list(twins))], unnamed, unknown)
+    return found
+
+
+def test_alone_it_is_certain_and_a_twin_takes_its_part():
+    assert chance() == pytest.approx(1.0)
+    assert chance([rival(LinearLoss("speed", "speed"), value=np.log(0.25))]) == pytest.approx(0.8)
+
+
+def test_none_and_a_law_without_a_name_are_rivals_too():
+    assert chance(null=0.0) == pytest.approx(0.5)
+    assert chance(unnamed=2.0 * np.log(3.0)) == pytest.approx(0.25)
+    assert chance(unknown=True) == pytest.approx(0.5)
+
+
+def test_a_rejected_rival_counts_as_little_as_its_finer_fit_said():
+    other = rival(LinearLoss("speed", "speed"), value=100.0)
+    assert chance(rejected=[other]) == pytest.approx(1.0 / (1.0 + np.exp(-EQUAL)))
+    two = rival(LinearLoss("speed", "speed"), LinearLoss("speed", "load"), value=100.0)
+    assert chance(rejected=[two]) == pytest.approx(1.0)

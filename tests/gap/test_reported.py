@@ -1,0 +1,21 @@
+"""Values and intervals of named effects stand in one range."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects._disturbance import PeriodicDisturbance
+from sksurrogate.gap._reported import reported
+
+
+@pytest.mark.parametrize("amplitude", [1.5, -1.5])
+@pytest.mark.parametrize("phase", [-9.0, -3.3, 0.4, 3.0, 8.0])
+def test_every_value_lies_in_its_interval_and_is_the_same_effect(amplitude, phase):
+    effect, theta = PeriodicDisturbance("speed"), np.array([amplitude, 2.0, phase])
+    params, intervals = reported(effect, theta, theta - [0.1, 0.2, 0.3], theta + [0.2, 0.1, 0.4])
+    for name, width in zip(params, (0.3, 0.3, 0.7)):
+        low, high = intervals[name]
+        assert low < params[name] < high and high - low == pytest.approx(width)
+    assert params["amplitude"] > 0 and -np.pi < params["phase"] <= np.pi
+    t = np.linspace(0, 5, 50)
+    given = amplitude * np.sin(2.0 * t + phase)
+    np.testing.assert_allclose(params["amplitude"] * np.sin(params["angular_frequency"] * t + params["phase"]), given)

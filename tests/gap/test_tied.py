@@ -1,0 +1,37 @@
+"""Tied rivals in words: the experiment that parts them, and the sentence beside each name."""
+
+import numpy as np
+
+from sksurrogate.gap._tied import suggestion, when_they_part
+
+
+def test_an_exact_twin_does_not_hide_the_experiment_that_parts_another_rival():
+    apart = {"a faster run": np.array([0.0, 40.0, 8.0]), "a larger run": np.array([0.1, 5.0, 90.0])}
+    found = suggestion(apart, ["drag", "twin", "friction", "loss"])
+    assert [(row["experiment"], row["gain"], row["between"]) for row in found.options] == [
+        ("a faster run", 8.0, "drag and loss"),
+        ("a larger run", 5.0, "drag and friction"),
+    ]
+    assert "record a faster run" in found.sentence and "Nothing tried here tells twin from drag" in found.sentence
+    assert (found.named, found.parted) == ("drag", ("friction", "loss"))
+
+
+def test_where_nothing_parts_them_only_another_sensor_can():
+    found = suggestion({"the same run": np.array([0.2, np.nan])}, ["drag", "twin", "other"])
+    assert found.options[0]["gain"] == 0.2
+    assert "Only another sensor" in found.sentence
+    assert found.parted == ()
+    assert "part in none" in when_they_part("drag", ["twin", "other"], True, found)
+
+
+def test_a_sentence_says_only_what_was_computed_for_its_name():
+    found = suggestion({"a faster run": np.array([0.0, 40.0])}, ["drag", "twin", "friction"])
+    both = when_they_part("drag", ["twin", "friction"], False, found)
+    assert "parts from friction; nothing is known to part the rest" in both
+    assert when_they_part("drag", ["friction"], False, found).endswith("they part with a faster run.")
+    assert "was not asked: the next experiment is about drag" in when_they_part("bias", ["gain"], True, found)
+
+
+def test_without_ties_it_says_so():
+    assert when_they_part("drag", [], True, None) == "No other effect of the catalogue explains these data as well."
+    assert "Only richer forms (power_law)" in when_they_part("drag", [], True, None, ["power_law"])
