@@ -117,3 +117,19 @@ def test_the_page_of_the_command_line_has_every_option():
             if option.startswith("--") and option != "--help" and f"`{option}" not in section
         ]
         assert not lacking, f"docs/command_line.md does not tell of {lacking} of {name}"
+
+
+@pytest.mark.skipif(not PAGES, reason="the pages are not beside the tests (installed package)")
+def test_the_bars_of_the_verdict_are_those_of_the_code():
+    from sksurrogate.gap import _verdict
+
+    page = (DOCS / "diagnosing.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"\d+(?:\.\d+)?", page.split("## The bars of the verdict")[1].split("\n## ")[0]))
+    others = "CERTIFICATE CLEAR_FORCE CLEAR_LAW FAR FEW FORCE LAW LAW_BY_TWO LEFT_BY_SEVERAL LEFT_FOR_MOST LEFT_LAWFUL MOVED "
+    others += "NUMERICS_SHARE PRACTICAL PRACTICAL_LAWLESS ROUNDING WITHIN"
+    bars = set(others.split()) | {
+        name for name in vars(_verdict) if "SHARE" in name or name.startswith(("MOST_LEFT", "CURVE_"))
+    }
+    assert len(bars) > 25
+    lacking = {name for name in bars if f"{getattr(_verdict, name):g}" not in told}
+    assert not lacking, f"docs/diagnosing.md tells other numbers than {lacking}"
