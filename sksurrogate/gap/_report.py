@@ -174,7 +174,12 @@ class Where:
 
 @dataclass(frozen=True)
 class Shrink:
-    """How far the gap shrinks, free run on runs that took no part in the fit.
+    """How far the gap shrinks, free run on runs left out of the fit of the parameters.
+
+    The effects are chosen on all runs. Then, one fold of runs after another (six at most; blocks where there are fewer than
+    three runs), their parameters and the free ones are refitted without the fold, from where they stand, and its runs are
+    simulated, with initial states fitted there. That certifies values, not the choice of the names: for that, keep runs
+    back from ``fit`` and simulate them with ``diagnoser.augmented_``.
 
     Attributes
     ----------

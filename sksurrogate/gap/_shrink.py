@@ -24,7 +24,7 @@ SHORTEST_BLOCK = 20
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Free runs on runs that took no part in the fit.
+    """Free runs on runs left out of the refit of the parameters; the effects were chosen on all runs.
 
     Attributes
     ----------
