@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap._report import Curve, EffectEstimate, GapReport, Table, Trace, values_of, weight_of
 from sksurrogate.gap._svg import BLACK, GREY, ORANGE, Line, bars, chart, limits
 
@@ -216,8 +217,10 @@ def html_fragment(report: GapReport) -> str:
 def _effect(effect: EffectEstimate) -> str:
     """One named effect, as lines that fit a phone."""
     place = f" at {effect.location}" + (f", driven by {effect.variable}" if effect.variable else "")
+    form = CATALOGUE[effect.name].equation if effect.name in CATALOGUE else ""
     out = [
         f"<p><strong>{escape(effect.name.replace('_', ' '))}</strong>{escape(place)}</p>",
+        f"<p>Form: <code>{escape(form)}</code></p>" if form else "",
         f"<p>{escape(values_of(effect))} (intervals: 90 %)</p>",
         f"<p>{weight_of(effect)}</p>",
     ]

@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -68,6 +69,12 @@ def test_no_name_becomes_a_tag_and_every_tag_is_closed(report):
     tags.feed(html_page(report))
     assert tags.open == []
     assert "script" not in {tag for tag, _ in tags.seen}
+
+
+def test_the_form_of_an_effect_of_the_catalogue_is_written(report):
+    assert "Form:" not in html_page(report)  # of a name that the catalogue does not hold
+    known = replace(report.effects[0], name="state_saturation")
+    assert "<p>Form: <code>x &lt;= c</code></p>" in html_page(replace(report, effects=[known]))
 
 
 def test_nothing_comes_from_outside(report):
