@@ -8,7 +8,7 @@ import numpy as np
 
 from sksurrogate.exceptions import require
 from sksurrogate.gap._page import waterfall
-from sksurrogate.gap._report import GapReport
+from sksurrogate.gap._report import GapReport, MissingTerm
 
 __all__ = ["GapDisplay"]
 
@@ -110,7 +110,7 @@ class GapDisplay:
         rows = list(self.report.where.by_time)
         if rows[0].get("kind") == "change between runs":
             ax.bar([f"runs {r['runs']}" for r in rows], [r["level"] for r in rows], color="#d55e00")
-            ax.set(xlabel="runs", ylabel="size of the gap's source")
+            ax.set(xlabel="runs, counted from 1 in the order of the data", ylabel="size of the gap's source")
             return
         edges = [r["start"] for r in rows] + [rows[-1]["stop"]]
         ax.stairs([r["level"] for r in rows], edges, color="#d55e00", fill=True, alpha=0.4)
@@ -131,9 +131,15 @@ class GapDisplay:
         ax.legend(frameon=False)
 
     def _missing(self, ax: Any) -> None:
-        assert self.report.missing_term is not None
-        curve = self.report.missing_term.curves[0]
+        term = self.report.missing_term
+        assert term is not None
+        curve = term.curves[0]
         ax.fill_between(curve.at, curve.low, curve.high, color="#0072b2", alpha=0.3, label="90 % band")
         ax.plot(curve.at, curve.value, color="#000000", label="missing term")
-        ax.set(xlabel=curve.variable, ylabel=f"d({self.report.missing_term.location})/dt")
+        ax.set(xlabel=curve.variable, ylabel=_ylabel(term))
         ax.legend(frameon=False)
+
+
+def _ylabel(term: MissingTerm) -> str:
+    """What the missing term is added to: the balance of a state, an input or an output."""
+    return f"d({term.location})/dt" if term.kind == "state" else f"added to {term.kind} {term.location}"

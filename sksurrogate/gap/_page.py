@@ -290,6 +290,8 @@ def _where(report: GapReport) -> list[str]:
         if len(table) and table is where.by_location:
             share = "what effects named there hold of the gap" if report.verdict == "explained" else "its probability"
             parts.append(f'<p class="small">Share: {share}. Evidence: of a free signal there alone, in nats.</p>')
+        if table is where.by_time and any(row.get("kind") == "change between runs" for row in table):
+            parts.append('<p class="small">Runs are counted from 1 in the order of the data.</p>')
     return parts if len(parts) > 1 else []
 
 

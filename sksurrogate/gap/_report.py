@@ -153,12 +153,15 @@ class Where:
     by_output : Table
         output, gap (units of the output), noise, share.
     by_location : Table
-        location, kind, share (of the gap, held by the named effects there; where nothing is named, how probable a free
-        signal there alone is), evidence (of a free signal there alone, in nats over the least).
+        States, inputs and outputs that were compared, a parameter only where an effect is named there: location, kind, share
+        (of the gap, held by the named effects there; where nothing is named, how probable a free signal there alone is),
+        evidence (of a free signal there alone, in nats over the least).
     by_region : Table
         rule (readable), share of the gap's power there, share of the samples.
     by_time : Table
-        start, stop (time), level, kind ("constant", "change", "drift").
+        start, stop (time since the start of a run), level, kind ("constant", "change", "drift", "change between runs"),
+        runs ("all", or for a change between runs those before and those after it, counted from 1 in the order of the data;
+        of a long record, its pieces).
     by_frequency : Table
         low, high (cycles per time unit), gap power, noise power, share.
     """

@@ -172,7 +172,7 @@ def times(record: Record, w: np.ndarray) -> Table:
 
 
 def _by_run(record: Record, w: np.ndarray) -> Table | None:
-    """The runs before and after a change between runs; None where all runs are alike."""
+    """The runs before and after a change between runs, counted from 1 (a record has no labels); None where all are alike."""
     n_runs = len(record.starts)
     if n_runs < 4:
         return None

@@ -69,6 +69,14 @@ def test_lines_differ_without_colour(report):
         assert len(set(styles)) == len(styles)
 
 
+@pytest.mark.parametrize(
+    ("kind", "label"), [("state", "d(x)/dt"), ("input", "added to input x"), ("output", "added to output x")]
+)
+def test_the_missing_term_is_labelled_by_the_kind_of_its_place(report, kind, label):
+    term = dataclasses.replace(report.missing_term, kind=kind)
+    assert dataclasses.replace(report, missing_term=term).plot().axes_[-1].get_ylabel() == label
+
+
 def test_a_report_that_knows_little_is_drawn_too(report):
     bare = dataclasses.replace(report, ranking=Table(), traces=(), where=Where(None, None), missing_term=None)
     assert len(bare.plot().axes_) == 1

@@ -77,6 +77,12 @@ def test_the_form_of_an_effect_of_the_catalogue_is_written(report):
     assert "<p>Form: <code>x &lt;= c</code></p>" in html_page(replace(report, effects=[known]))
 
 
+def test_runs_of_a_change_between_runs_are_said_to_be_counted(report):
+    rows = Table(({"level": 1.0, "kind": "change between runs", "runs": "1 to 2"},))
+    assert "counted from 1" not in html_page(report)
+    assert "counted from 1" in html_page(replace(report, where=replace(report.where, by_time=rows)))
+
+
 def test_nothing_comes_from_outside(report):
     tags = Tags()
     page = html_page(report)
