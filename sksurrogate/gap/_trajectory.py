@@ -72,15 +72,15 @@ class _Answers(AroundQuestions):
         left = left_of(self.around, final)
         return decide(
             Facts(
-                bool(final.effects),
-                float(1.0 - shrink.fraction) if np.isfinite(shrink.fraction) else 0.0,
-                left,
-                float(np.max(self.law, initial=0.0)),
-                self.force,
-                self.moved(),
-                False,
-                float(shrink.before) if np.isfinite(shrink.before) else np.inf,
-                self.around.record.n_samples,
+                accepted=bool(final.effects),
+                share_left=float(1.0 - shrink.fraction) if np.isfinite(shrink.fraction) else 0.0,
+                left=left,
+                law=float(np.max(self.law, initial=0.0)),
+                force=self.force,
+                retuned=self.moved(),
+                names=len(final.effects),
+                error=float(shrink.before) if np.isfinite(shrink.before) else np.inf,
+                n_samples=self.around.record.n_samples,
             )
         )
 

@@ -5,6 +5,7 @@ import pytest
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap._around_questions import AroundQuestions
+from sksurrogate.gap._verdict import decide
 
 
 class FirstOrder:
@@ -65,3 +66,18 @@ def test_gains_of_the_input_and_the_sensor_of_a_linear_plant_are_tied_and_it_say
     assert "they part in none of the experiments tried here" in effect.why
     assert effect.probability == pytest.approx(0.5, abs=0.05)
     assert report.next_experiment.parted == ()
+
+
+def test_the_verdict_knows_how_many_effects_are_named(monkeypatch):
+    asked = []
+
+    def spy(facts):
+        asked.append(facts)
+        return decide(facts)
+
+    monkeypatch.setattr("sksurrogate.gap._trajectory.decide", spy)
+    X, y, groups = measured(lambda y: 1.3 * y + 0.4)
+    diagnoser = GapDiagnoser(FirstOrder(), effects=["sensor_gain", "sensor_bias"], random_state=0)
+    report = diagnoser.fit(X, y, groups=groups).report_
+    assert {effect.name for effect in report.effects} == {"sensor_gain", "sensor_bias"}
+    assert {facts.names for facts in asked} == {2}
