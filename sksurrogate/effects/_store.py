@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._arguments import as_arguments, as_text
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._law import LawEffect
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError
 
@@ -30,6 +34,12 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     **notes : object
         Further entries for the reader, for example ``verdict="explained"``.
 
+    Raises
+    ------
+    DataError
+        An effect has a constructor argument that is no number, text, list, tuple or dict of those; a note cannot be
+        written; the text is larger than :func:`load_augmented` reads.
+
     See Also
     --------
     load_augmented : the way back.
@@ -46,13 +56,22 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     [{'time_constant': 0.05}]
     """
     scale = augmented.scale
+    for note, value in notes.items():
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError) as error:
+            raise DataError(
+                f"{note}={value!r} cannot be written as JSON ({error}): give it as text or a number."
+            ) from error
     text = {
         **notes,
         "effects": [
             {
                 "name": effect.name,
+                "class": type(effect).__name__,
                 "location": effect.location,
                 "variable": effect.variable,
+                "arguments": as_text(effect),
                 "params": {p.name: float(v) for p, v in zip(effect.parameters, _values(effect, values))},
             }
             for effect, values in zip(augmented.effects, augmented.values)
@@ -61,7 +80,13 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
         "scale": None if scale is None else [float(size) for size in np.ravel(scale)],
         "sharpness": float(augmented.sharpness),
     }
-    Path(path).write_text(json.dumps(text, indent=2) + "\n", encoding="utf-8")
+    written = json.dumps(text, indent=2) + "\n"
+    if len(written) > LARGEST:  # ASCII: a byte a character
+        raise DataError(
+            f"the effects and notes make {len(written)} bytes, load_augmented reads at most {LARGEST}: give shorter arguments "
+            "and notes, or keep the simulator with skops or joblib."
+        )
+    Path(path).write_text(written, encoding="utf-8")
 
 
 def _values(effect: BaseEffect, values: Any) -> list[float]:
@@ -78,8 +103,9 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
         The nominal simulator, from your own code.
     path : path
         Written by :func:`save_augmented` or ``sksurrogate diagnose --save``.
-    effects : sequence of BaseEffect classes, optional
-        Effects of your own that the file may name.
+    effects : sequence of BaseEffect classes or instances, optional
+        Effects of your own that the file may name; an instance lends arguments that the file does not hold. The catalogue
+        and the laws of ``report.missing_term.effects`` are known.
 
     Returns
     -------
@@ -88,7 +114,7 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
     Raises
     ------
     DataError
-        The file is not such a file, or names an effect that is not known.
+        The file is not such a file, or names an effect that is not known or that does not take its arguments.
 
     Examples
     --------
@@ -111,23 +137,75 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
         raise DataError(
             f"path={str(path)!r} has {file.stat().st_size} bytes, expected at most {LARGEST}: not such a file."
         )
-    known = {**CATALOGUE, **{own.name: own for own in effects}}
+    own = _own(effects)
     try:
         text = json.loads(file.read_text(encoding="utf-8"))
         built, values = [], []
         for entry in text["effects"]:
-            if entry["name"] not in known:
-                raise DataError(
-                    f"{file.name}: effect {entry['name']!r} is not in the catalogue; pass its class in effects=[...]."
-                )
-            kind = known[entry["name"]]
-            built.append(kind(entry["location"], entry["variable"]))
-            values.append({p.name: float(entry["params"][p.name]) for p in kind.parameters})
+            effect = _built(entry, own, file.name)
+            built.append(effect)
+            values.append({p.name: float(entry["params"][p.name]) for p in effect.parameters})
         retuned = {str(name): float(value) for name, value in text["params"].items()}
         scale = None if text.get("scale") is None else np.array(text["scale"], dtype=float)
         sharpness = float(text.get("sharpness", 500.0))
+    except DataError:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(
             f"{file.name}: not a file of save_augmented ({type(error).__name__}: {error}); write it again."
         ) from error
     return AugmentedSimulator(simulator, built, values, retuned or None, scale=scale, sharpness=sharpness)
+
+
+def _own(effects: Any) -> list[tuple[type[BaseEffect], dict[str, Any]]]:
+    """Classes that the caller knows, each with the arguments that its instance lends; the last one given comes first."""
+    if inspect.isclass(effects) or isinstance(effects, BaseEffect):
+        effects = [effects]
+    given = [] if effects is None else list(effects) if isinstance(effects, Iterable) else [effects]
+    found: list[tuple[type[BaseEffect], dict[str, Any]]] = []
+    for item in given:
+        if isinstance(item, BaseEffect):
+            found.insert(0, (type(item), item.get_params(deep=False)))
+        elif inspect.isclass(item) and issubclass(item, BaseEffect):
+            found.insert(0, (item, {}))
+        else:
+            raise DataError(
+                f"effects: {item!r} is neither a subclass of BaseEffect nor an instance of one; write for example "
+                "effects=[MyEffect]. Effects of the catalogue need not be given."
+            )
+    return found
+
+
+def _built(entry: Any, own: list[tuple[type[BaseEffect], dict[str, Any]]], file: str) -> BaseEffect:
+    """An effect of the file: of the class that wrote it, else one of the same name."""
+    name, written = entry["name"], entry.get("class")
+    alike = [(kind, lent) for kind, lent in own if kind.name == name]
+    packaged = [CATALOGUE.get(name), LawEffect]
+    known = [(kind, lent) for kind, lent in own if kind.__name__ == written]
+    known += [(kind, {}) for kind in packaged if kind is not None and kind.__name__ == written]
+    known += alike
+    if written is None:  # a file of before classes were written
+        known += [(kind, {}) for kind in packaged[:1] if kind is not None]
+    if not known:
+        raise DataError(f"{file}: effect {name!r} is not in the catalogue; pass its class in effects=[...].")
+    kind, lent = known[0]
+    arguments = {
+        **lent,
+        **as_arguments(entry.get("arguments", {})),
+        "location": entry["location"],
+        "variable": entry["variable"],
+    }
+    taken = inspect.signature(kind).parameters
+    foreign = [argument for argument in arguments if argument not in taken]
+    if foreign:
+        raise DataError(
+            f"{file}: effect {name!r} was saved with {foreign[0]}={arguments[foreign[0]]!r}, which {kind.__name__} does not take "
+            f"(it takes {list(taken)}); pass the class that was saved, {written!r}, in effects=[...]."
+        )
+    missing = [n for n, p in taken.items() if p.default is p.empty and n not in arguments]
+    if missing:
+        raise DataError(
+            f"{file}: effect {name!r} was saved without {missing[0]}, which {kind.__name__} needs; pass an instance that has it "
+            "in effects=[...]."
+        )
+    return kind(**arguments)

@@ -1,0 +1,88 @@
+"""Constructor arguments of an effect as plain JSON, and back: numbers, text, lists, tuples, dicts and terms of laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._law import SHAPES, Term
+from sksurrogate.exceptions import DataError
+
+__all__ = ["as_arguments", "as_text"]
+
+#: What stands apart from the arguments in a file.
+PLACE = ("location", "variable")
+
+
+def as_text(effect: BaseEffect) -> dict[str, Any]:
+    """Constructor arguments beside the place, as JSON has them.
+
+    Raises
+    ------
+    DataError
+        An argument is nothing that can be written.
+    """
+    own = effect.get_params(deep=False)
+    return {name: _written(effect, name, value) for name, value in own.items() if name not in PLACE}
+
+
+def _written(effect: BaseEffect, name: str, value: Any) -> Any:
+    """One value; what JSON would confuse with a list carries a tag."""
+
+    def each(values: Sequence[Any]) -> list[Any]:
+        return [_written(effect, name, one) for one in values]
+
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or type(value) in (bool, int, float, str):
+        return value
+    if type(value) is list:
+        return each(value)
+    if type(value) is tuple:
+        return {"tuple": each(value)}
+    if type(value) is dict and all(type(key) is str for key in value):
+        return {"dict": {key: _written(effect, name, one) for key, one in value.items()}}
+    if type(value) is Term:
+        return {"term": [each(factor) for factor in value.factors]}
+    raise DataError(
+        f"effects: {name}={value!r} of {type(effect).__name__} at {effect.location!r} is a {type(value).__name__} and cannot be "
+        "written as text: expected numbers, text, None, or lists, tuples and dicts (names as keys) of those. Let the effect take "
+        "such arguments and make the rest of them, or keep the simulator with skops or joblib."
+    )
+
+
+def as_arguments(text: Mapping[str, Any]) -> dict[str, Any]:
+    """Constructor arguments from what :func:`as_text` wrote.
+
+    Raises
+    ------
+    ValueError, TypeError
+        It is not such a text.
+    """
+    return {str(name): _read(value) for name, value in text.items()}
+
+
+def _read(value: Any) -> Any:
+    """One value."""
+    if isinstance(value, list):
+        return [_read(one) for one in value]
+    if not isinstance(value, dict):
+        return value
+    ((tag, inside),) = value.items()
+    if tag == "tuple":
+        return tuple(_read(one) for one in inside)
+    if tag == "dict":
+        return {str(key): _read(one) for key, one in inside.items()}
+    if tag == "term":
+        return Term(tuple(_factor(*factor) for factor in inside))
+    raise ValueError(f"an argument has the tag {tag!r}, expected tuple, dict or term")
+
+
+def _factor(shape: Any, name: Any, constant: Any, width: Any) -> tuple[str, str, float, float]:
+    """A factor of a term."""
+    if shape not in SHAPES:
+        raise ValueError(f"a term has the shape {shape!r}, expected one of {list(SHAPES)}")
+    return str(shape), str(name), float(constant), float(width)

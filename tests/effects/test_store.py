@@ -1,0 +1,143 @@
+"""Effects with arguments of their own go through a file: laws that were found, and a user's own."""
+
+import json
+
+import numpy as np
+import pytest
+
+from sksurrogate.datasets import make_reactor
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, BalanceEffect, Parameter, load_augmented, save_augmented
+from sksurrogate.effects._law import LawEffect, Term
+from sksurrogate.exceptions import DataError
+
+U = np.linspace(0.1, 0.2, 30)[:, None]
+
+
+class Power(BalanceEffect):
+    """``- c v abs(v)^n`` with n, and more, given."""
+
+    name, parameters, equation = "power", (Parameter("coefficient"),), "- c v abs(v)^n"
+
+    def __init__(self, location=None, variable=None, exponent=0.25, more=None):
+        super().__init__(location, variable)
+        self.exponent = exponent
+        self.more = more
+
+    def term(self, t, x, v, theta, width):
+        return -theta[0] * v * np.abs(v) ** self.exponent
+
+
+class NamedByItself(Power):
+    """Its name is made of its argument."""
+
+    @property
+    def name(self):
+        return f"power {self.exponent}"
+
+
+def through(effect, values, tmp_path, known=()):
+    """The simulator with an effect, saved and loaded."""
+    first = AugmentedSimulator(make_reactor(), [effect], [values])
+    save_augmented(first, tmp_path / "f.json")
+    again = load_augmented(make_reactor(), tmp_path / "f.json", effects=known)
+    np.testing.assert_array_equal(again.simulate(U), first.simulate(U))
+    return again.effects[0]
+
+
+def test_a_law_comes_back_without_being_given(tmp_path):
+    terms = (Term((("drag", "y", 0.0, 0.0),)), Term((("above", "u", 0.15, 1e-3), ("v", "y", 0.0, 0.0))), Term())
+    law = LawEffect("y", "u*y", terms, (-0.3, np.float64(0.2), 0.1))
+    again = through(law, (-0.3, 0.2, 0.1), tmp_path)
+    assert type(again) is LawEffect and again.get_params() == law.get_params()
+
+
+@pytest.mark.parametrize("more", [None, True, 3, "text", [1, (2.0, "a")], {"a": {"tuple": [1]}}, (np.inf,)])
+def test_arguments_of_ones_own_come_back(more, tmp_path):
+    effect = Power("y", "y", 0.5, more)
+    again = through(effect, (0.1,), tmp_path, known=[Power])
+    assert again.exponent == 0.5 and repr(again.more) == repr(more)
+
+
+def test_an_instance_is_as_good_as_its_class(tmp_path):
+    again = through(Power("y", "y", np.float64(0.5)), (0.1,), tmp_path, known=[Power(exponent=0.9, more="lent")])
+    assert again.exponent == 0.5 and again.more is None
+    entry = {"name": "power", "location": "y", "variable": "y", "params": {"coefficient": 1.0}}
+    (tmp_path / "old.json").write_text(json.dumps({"effects": [entry], "params": {}}))
+    old = load_augmented(make_reactor(), tmp_path / "old.json", effects=Power(exponent=0.9, more="lent"))
+    assert old.effects[0].get_params() == {"location": "y", "variable": "y", "exponent": 0.9, "more": "lent"}
+
+
+def test_a_name_made_by_the_instance_is_found_by_its_class(tmp_path):
+    assert type(through(NamedByItself("y", "y", 0.5), (0.1,), tmp_path, known=[Power, NamedByItself])) is NamedByItself
+
+
+def test_ones_own_effect_of_a_catalogue_name_is_not_taken_for_the_catalogue(tmp_path):
+    class Slower(CATALOGUE["input_lag"]):
+        pass
+
+    save_augmented(AugmentedSimulator(make_reactor(), [Slower("u")], [(0.05,)]), tmp_path / "f.json")
+    with pytest.raises(DataError, match=r"^f\.json: effect 'input_lag' is not in the catalogue; pass its class"):
+        load_augmented(make_reactor(), tmp_path / "f.json")
+    assert type(load_augmented(make_reactor(), tmp_path / "f.json", effects=[Slower]).effects[0]) is Slower
+
+
+@pytest.mark.parametrize(
+    "more", [np.sin, [{1: 2}], np.zeros(2), {"a": object()}], ids=["callable", "key", "array", "object"]
+)
+def test_what_cannot_be_written_is_refused_when_saving(more, tmp_path):
+    simulator = AugmentedSimulator(make_reactor(), [Power("y", "y", 0.5, more)], [(0.1,)])
+    with pytest.raises(
+        DataError, match=r"effects: more=.* of Power at 'y' .* cannot be written as text.*skops or joblib"
+    ):
+        save_augmented(simulator, tmp_path / "f.json")
+    assert not (tmp_path / "f.json").exists()
+
+
+def test_what_could_not_be_read_again_is_refused_when_saving(tmp_path):
+    simulator = AugmentedSimulator(make_reactor(), [Power("y", "y", 0.5, "x" * 2**20)], [(0.1,)])
+    with pytest.raises(DataError, match="load_augmented reads at most 1048576"):
+        save_augmented(simulator, tmp_path / "f.json")
+    with pytest.raises(DataError, match=r"note=.*cannot be written as JSON"):
+        save_augmented(AugmentedSimulator(make_reactor()), tmp_path / "f.json", note=object())
+
+
+def test_a_class_that_does_not_take_the_arguments_is_named(tmp_path):
+    save_augmented(AugmentedSimulator(make_reactor(), [Power("y", "y")], [(0.1,)]), tmp_path / "f.json")
+
+    class Plain(CATALOGUE["linear_loss"]):
+        name = "power"
+
+    with pytest.raises(DataError, match=r"saved with exponent=0.25, which Plain does not take .*'Power', in effects="):
+        load_augmented(make_reactor(), tmp_path / "f.json", effects=[Plain])
+
+
+def test_an_argument_that_is_needed_and_not_there_is_named(tmp_path):
+    class Needs(Power):
+        def __init__(self, exponent, location=None, variable=None):
+            super().__init__(location, variable, exponent)
+
+    entry = {"name": "power", "location": "y", "variable": "y", "params": {"coefficient": 1.0}}
+    (tmp_path / "f.json").write_text(json.dumps({"effects": [entry], "params": {}}))
+    with pytest.raises(DataError, match="saved without exponent, which Needs needs; pass an instance"):
+        load_augmented(make_reactor(), tmp_path / "f.json", effects=[Needs])
+
+
+def test_the_packages_own_error_is_not_wrapped(tmp_path):
+    entry = {"name": "power", "location": "y", "variable": "y", "params": {}}
+    (tmp_path / "f.json").write_text(json.dumps({"effects": [entry], "params": {}}))
+    with pytest.raises(DataError) as caught:
+        load_augmented(make_reactor(), tmp_path / "f.json")
+    assert str(caught.value) == "f.json: effect 'power' is not in the catalogue; pass its class in effects=[...]."
+    with pytest.raises(DataError, match=r"effects: 'power' is neither a subclass of BaseEffect"):
+        load_augmented(make_reactor(), tmp_path / "f.json", effects=["power"])
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"terms": {"term": [["shell", "y", 0, 0]]}}, {"terms": {"eval": "1"}}, {"terms": {}}, ["terms"]]
+)
+def test_arguments_that_were_tampered_with_are_refused(arguments, tmp_path):
+    entry = {"name": "law: y", "class": "LawEffect", "location": "y", "variable": "y", "params": {}}
+    text = {"effects": [{**entry, "arguments": arguments}], "params": {}}
+    (tmp_path / "f.json").write_text(json.dumps(text))
+    with pytest.raises(DataError, match=r"not a file of save_augmented"):
+        load_augmented(make_reactor(), tmp_path / "f.json")
