@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,11 @@ class GapDiagnoser(BaseEstimator):
         Rivals; None for the whole catalogue at every place of the plant.
     free_params : sequence of str or "all", default=()
         Parameters of the simulator that are re-tuned jointly with the null and with every rival, so that a badly tuned
-        simulator is not mistaken for a missing effect.
+        simulator is not mistaken for a missing effect; None is none of them.
     correction : estimator, optional
         Generic learner of the waterfall; default ``HybridRegressor(simulator)``.
     n_jobs : int, optional
-        Workers for the fits of the rivals, through joblib.
+        Workers for the fits of the rivals, through joblib; -1 for one a core.
     verbose : int, default=0
         1 prints what is being done.
     random_state : int, RandomState or None, default=None
@@ -95,7 +96,7 @@ class GapDiagnoser(BaseEstimator):
         simulator: Any,
         *,
         effects: Any = None,
-        free_params: Sequence[str] | str = (),
+        free_params: Sequence[str] | str | None = (),
         correction: Any = None,
         n_jobs: int | None = None,
         verbose: int = 0,
@@ -130,9 +131,15 @@ class GapDiagnoser(BaseEstimator):
         DataError, RunError
             The data do not keep the convention.
         SimulatorError
-            The simulator does not, or does not fit the data.
+            The simulator does not, or does not fit the data; ``free_params`` names what is no parameter of it, or one twice.
+        ValueError
+            ``effects`` holds a name that is not in the catalogue or what is no effect; ``n_jobs`` is 0 or no whole number.
         """
         begun = time.perf_counter()
+        if self.n_jobs is not None and not (isinstance(self.n_jobs, Integral) and self.n_jobs != 0):
+            raise ValueError(
+                f"n_jobs={self.n_jobs!r}: expected None or a number of workers from 1 on, or -1 for one a core; write n_jobs=1."
+            )
         seed = int(check_random_state(self.random_state).randint(2**31 - 1))
         X, y = (
             by_name(X, getattr(self.simulator, "inputs", None)),
@@ -184,13 +191,22 @@ class GapDiagnoser(BaseEstimator):
             print(f"[gap] {message}", file=sys.stderr, flush=True)
 
 
-def _free(free_params: Sequence[str] | str, params: Any) -> tuple[str, ...]:
+def _free(free_params: Any, params: Any) -> tuple[str, ...]:
     """Names of the free parameters."""
+    if free_params is None:
+        return ()
     if isinstance(free_params, str):
         if free_params == "all":
             return tuple(params)
         free_params = (free_params,)
-    unknown = [name for name in free_params if name not in params]
-    if unknown:
-        raise SimulatorError(f"free_params: the simulator has no parameter {unknown[0]!r}; it has {sorted(params)}.")
-    return tuple(free_params)
+    names = list(free_params) if isinstance(free_params, Iterable) else [free_params]
+    for k, name in enumerate(names):
+        if not isinstance(name, str):
+            raise SimulatorError(
+                f'free_params={free_params!r}: {name!r} is no name; expected a list of names out of {sorted(params)}, or "all".'
+            )
+        if name not in params:
+            raise SimulatorError(f"free_params: the simulator has no parameter {name!r}; it has {sorted(params)}.")
+        if name in names[:k]:
+            raise SimulatorError(f"free_params={free_params!r}: {name!r} stands there twice; name each parameter once.")
+    return tuple(names)

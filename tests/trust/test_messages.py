@@ -188,6 +188,35 @@ def test_a_parameter_that_is_not_there():
         GapDiagnoser(make_reactor(), free_params=["fed"]).fit(X, y, groups=groups)
 
 
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        (5, r"free_params=5: 5 is no name; expected a list of names out of \['feed', 'first'.*or \"all\""),
+        ([None], r"free_params=\[None\]: None is no name"),
+        (["feed", "flow", "feed"], r"free_params=.*: 'feed' stands there twice; name each parameter once"),
+    ],
+)
+def test_free_parameters_that_are_no_names(free, message):
+    with pytest.raises(SimulatorError, match=message):
+        GapDiagnoser(make_reactor(), free_params=free).fit(X, y, groups=groups)
+
+
+def test_no_free_parameters_may_be_none():
+    reports = [
+        GapDiagnoser(make_reactor(), effects=["sensor_bias"], free_params=free, random_state=0)
+        .fit(X[:120], y[:120] + 0.5, groups=groups[:120])
+        .report_
+        for free in (None, ())
+    ]
+    assert reports[0].effects == reports[1].effects and len(reports[0].retuned) == 0
+
+
+@pytest.mark.parametrize("jobs", [0, 1.5, "2"])
+def test_a_number_of_workers_that_is_none(jobs):
+    with pytest.raises(ValueError, match=rf"n_jobs={jobs!r}: expected None or .* -1 for one a core; write n_jobs=1"):
+        GapDiagnoser(5, n_jobs=jobs).fit(X, y, groups=groups)  # said before the simulator is looked at
+
+
 def test_something_that_is_no_simulator():
     with pytest.raises(SimulatorError, match=r"no method simulate\(U, x0=None, t=None\): wrap it"):
         GapDiagnoser(5).fit(X, y, groups=groups)
