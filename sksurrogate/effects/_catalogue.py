@@ -20,7 +20,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["CATALOGUE", "build_effects", "kinematic_states"]
+__all__ = ["CATALOGUE", "build_effects", "kinematic_states", "left_out"]
 
 _ORDER: tuple[type[BaseEffect], ...] = (
     parameter.ParameterError,
@@ -109,20 +109,33 @@ def build_effects(
     >>> [effect.key for effect in build_effects(describe(make_reactor()), ["y"], ["sensor_bias", "input_lag"])]
     [('sensor_bias', 'y', None), ('input_lag', 'u', None)]
     """
-    if effects is None:
-        wanted: list[Any] = list(CATALOGUE.values())
-    elif isinstance(effects, str | BaseEffect) or inspect.isclass(effects):
-        wanted = [effects]
-    elif isinstance(effects, Iterable):
-        wanted = list(effects)
-    else:
-        wanted = [effects]
     found: dict[tuple[Any, ...], BaseEffect] = {}
-    for item in wanted:
+    for item in _wanted(effects):
         for effect in _instances(item, plant, balances):
             if effect.access == "trajectory" or plant.access in ("rhs", "step"):
                 found.setdefault((type(effect), *effect.key, *_extras(effect)), effect)
     return list(found.values())
+
+
+def left_out(effects: Any, tested: Iterable[BaseEffect]) -> list[str]:
+    """Names of what was asked for as ``effects`` of :func:`build_effects` and is not among what is tested, in that order."""
+    kinds = {type(effect) for effect in tested}
+    names = []
+    for item in _wanted(effects):
+        asked = CATALOGUE[item] if isinstance(item, str) else item
+        kind = asked if inspect.isclass(asked) else type(asked)
+        if kind not in kinds:
+            names.append(asked.name if isinstance(asked.name, str) else kind.__name__)
+    return list(dict.fromkeys(names))
+
+
+def _wanted(effects: Any) -> list[Any]:
+    """The entries of ``effects=``."""
+    if effects is None:
+        return list(CATALOGUE.values())
+    if isinstance(effects, str | BaseEffect) or inspect.isclass(effects) or not isinstance(effects, Iterable):
+        return [effects]
+    return list(effects)
 
 
 def _extras(effect: BaseEffect) -> tuple[Any, ...]:
@@ -147,6 +160,8 @@ def _instances(item: Any, plant: Plant, balances: Sequence[str]) -> Iterable[Bas
     if isinstance(item, BaseEffect):
         if item.location is None:
             return type(item).instances(plant, balances)
+        if plant.access == "trajectory" and item.access != "trajectory":
+            return []  # it has no place to be checked: such a plant shows no states
         check_place(item, plant)
         return [item]
     raise ValueError(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._catalogue import build_effects
+from sksurrogate.effects._catalogue import build_effects, left_out
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._around import Around, Trial
@@ -37,12 +37,15 @@ class AroundQuestions:
         self.plant, self.runs, self.seed = plant, runs, seed
         self.say: Callable[[str], None] = diagnoser._say
         self.correction = diagnoser.correction
+        self.effects = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
+        wanted = [e for e in build_effects(plant, (), self.effects) if e.access == "trajectory"]
+        self.check_asked(wanted)
         record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
         self.around = Around(plant, record, free)
         if not np.all(np.isfinite(self.around.nominal)):
             raise SimulatorError("simulate gives values that are not finite (nan or inf) for the inputs in X.")
-        wanted = [e for e in build_effects(plant, (), diagnoser.effects) if e.access == "trajectory"]
         candidates, self.blind = self.testable(wanted)
+        self.check_asked(candidates)
         self.search = AroundSearch(self.around, candidates, diagnoser.n_jobs, self.say)
         self.complete = True
         self.uncertified = ""
@@ -54,6 +57,18 @@ class AroundQuestions:
         self.shrink: Shrink | None = None
         self.shares: list[float] = []
         self.experiment: NextExperiment | None = None
+
+    def check_asked(self, kept: list[BaseEffect]) -> None:
+        """Say so where no effect that was asked for can be tested."""
+        asked = left_out(self.effects, kept)
+        if kept or not asked:
+            return
+        name = type(self.plant.simulator).__name__
+        raise SimulatorError(
+            f"effects={asked}: none of them can be tested with {name}, which gives trajectories only; expected one or more on its "
+            "inputs (where it answers others than those in X), outputs or parameters, for example effects=['sensor_bias']. "
+            "Leave effects out for all of these, or give the simulator rhs or step."
+        )
 
     def testable(self, effects: list[BaseEffect]) -> tuple[list[BaseEffect], list[str]]:
         """Effects that this simulator lets one try, and the names of the others (a table knows its own inputs only)."""

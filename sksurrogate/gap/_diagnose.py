@@ -131,7 +131,8 @@ class GapDiagnoser(BaseEstimator):
         DataError, RunError
             The data do not keep the convention.
         SimulatorError
-            The simulator does not, or does not fit the data; ``free_params`` names what is no parameter of it, or one twice.
+            The simulator does not, or does not fit the data; ``free_params`` names what is no parameter of it, or one twice;
+            it gives trajectories only, and none of ``effects`` can be tested with it.
         ValueError
             ``effects`` holds a name that is not in the catalogue or what is no effect; ``n_jobs`` is 0 or no whole number.
         """

@@ -118,7 +118,14 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
         ]
     for note in report.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}", width)]
+    if report.untestable:
+        lines += ["", *textwrap.wrap(_untestable(report), width)]
     return printable("\n".join(lines))
+
+
+def _untestable(report: GapReport) -> str:
+    """What was asked for and could not be tested, in a sentence."""
+    return f"Could not be tested with this simulator: {', '.join(report.untestable)}."
 
 
 def _telling(table: Table) -> Table:
@@ -204,7 +211,7 @@ def html_fragment(report: GapReport) -> str:
         )
     notes = [escape(note) for note in report.notes]
     if report.untestable:
-        notes.append(f"Could not be tested with this simulator: {escape(', '.join(report.untestable))}.")
+        notes.append(escape(_untestable(report)))
     if notes:
         parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{note}</li>" for note in notes) + "</ul>")
     if np.isfinite(report.seconds):

@@ -327,7 +327,7 @@ class GapReport:
     notes : tuple of str
         What a careful reader should know (closed loop, gap below the bar, what could not be tested).
     untestable : tuple of str
-        Effects that this access to the simulator does not allow to test.
+        Effects that were asked for and that this simulator does not allow to test.
     outputs, states, inputs : tuple of str
     traces : tuple of Trace
     seconds : float

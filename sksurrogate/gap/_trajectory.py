@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._catalogue import left_out
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._answer import sentence_of
 from sksurrogate.gap._around import Trial
@@ -32,8 +32,9 @@ __all__ = ["diagnose_trajectory"]
 
 _NAN = float("nan")
 NOTE = (
-    "The simulator gives trajectories only: effects inside its balances could not be tested; where one is missing shows as "
-    "an equivalent disturbance at an input or output. Give it rhs or step to test the whole catalogue."
+    "The simulator gives trajectories only: effects inside its balances, and parameters that drift or jump, cannot be tested; "
+    "where one is missing shows as an equivalent disturbance at an input or output. Give it rhs or step to test the whole "
+    "catalogue."
 )
 
 
@@ -111,7 +112,6 @@ class _Answers(AroundQuestions):
             assert self.search.null is not None
             term = shape_of(channel_of(around, self.search.null, where.location), where.location, str(where.kind))
         shrink = self.shrink or Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
-        untestable = [name for name, kind in CATALOGUE.items() if kind.access != "trajectory"] + self.blind
         return GapReport(
             verdict,
             sentence_of(verdict, effects, where, shrink, self.experiment, term),
@@ -124,7 +124,7 @@ class _Answers(AroundQuestions):
             self.experiment,
             self.complete,
             tuple(self.notes(verdict)),
-            tuple(untestable),
+            tuple(left_out(self.effects, self.search.candidates)),
             self.plant.outputs,
             self.plant.states,
             self.plant.inputs,

@@ -1,7 +1,10 @@
 """A simulator with ``simulate`` alone: input and sensor effects are named, the rest is listed as untestable."""
 
 import numpy as np
+import pytest
 
+from sksurrogate.effects import BalanceEffect, LawEffect, Parameter
+from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
 
 
@@ -36,6 +39,56 @@ def test_a_sensor_bias_is_named():
     assert "coulomb_friction" in report.untestable and report.notes
     again = diagnoser.augmented_.simulate(X[groups == 0])
     assert abs(float(np.mean(again - FirstOrder().simulate(X[groups == 0]))) - 0.2) < 0.01
+
+
+class Convection(BalanceEffect):
+    name, parameters, equation = "convection", (Parameter("coefficient", low=0.0),), "- c v abs(v)^0.25"
+
+    def term(self, t, x, v, theta, width):
+        return -theta[0] * v * np.abs(v) ** 0.25
+
+
+def test_only_what_was_asked_for_is_untestable_and_the_page_says_it():
+    X, y, groups = measured(0.2, 0)
+    effects = [
+        Convection,
+        LawEffect("level", "level"),
+        "sensor_bias",
+        "parameter_drift",
+        "input_gain",
+        Convection("level"),
+    ]
+    report = GapDiagnoser(FirstOrder(), effects=effects, random_state=0).fit(X, y, groups=groups).report_
+    assert report.untestable == ("convection", "law: ", "parameter_drift")
+    page = str(report)
+    assert "Could not be tested with this simulator: convection, law: , parameter_drift." in page
+    assert "parameters that drift or jump" in " ".join(page.split())
+    assert max(map(len, page.splitlines())) <= 100
+    few = GapDiagnoser(FirstOrder(), effects=(e for e in ["sensor_bias", "drift"]), random_state=0)
+    assert few.fit(X, y, groups=groups).report_.untestable == ("drift",)
+    one = GapDiagnoser(FirstOrder(), effects="sensor_bias", random_state=0).fit(X, y, groups=groups).report_
+    assert one.untestable == () and "Could not be tested" not in str(one)
+
+
+@pytest.mark.parametrize("effects", [["coulomb_friction", Convection], "parameter_step", Convection("level")])
+def test_nothing_that_can_be_tested_is_said_before_any_work(effects):
+    class Counted(FirstOrder):
+        calls = 0
+
+        def simulate(self, U, x0=None, t=None):
+            Counted.calls += 1
+            return super().simulate(U)
+
+    X, y, groups = measured(0.2, 0)
+    with pytest.raises(SimulatorError, match=r"effects=\[.*\]: none of them can be tested with Counted.*rhs or step"):
+        GapDiagnoser(Counted(), effects=effects).fit(X, y, groups=groups)
+    assert Counted.calls == 0
+
+
+def test_nothing_asked_for_is_no_mistake():
+    X, y, groups = measured(0.2, 0)
+    report = GapDiagnoser(FirstOrder(), effects=[], random_state=0).fit(X, y, groups=groups).report_
+    assert report.untestable == () and report.effects == []
 
 
 def test_no_gap_gets_none():
@@ -81,4 +134,8 @@ def test_a_table_of_outputs_is_enough_for_sensors():
         .fit(X, 1.2 * y + 0.005 * rng.normal(size=y.shape), groups=groups)
         .report_
     )
-    assert report.effects[0].name == "sensor_gain" and "input_gain" in report.untestable
+    assert report.effects[0].name == "sensor_gain" and report.untestable == ("input_gain",)
+    with pytest.raises(
+        SimulatorError, match=r"effects=\['input_gain'\]: none of them can be tested with TableSimulator"
+    ):
+        GapDiagnoser(table, effects=["input_gain"]).fit(X, y, groups=groups)
