@@ -14,6 +14,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
+from sksurrogate.gap._diverged import divergence
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._stand_in import StandIn, learn
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -83,6 +84,8 @@ class Around:
     plant : Plant
     record : Record
     free : tuple of str
+    labels : sequence
+        Of the runs.
     nominal : ndarray (n_outputs, n_samples)
         The simulator's own outputs.
     stand_in : StandIn
@@ -97,6 +100,7 @@ class Around:
     plant: Plant
     record: Record
     free: tuple[str, ...]
+    labels: Sequence[object]
     nominal: np.ndarray = field(init=False)
     stand_in: StandIn = field(init=False)
     sd: np.ndarray = field(init=False)
@@ -111,6 +115,8 @@ class Around:
         record = self.record
         self.sd = noise_of_differences(record.y, record.starts)
         self.nominal = self.simulated(record.u, {})
+        if not np.all(np.isfinite(self.nominal)):
+            raise divergence(self.plant, record, self.nominal, self.labels)
         self.stand_in = learn(record, self.nominal)
         own = getattr(self.plant.simulator, "x0", None)
         if own is not None and np.size(own):

@@ -41,9 +41,7 @@ class AroundQuestions:
         wanted = [e for e in build_effects(plant, (), self.effects) if e.access == "trajectory"]
         self.check_asked(wanted)
         record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
-        self.around = Around(plant, record, free)
-        if not np.all(np.isfinite(self.around.nominal)):
-            raise SimulatorError("simulate gives values that are not finite (nan or inf) for the inputs in X.")
+        self.around = Around(plant, record, free, [run.label for run in runs])
         candidates, self.blind = self.testable(wanted)
         self.check_asked(candidates)
         self.search = AroundSearch(self.around, candidates, diagnoser.n_jobs, self.say)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import BalanceEffect, LawEffect, Parameter
-from sksurrogate.exceptions import SimulatorError
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap import GapDiagnoser
 
 
@@ -139,3 +139,51 @@ def test_a_table_of_outputs_is_enough_for_sensors():
         SimulatorError, match=r"effects=\['input_gain'\]: none of them can be tested with TableSimulator"
     ):
         GapDiagnoser(table, effects=["input_gain"]).fit(X, y, groups=groups)
+
+
+class Runaway(FirstOrder):
+    """Diverges from row 7 on where the first input is ``bad``."""
+
+    def __init__(self, bad, raises=False, batch=False):
+        self.bad, self.raises = bad, raises
+        if batch:
+            self.simulate_batch = lambda U, X0=None, t=None: np.stack([self.simulate(u) for u in U])
+
+    def simulate(self, U, x0=None, t=None):
+        y = super().simulate(U)
+        if U[0, 0] in self.bad:
+            if self.raises:
+                raise SimulationDiverged("the tank ran dry at t = 0.7.", row=7, time=0.7, state="level")
+            y[7:] = np.inf
+        return y
+
+
+@pytest.mark.parametrize("batch", [False, True])
+def test_a_simulator_that_diverges_is_told_by_run_and_row(batch):
+    X, y, groups = measured(0.0, 5)
+    labels = np.array(["monday", "tuesday"])[groups]
+    for raises, said in [
+        (False, r"simulate gives inf for the inputs in X: run 'tuesday', row 7, t = 0\.7, output 'y', expected finite"),
+        (True, r"simulate diverges for the inputs in X: run 'tuesday', the tank ran dry at t = 0\.7\. Give smaller"),
+    ]:
+        plant = Runaway([X[200, 0]], raises, batch)
+        with pytest.raises(SimulationDiverged, match=said + r".*inputs, or leave the run out") as caught:
+            GapDiagnoser(plant, effects=["sensor_bias"]).fit(X, y, groups=labels)
+        error = caught.value
+        assert (error.run, error.row, error.state) == ("tuesday", 7, "level" if raises else "y")
+        assert abs(error.time - 0.7) < 1e-9
+
+
+def test_one_run_that_diverges_has_no_label():
+    X, y, _ = measured(0.0, 5)
+    with pytest.raises(SimulationDiverged, match=r"in X: row 7, t = 0\.7, output 'y'.*np\.clip") as caught:
+        GapDiagnoser(Runaway([X[0, 0]]), effects=["sensor_bias"]).fit(X, y)
+    assert caught.value.run is None
+
+
+def test_runs_that_only_diverge_together_are_told_apart_from_others():
+    X, y, groups = measured(0.0, 5)
+    plant = FirstOrder()
+    plant.simulate_batch = lambda U, X0=None, t=None: np.full((len(U), U.shape[1], 1), np.nan if len(U) > 1 else 0.0)
+    with pytest.raises(SimulationDiverged, match=r"simulate_batch gives .* finite one by one"):
+        GapDiagnoser(plant, effects=["sensor_bias"]).fit(X, y, groups=groups)
