@@ -106,6 +106,14 @@ def test_names_that_one_unknown_law_beats_are_unknown():
     assert decide(replace(facts, rival=40.0, left=9.0)) == "explained"  # far from the data likelihoods say little
 
 
+def test_several_names_must_be_likelier_than_one_law_and_one_name_needs_a_certain_one_against_it():
+    """An input's curve by its gain and a constant (blind case outside:12089705687957429343), rival 5.7."""
+    facts = Facts(True, 0.0, 1.0016, 0.0, 0.0005, False, 2, 0.071, 1000, rival=5.7)
+    assert decide(facts) == "unknown"
+    assert decide(replace(facts, names=1)) == "explained"
+    assert decide(replace(facts, rival=-10.8)) == "explained"  # a true pair
+
+
 def test_names_must_close_most_of_a_gap_that_is_small_beside_the_outputs():
     """A ball's free run off by 1.4 % of the fall, of which a step disturbance leaves half, and twice the noise."""
     nan = float("nan")
