@@ -16,6 +16,7 @@ from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, r
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap._diverged import divergence
 from sksurrogate.gap._project import project_starts
+from sksurrogate.gap._retuned import value_of
 from sksurrogate.gap._stand_in import StandIn, learn
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -195,7 +196,7 @@ class Around:
     def changed(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> dict[str, float]:
         """Parameters that differ from the simulator's."""
         position = sum(len(e.parameters) for e in effects)
-        out = {name: _of(self.plant.params[name], phi) for name, phi in zip(self.free, theta[position:])}
+        out = {name: value_of(self.plant.params[name], phi) for name, phi in zip(self.free, theta[position:])}
         position = 0
         for effect in effects:
             values = theta[position : position + len(effect.parameters)]
@@ -310,7 +311,7 @@ class Around:
         if unknown:
             J[unknown] = self.slopes(effects, theta, y, unknown)
         damping, fresh, slow = 1e-3, True, 0
-        cost = self.penalised(effects, theta, y)
+        cost = self.penalised(theta, y)
         for _ in range(steps if len(theta) else 0):
             step = self.step(effects, theta, y, J, damping)
             trial = np.clip(theta + step, low, high)
@@ -318,7 +319,7 @@ class Around:
             if np.max(np.abs(moved) / np.maximum(np.abs(theta), 1e-3), initial=0.0) < 1e-5:
                 break
             y_new = self.outputs(effects, trial)
-            new = self.penalised(effects, trial, y_new)
+            new = self.penalised(trial, y_new)
             if np.all(np.isfinite(y_new)):  # Broyden in units of the parameters
                 size = np.array([max(abs(v), self.unit(effects, k)) for k, v in enumerate(theta)])
                 direction = moved / size
@@ -339,7 +340,7 @@ class Around:
                 J, fresh = self.slopes(effects, theta, y, range(len(theta))), True
         return Trial(effects, theta, y, J.transpose(1, 0, 2), cost)
 
-    def penalised(self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray) -> float:
+    def penalised(self, theta: np.ndarray, y: np.ndarray) -> float:
         """Cost with the prior."""
         n = len(theta) - len(self.free)
         phi = theta[n:] / PRIOR
@@ -412,8 +413,3 @@ class Around:
         low, high = self.bounds(trial.effects)
         step = np.clip(best / scale, low - trial.theta, high - trial.theta)
         return float(value + g @ step - 0.5 * step @ H @ step)
-
-
-def _of(nominal: float, phi: float) -> float:
-    """Value of a free parameter."""
-    return float(phi if nominal == 0 else nominal * np.exp(phi))

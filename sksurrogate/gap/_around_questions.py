@@ -168,7 +168,7 @@ class AroundQuestions:
             retuned = self.left_out(tuned, row_fold, tuned=True) if tuned is not None else before
         corrected = np.full(before.shape, np.nan)
         if not self.blind:  # a table has no answer to blocks of its runs
-            correct = generic_correction(self.plant.simulator, self.correction, self.plant.outputs)
+            correct = generic_correction(self.plant.simulator, self.correction)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 corrected = correct(record, fold)

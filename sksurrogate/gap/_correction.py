@@ -74,7 +74,7 @@ def known_runs(problem: Problem) -> list[Run]:
 
 
 def generic_correction(
-    simulator: Any, correction: Any, labels: tuple[str, ...], runs: Iterable[Run] = ()
+    simulator: Any, correction: Any, runs: Iterable[Run] = ()
 ) -> Callable[[Record, np.ndarray], np.ndarray]:
     """The waterfall's learned correction: fitted on the training runs, free run on the others.
 

@@ -301,7 +301,7 @@ def measured_guess(plant: Plant, record: Record, run: np.ndarray) -> np.ndarray:
     return guess
 
 
-def sizes(guess: np.ndarray, plant: Plant, record: Record) -> np.ndarray:
+def sizes(guess: np.ndarray) -> np.ndarray:
     """Size of every state along a guess: its deviation, or a share of its level where it hardly moves."""
     spread = np.std(guess, axis=1)
     level = np.sqrt(np.mean(guess**2, axis=1))
@@ -309,7 +309,7 @@ def sizes(guess: np.ndarray, plant: Plant, record: Record) -> np.ndarray:
     return np.where(scale > 0, scale, 1.0)
 
 
-def substeps(model: AugmentedModel, x: np.ndarray, weight: np.ndarray, make: Any) -> int:
+def substeps(x: np.ndarray, weight: np.ndarray, make: Any) -> int:
     """Fewest substeps whose error in one sample stays a hundredth of the noise (98 % of the samples)."""
     for n_sub in (1, 2, 4, 8, 16):
         coarse, fine = make(n_sub).bind(np.zeros((0, 1))), make(2 * n_sub).bind(np.zeros((0, 1)))
@@ -334,14 +334,13 @@ def build_problem(
     with np.errstate(all="ignore"):
         run = run_from_readings(plant, model, record)
         guess = measured_guess(plant, record, run)
-        scale = sizes(guess, plant, record)
+        scale = sizes(guess)
         problem = Problem(plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), 2, run=run)
         nominal = replace(problem, free=()).augmented(())
         smoothed = problem.smooth(nominal, np.zeros(0), guess)
-        scale = np.maximum(sizes(smoothed.x, plant, record), 0.02 * scale)
+        scale = np.maximum(sizes(smoothed.x), 0.02 * scale)
         rate = np.sqrt(np.mean(((smoothed.x[:, 1:] - smoothed.x[:, :-1]) / record.dt) ** 2, axis=1))
         n_sub = substeps(
-            nominal,
             smoothed.x,
             np.minimum(nominal.closing_weight(sd), LOCAL_ERROR * 100 * scale),
             lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),

@@ -26,6 +26,7 @@ from sksurrogate.gap._probability import probabilities
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._reported import reported
+from sksurrogate.gap._retuned import retuned_table, value_of
 from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment
@@ -35,7 +36,6 @@ from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
     FAR,
     ROUNDING,
-    _of,
     certified,
     decide,
     facts_of,
@@ -43,7 +43,6 @@ from sksurrogate.gap._verdict import (
     left_over,
     parameter_errors,
     ranking,
-    retuned_table,
 )
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
@@ -119,8 +118,7 @@ class Questions:
         if not closed and left(null) > 2.0:
             found.places = places_by_law(problem, null, found.places)
         say("how far the gap shrinks on runs left out")
-        simulator, outputs = problem.plant.simulator, problem.plant.outputs
-        correction: Any = generic_correction(simulator, self.correction, outputs, known_runs(problem))
+        correction: Any = generic_correction(problem.plant.simulator, self.correction, known_runs(problem))
         if not final.effects and left(null) < WITHIN_NOISE:
             correction = None  # nothing to learn
         found.held = held_out(problem, final, null, correction)
@@ -292,7 +290,10 @@ class Questions:
     def retuned(self) -> Table:
         final = self.found.fitted or self.final
         bounds = self.found.bounds or (final.fit.theta, final.fit.theta)
-        return retuned_table(self.problem, final, bounds)
+        own = slice(final.n_parameters, None)
+        return retuned_table(
+            self.problem.plant.params, self.problem.free, final.fit.theta[own], bounds[0][own], bounds[1][own]
+        )
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         found = self.found
@@ -410,7 +411,7 @@ class Questions:
         ]
 
         tuned = {
-            name: _of(plant.params[name], final.fit.theta[final.n_parameters + i])
+            name: value_of(plant.params[name], final.fit.theta[final.n_parameters + i])
             for i, name in enumerate(self.problem.free)
         }
         return AugmentedSimulator(plant.simulator, list(final.effects), values, tuned or None, scale=self.problem.scale)

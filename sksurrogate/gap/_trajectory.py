@@ -21,6 +21,7 @@ from sksurrogate.gap._around_where import channel_of, left_of
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
 from sksurrogate.gap._reported import reported
+from sksurrogate.gap._retuned import retuned_table
 from sksurrogate.gap._shape import shape_of
 from sksurrogate.gap._tied import name_of, when_they_part
 from sksurrogate.gap._verdict import Facts, decide, parameter_errors
@@ -104,7 +105,8 @@ class _Answers(AroundQuestions):
         verdict = self.verdict()
         low, high = self.intervals(final)
         effects = self.estimates(low, high) if verdict != "none" else []
-        retuned = self.retuned_table(low, high)
+        own = slice(final.n_parameters, None)
+        retuned = retuned_table(self.plant.params, around.free, final.theta[own], low[own], high[own])
         if not effects and verdict == "explained":
             effects = parameter_errors(retuned, self.shrink.fraction_power if self.shrink is not None else _NAN)
         where, term = self.where(verdict, effects), None
@@ -177,28 +179,6 @@ class _Answers(AroundQuestions):
                 )
             )
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
-
-    def retuned_table(self, low: np.ndarray, high: np.ndarray) -> Table:
-        """One row a free parameter."""
-        rows, n = [], self.final.n_parameters
-        for i, name in enumerate(self.around.free):
-            nominal = float(self.plant.params[name])
-
-            def value(phi: float, nominal: float = nominal) -> float:
-                return float(phi if nominal == 0 else nominal * np.exp(phi))
-
-            ends = sorted((value(low[n + i]), value(high[n + i])))
-            rows.append(
-                {
-                    "parameter": name,
-                    "nominal": nominal,
-                    "value": value(self.final.theta[n + i]),
-                    "low": ends[0],
-                    "high": ends[1],
-                    "moved": not ends[0] <= nominal <= ends[1],
-                }
-            )
-        return Table(tuple(rows))
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         location, kind = None, None

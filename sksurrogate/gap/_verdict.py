@@ -18,7 +18,7 @@ from sksurrogate.gap._rounding import Rounding
 from sksurrogate.gap._select import MOST_EFFECTS, Search, left
 from sksurrogate.gap._unknown import LatentForce, moved_by
 
-__all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors", "ranking", "retuned_table"]
+__all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors", "ranking"]
 
 #: `explained` when the named effects leave less than this share of the gap (amplitude).
 SHARE = 0.20
@@ -319,27 +319,6 @@ def ranking(search: Search, final: Rival) -> Table:
     return Table(tuple(rows))
 
 
-def retuned_table(problem: Problem, rival: Rival, bounds: tuple[np.ndarray, np.ndarray]) -> Table:
-    """One row a free parameter: nominal, value, interval, moved or not."""
-    rows = []
-    n = rival.n_parameters
-    for i, name in enumerate(problem.free):
-        nominal = float(problem.plant.params[name])
-        value, low, high = (_of(nominal, phi) for phi in (rival.fit.theta[n + i], bounds[0][n + i], bounds[1][n + i]))
-        low, high = min(low, high), max(low, high)
-        rows.append(
-            {
-                "parameter": name,
-                "nominal": nominal,
-                "value": value,
-                "low": low,
-                "high": high,
-                "moved": not low <= nominal <= high,
-            }
-        )
-    return Table(tuple(rows))
-
-
 def parameter_errors(
     retuned: Table, share: float, hidden: Sequence[tuple[str, str, str | None]] = ()
 ) -> list[EffectEstimate]:
@@ -366,8 +345,3 @@ def parameter_errors(
             )
         )
     return out
-
-
-def _of(nominal: float, phi: float) -> float:
-    """Value of a free parameter."""
-    return float(phi if nominal == 0 else nominal * np.exp(phi))
