@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap._around import Around, Trial
 from sksurrogate.gap._report import NextExperiment
-from sksurrogate.gap._tied import name_of, suggestion
+from sksurrogate.gap._tied import leaves_the_range, name_of, suggestion
 from sksurrogate.kernels.record import Record
 
 __all__ = ["next_experiment"]
@@ -25,7 +25,11 @@ def next_experiment(around: Around, final: Trial, slots: Sequence[list[tuple[Tri
     i = list(slots).index(tied)
     names = [name_of(final.effects[i]), *(name_of(t.effects[-1]) for t, _ in tied[:4])]
     apart = _apart(around, final, [t for t, _ in tied[:4]])
-    return suggestion(apart, names) if apart else None
+    record = around.record
+    beyond = {
+        label for label, given in _inputs(record, around.plant.inputs).items() if leaves_the_range(given, record.u)
+    }
+    return suggestion(apart, names, beyond) if apart else None
 
 
 def _apart(around: Around, final: Trial, tied: Sequence[Trial]) -> dict[str, np.ndarray]:
@@ -33,7 +37,7 @@ def _apart(around: Around, final: Trial, tied: Sequence[Trial]) -> dict[str, np.
     assert final.noise is not None
     weight = (around.sd / final.noise.sigma)[:, None]
     out: dict[str, np.ndarray] = {}
-    for label, given in _inputs(around.record).items():
+    for label, given in _inputs(around.record, around.plant.inputs).items():
         at = _alone(around, np.ascontiguousarray(given))
         try:
             first = at.outputs(final.effects, final.theta)
@@ -46,13 +50,13 @@ def _apart(around: Around, final: Trial, tied: Sequence[Trial]) -> dict[str, np.
     return out
 
 
-def _inputs(record: Record) -> dict[str, np.ndarray]:
+def _inputs(record: Record, names: Sequence[str]) -> dict[str, np.ndarray]:
     """Variations of the first run."""
     n = int(min(record.lengths[0], 400))
     u = record.u[:, :n]
     mean, index = u.mean(axis=1, keepdims=True), np.arange(n)
     spread = np.max(np.abs(u - mean), axis=1, keepdims=True)
-    return {
+    varied = {
         "the same run again": u,
         "a run with inputs of twice the amplitude": mean + 2 * (u - mean),
         "a run with inputs of half the amplitude": mean + 0.5 * (u - mean),
@@ -61,6 +65,11 @@ def _inputs(record: Record) -> dict[str, np.ndarray]:
         "a run with inputs half as fast": u[:, index // 2],
         "a run with a step in every input": np.where(index < n // 4, mean - 0.5 * spread, mean + spread),
     }
+    for i, name in enumerate(names if len(names) > 1 else ()):
+        only = np.repeat(mean, n, axis=1)
+        only[i] = u[i]
+        varied[f"a run in which only {name} moves"] = only
+    return varied
 
 
 def _alone(around: Around, u: np.ndarray) -> Around:

@@ -56,6 +56,7 @@ _HEADS = {
     "low": "from",
     "high": "to",
     "gain": "separation / nats",
+    "within": "in the recorded range",
 }
 _SHARES = ("share", "samples", "fraction")
 

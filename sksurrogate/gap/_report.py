@@ -272,7 +272,8 @@ class NextExperiment:
     ----------
     sentence : str
     options : Table
-        experiment, gain (expected separation of the tied rivals in nats), between.
+        experiment, gain (expected separation of the tied rivals in nats), between, within (whether its inputs stay where
+        inputs were recorded).
     named : str
         The effect whose rivals it is about.
     parted : tuple of str

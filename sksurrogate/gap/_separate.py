@@ -15,7 +15,7 @@ from sksurrogate.gap._prior import prior_cost
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment
 from sksurrogate.gap._select import EQUAL, Search
-from sksurrogate.gap._tied import name_of, suggestion
+from sksurrogate.gap._tied import leaves_the_range, name_of, suggestion
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
@@ -150,7 +150,7 @@ def _with_own_noise(
 
 @dataclass(frozen=True, eq=False)
 class _Experiment:
-    """A feasible variation of the record's first run."""
+    """A variation of the record's first run."""
 
     name: str
     u: np.ndarray
@@ -212,7 +212,7 @@ def _responses(problem: Problem, rival: Rival, experiments: Sequence[_Experiment
 
 
 def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> NextExperiment | None:
-    """Which feasible experiment separates the tied rivals best, in expected nats of log likelihood."""
+    """Which experiment separates the tied rivals best, in expected nats of log likelihood."""
     slot = max(slots, key=lambda s: len(s.twins), default=None)
     if slot is None or not slot.twins:
         return None
@@ -245,7 +245,8 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
     apart = {name: value for name, value in apart.items() if np.isfinite(value).any()}
     if not apart:
         return None
-    return suggestion(apart, names)
+    beyond = {e.name for e in experiments if leaves_the_range(e.u, problem.record.u)}
+    return suggestion(apart, names, beyond)
 
 
 def _separations(differences: Sequence[np.ndarray], starts: np.ndarray, sd: np.ndarray) -> np.ndarray:

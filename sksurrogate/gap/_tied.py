@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,10 +23,25 @@ def name_of(effect: BaseEffect) -> str:
     return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "")
 
 
-def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str]) -> NextExperiment:
+def leaves_the_range(u: np.ndarray, recorded: np.ndarray) -> bool:
+    """Whether inputs (n_inputs, n_samples) go where no recorded input was.
+
+    Examples
+    --------
+    >>> recorded = np.array([[0.0, 1.0, 0.5]])
+    >>> leaves_the_range(0.5 * recorded, recorded), leaves_the_range(2.0 * recorded, recorded)
+    (False, True)
+    """
+    low, high = recorded.min(axis=1, keepdims=True), recorded.max(axis=1, keepdims=True)
+    room = 1e-9 * (high - low)
+    return bool(np.any(u < low - room) or np.any(u > high + room))
+
+
+def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Collection[str] = ()) -> NextExperiment:
     """The experiment that parts a named effect best from the tied rival that is hardest to tell.
 
-    Twins that none parts are left out where another can be told.
+    Twins that none parts are left out where another can be told. Of experiments that settle it those come first whose inputs
+    stay where inputs were recorded.
 
     Parameters
     ----------
@@ -34,6 +49,8 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str]) -> NextExp
         For every experiment the nats that part the named effect from each rival; nan where they are not known.
     names : sequence of str
         The named effect, then its rivals.
+    beyond : collection of str
+        Experiments whose inputs leave the recorded range.
     """
     most = np.nanmax(np.where(np.isfinite(list(apart.values())), list(apart.values()), -1.0), axis=0)
     told = np.flatnonzero(most >= ENOUGH) if np.any(most >= ENOUGH) else np.arange(len(most))
@@ -43,8 +60,11 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str]) -> NextExp
         hardest = min(known, key=lambda k: values[k], default=None)
         if hardest is not None:
             between = f"{names[0]} and {names[1 + hardest]}"
-            rows.append({"experiment": experiment, "gain": float(values[hardest]), "between": between})
-    rows.sort(key=lambda row: -row["gain"])
+            within = experiment not in beyond
+            rows.append(
+                {"experiment": experiment, "gain": float(values[hardest]), "between": between, "within": within}
+            )
+    rows.sort(key=lambda row: (not (row["within"] and row["gain"] >= ENOUGH), -row["gain"]))
     best = rows[0]
     if best["gain"] < ENOUGH:
         sentence = (
@@ -56,6 +76,8 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str]) -> NextExp
     sentence = (
         f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats (3 are enough)."
     )
+    if not best["within"]:
+        sentence += " Its inputs leave the recorded range: make sure that the plant allows them."
     same = [names[1 + k] for k in range(len(most)) if k not in told]
     if same:
         sentence += f" Nothing tried here tells {', '.join(same)} from {names[0]}."

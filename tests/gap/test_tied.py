@@ -35,3 +35,16 @@ def test_a_sentence_says_only_what_was_computed_for_its_name():
 def test_without_ties_it_says_so():
     assert when_they_part("drag", [], True, None) == "No other effect of the catalogue explains these data as well."
     assert "Only richer forms (power_law)" in when_they_part("drag", [], True, None, ["power_law"])
+
+
+def test_an_experiment_within_the_recorded_inputs_comes_first_where_it_settles_the_question():
+    apart = {"a larger run": np.array([90.0]), "a faster run": np.array([8.0]), "the same run": np.array([0.1])}
+    found = suggestion(apart, ["drag", "friction"], beyond={"a larger run"})
+    assert [(row["experiment"], row["within"]) for row in found.options] == [
+        ("a faster run", True),
+        ("a larger run", False),
+        ("the same run", True),
+    ]
+    assert "recorded range" not in found.sentence
+    apart["a faster run"] = np.array([1.0])
+    assert "make sure that the plant allows" in suggestion(apart, ["drag", "friction"], {"a larger run"}).sentence
