@@ -183,6 +183,8 @@ def screen(
     """
     with np.errstate(all="ignore"):
         s = Responses(problem, base, x)
+        if not np.max(np.abs(_known(s))) < UNSQUARED:  # a base that cannot be linearised along the measured path
+            return _screen(s, [], noise)
         chosen = None
         if first is not None and first.columns is not None:
             thetas = [start.effect for start in first.starts], first.raw
@@ -227,18 +229,22 @@ def _joined(found: Screen, other: Screen, k: int) -> Screen:
     )
 
 
+def _known(s: Responses) -> np.ndarray:
+    """Residual and sensitivities of the fitted parameters over the noise, (1 + n_theta, n_outputs, n_samples)."""
+    r = (s.problem.record.y - s.lin.y)[None]
+    return np.concatenate([r, s.lin.J_theta.transpose(1, 0, 2)]) / s.problem.sd[None, :, None]
+
+
 def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen:
     problem, base = s.problem, s.base
-    r = (problem.record.y - s.lin.y)[None]
-    P = s.lin.J_theta.transpose(1, 0, 2)
-    sd, few = problem.sd[None, :, None], 1 + len(P)
+    known, sd = _known(s), problem.sd[None, :, None]
+    few = len(known)
     precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
     pull = -precision * base.fit.theta
     J_x = s.lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
-    known = np.concatenate([r, P]) / sd
     low, high = _range(columns)
     rest = known, J_x, precision, pull, problem.record.starts, low, high
-    if not columns or not np.max(np.abs(known)) < UNSQUARED:  # a base that cannot be linearised along the measured path
+    if not columns:
         return Screen([], [], None, *rest)
     whole = np.empty((few + len(columns), *known.shape[1:]))
     whole[:few] = known
@@ -270,7 +276,7 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
         part = np.concatenate([white, flat[chosen]])
         G = part @ part.T
         G[few:, few:] -= moved[chosen] @ moved[chosen].T
-        return eliminate(G, len(P), precision, pull)
+        return eliminate(G, few - 1, precision, pull)
 
     starts = _starts(columns, among, drop, amplitude, forced)
     kept = None if base.effects or whole.size > MOST_KEPT else whole[few:].astype(np.float32)

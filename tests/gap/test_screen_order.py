@@ -10,6 +10,7 @@ from sksurrogate.gap._evidence import estimate_noise
 from sksurrogate.gap._problem import Rival, build_problem
 from sksurrogate.gap._screen import screen
 from sksurrogate.gap._select import Search
+from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -77,3 +78,18 @@ def test_a_fit_that_went_astray_is_none(problem):
     astray = Rival(fits[0].effects, fits[0].model, replace(fits[0].fit, cost=1e80))
     assert [rival.effects[0].name for rival in search.ranked([astray, fits[1]], null)] == ["quadratic_drag"]
     assert search.ranked([astray], null) == []
+
+
+def test_a_base_without_a_linearisation_has_no_screen_however_short_its_list(problem, monkeypatch):
+    """Slopes beyond all squares along the measured path (blind case effect_disturbed:12574145481006727361)."""
+    problem, smoothed = problem
+    null = problem.fit((), np.zeros(0), smoothed.x)
+    first = screen(problem, effects("linear_loss", "quadratic_drag"), null, smoothed.x, None)
+    base = problem.fit(effects("linear_loss"), np.array([0.1]), smoothed.x)
+
+    def burst(*given):
+        lin = linearise(*given)
+        return replace(lin, J_theta=np.full_like(lin.J_theta, 1e200))
+
+    monkeypatch.setattr("sksurrogate.gap._responses.linearise", burst)
+    assert screen(problem, effects("quadratic_drag"), base, smoothed.x, None, first=first).starts == []
