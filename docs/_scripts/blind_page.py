@@ -18,6 +18,8 @@ from sksurrogate.blind._table import table
 
 DOCS = Path(__file__).parents[1]
 BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
+#: Newest commits that are told together.
+RECENT = 3
 MISSES = ("<!-- misses: begin -->", "<!-- misses: end -->")
 
 
@@ -51,10 +53,13 @@ def _bars(result: BlindResult) -> list[str]:
     codes = list(dict.fromkeys(row.get("code", "") for row in result.rows))
     if len(codes) == 1:
         return ["### The bars", BARS, table(result.bars())]
-    newest = BlindResult(tuple(row for row in result.rows if row.get("code", "") == codes[-1]))
-    right = sum(bool(row.get("right")) for row in newest.rows)
+    parts = ["### The bars", BARS]
+    for chosen, said in ((codes[-1:], "Commit"), (codes[-RECENT:], "The newest commits together, misses mended between them,")):
+        some = BlindResult(tuple(row for row in result.rows if row.get("code", "") in chosen))
+        right = sum(bool(row.get("right")) for row in some.rows)
+        parts += [f"{said} {', '.join(chosen)}: {len(some.rows)} cases, {right} right.", table(some.bars())]
     return [
-        "### The bars", BARS, f"Commit {codes[-1]}: {len(newest.rows)} cases, {right} right.", table(newest.bars()),
+        *parts,
         f"All {len(result.rows)} cases, commits {', '.join(codes)}; the tables after this one are of all.", table(result.bars()),
     ]  # fmt: skip
 
