@@ -54,7 +54,10 @@ def _bars(result: BlindResult) -> list[str]:
     if len(codes) == 1:
         return ["### The bars", BARS, table(result.bars())]
     parts = ["### The bars", BARS]
-    for chosen, said in ((codes[-1:], "Commit"), (codes[-RECENT:], "The newest commits together, misses mended between them,")):
+    for chosen, said in (
+        (codes[-1:], "Commit"),
+        (codes[-RECENT:], "The newest commits together, misses mended between them,"),
+    ):
         some = BlindResult(tuple(row for row in result.rows if row.get("code", "") in chosen))
         right = sum(bool(row.get("right")) for row in some.rows)
         parts += [f"{said} {', '.join(chosen)}: {len(some.rows)} cases, {right} right.", table(some.bars())]
