@@ -24,20 +24,18 @@ def next_experiment(around: Around, final: Trial, slots: Sequence[list[tuple[Tri
         return None
     i = list(slots).index(tied)
     names = [name_of(final.effects[i]), *(name_of(t.effects[-1]) for t, _ in tied[:4])]
-    apart = _apart(around, final, [t for t, _ in tied[:4]])
-    record = around.record
-    beyond = {
-        label for label, given in _inputs(record, around.plant.inputs).items() if leaves_the_range(given, record.u)
-    }
+    varied = _inputs(around.record, around.plant.inputs)
+    apart = _apart(around, final, [t for t, _ in tied[:4]], varied)
+    beyond = {label for label, given in varied.items() if leaves_the_range(given, around.record.u)}
     return suggestion(apart, names, beyond) if apart else None
 
 
-def _apart(around: Around, final: Trial, tied: Sequence[Trial]) -> dict[str, np.ndarray]:
+def _apart(around: Around, final: Trial, tied: Sequence[Trial], varied: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Nats that part the final trial from every tied one, by experiment."""
     assert final.noise is not None
     weight = (around.sd / final.noise.sigma)[:, None]
     out: dict[str, np.ndarray] = {}
-    for label, given in _inputs(around.record, around.plant.inputs).items():
+    for label, given in varied.items():
         at = _alone(around, np.ascontiguousarray(given))
         try:
             first = at.outputs(final.effects, final.theta)

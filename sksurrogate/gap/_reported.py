@@ -28,7 +28,6 @@ def reported(
     turned = effect.canonical(tuple(float(value) for value in theta))
     for parameter, raw, value, a, b in zip(effect.parameters, theta, turned, low, high):
         params[parameter.name] = float(value)
-        mirrored = value == -raw
-        ends = (-b, -a) if mirrored else (a + (value - raw), b + (value - raw))
-        intervals[parameter.name] = (float(ends[0]), float(ends[1])) if value != raw else (float(a), float(b))
+        ends = (-b, -a) if value == -raw != 0 else (a + (value - raw), b + (value - raw))
+        intervals[parameter.name] = float(ends[0]), float(ends[1])
     return params, intervals

@@ -6,6 +6,8 @@ import pytest
 from sksurrogate.effects import BalanceEffect, LawEffect, Parameter
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap._around_questions import AroundQuestions
+from sksurrogate.gap._verdict import decide
 
 
 class FirstOrder:
@@ -20,12 +22,17 @@ class FirstOrder:
         return y[:, None]
 
 
-def measured(bias, seed):
+def seen_as(seen, seed=0):
+    """Two runs whose outputs are seen through a function."""
     rng = np.random.default_rng(seed)
     U = np.repeat(rng.uniform(-1, 1, 80), 5)[:, None]
     groups = np.repeat([0, 1], 200)
     Y = np.concatenate([FirstOrder().simulate(U[groups == run]) for run in (0, 1)])
-    return U, Y + bias + 0.005 * rng.normal(size=Y.shape), groups
+    return U, seen(Y) + 0.005 * rng.normal(size=Y.shape), groups
+
+
+def measured(bias, seed):
+    return seen_as(lambda y: y + bias, seed)
 
 
 def test_a_sensor_bias_is_named():
@@ -187,3 +194,58 @@ def test_runs_that_only_diverge_together_are_told_apart_from_others():
     plant.simulate_batch = lambda U, X0=None, t=None: np.full((len(U), U.shape[1], 1), np.nan if len(U) > 1 else 0.0)
     with pytest.raises(SimulationDiverged, match=r"simulate_batch gives .* finite one by one"):
         GapDiagnoser(plant, effects=["sensor_bias"]).fit(X, y, groups=groups)
+
+
+def test_an_interrupt_before_the_certificate_names_nothing_for_certain(monkeypatch):
+    def stopped(self, final):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(AroundQuestions, "held_out", stopped)
+    X, y, groups = seen_as(lambda y: y + 0.2)
+    with pytest.warns(UserWarning, match="interrupted"):
+        report = (
+            GapDiagnoser(FirstOrder(), effects=["sensor_bias", "sensor_lag"], random_state=0)
+            .fit(X, y, groups=groups)
+            .report_
+        )
+    assert (report.verdict, report.complete) == ("unknown", False)
+
+
+def test_a_law_that_is_not_asked_for_is_unknown():
+    X, y, groups = seen_as(lambda y: y + 0.5 * y**3)
+    report = (
+        GapDiagnoser(FirstOrder(), effects=["sensor_bias", "sensor_drift"], random_state=0)
+        .fit(X, y, groups=groups)
+        .report_
+    )
+    assert report.verdict == "unknown"
+    assert report.where.location in {"u", "y"}
+
+
+def test_gains_of_the_input_and_the_sensor_of_a_linear_plant_are_tied_and_it_says_so():
+    X, y, groups = seen_as(lambda y: 1.3 * y)
+    report = (
+        GapDiagnoser(FirstOrder(), effects=["sensor_gain", "input_gain"], random_state=0)
+        .fit(X, y, groups=groups)
+        .report_
+    )
+    (effect,) = report.effects
+    assert report.verdict == "explained" and len(effect.equivalents) == 1
+    assert "they part in none of the experiments tried here" in effect.why
+    assert effect.probability == pytest.approx(0.5, abs=0.05)
+    assert report.next_experiment.parted == ()
+
+
+def test_the_verdict_knows_how_many_effects_are_named(monkeypatch):
+    asked = []
+
+    def spy(facts):
+        asked.append(facts)
+        return decide(facts)
+
+    monkeypatch.setattr("sksurrogate.gap._trajectory.decide", spy)
+    X, y, groups = seen_as(lambda y: 1.3 * y + 0.4)
+    diagnoser = GapDiagnoser(FirstOrder(), effects=["sensor_gain", "sensor_bias"], random_state=0)
+    report = diagnoser.fit(X, y, groups=groups).report_
+    assert {effect.name for effect in report.effects} == {"sensor_gain", "sensor_bias"}
+    assert {facts.names for facts in asked} == {2}
