@@ -15,6 +15,7 @@ from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap._diverged import divergence
+from sksurrogate.gap._evidence import profile
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._retuned import value_of
 from sksurrogate.gap._stand_in import StandIn, learn
@@ -404,12 +405,4 @@ class Around:
             return -np.inf
         if not np.all(np.isfinite(G)):
             return -np.inf
-        value = -0.5 * (G[0, 0] + logdet) - 0.5 * float(np.sum(precision * trial.theta**2))
-        if len(G) == 1:
-            return float(value)
-        H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] - precision * trial.theta
-        scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
-        best = np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0]
-        low, high = self.bounds(trial.effects)
-        step = np.clip(best / scale, low - trial.theta, high - trial.theta)
-        return float(value + g @ step - 0.5 * step @ H @ step)
+        return profile(G, logdet, precision, -precision * trial.theta, trial.theta, self.bounds(trial.effects))

@@ -12,12 +12,13 @@ from sksurrogate.effects._catalogue import build_effects, left_out
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._around import Around, Trial
+from sksurrogate.gap._around_chosen import names_by_fold
 from sksurrogate.gap._around_next import next_experiment
 from sksurrogate.gap._around_search import AroundSearch
 from sksurrogate.gap._around_where import equivalent_places, forces_on_states, left_of, variables
 from sksurrogate.gap._correction import generic_correction
 from sksurrogate.gap._report import NextExperiment, Shrink
-from sksurrogate.gap._shrink import HeldOut, blocked, measure
+from sksurrogate.gap._shrink import HeldOut, blocked, folds, measure, same_names
 from sksurrogate.gap._unknown import Place, repeatable
 from sksurrogate.gap._verdict import certified
 from sksurrogate.kernels.record import Record
@@ -25,9 +26,6 @@ from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
 __all__ = ["AroundQuestions"]
-
-#: Folds of the runs left out.
-MOST_FOLDS = 6
 
 
 class AroundQuestions:
@@ -52,6 +50,7 @@ class AroundQuestions:
         self.force = 0.0
         self.places: list[Place] = []
         self.held: HeldOut | None = None
+        self.finals: list[Trial] = []
         self.shrink: Shrink | None = None
         self.shares: list[float] = []
         self.experiment: NextExperiment | None = None
@@ -94,6 +93,7 @@ class AroundQuestions:
         self.look_at_what_is_left()
         self.places = equivalent_places(around, search.null or final)
         self.say("how far the gap shrinks on runs left out")
+        self.finals = names_by_fold(search, final, self.slots)
         self.held = self.held_out(final)
         self.shrink = measure(self.held, self.floor(), self.plant.outputs, self.seed)
         if final.effects and not certified(self.shrink, left_of(around, final)):
@@ -147,7 +147,7 @@ class AroundQuestions:
             f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
         )
         assert self.search.null is not None and self.held is not None
-        self.search.final, self.slots = self.search.null, []
+        self.search.final, self.slots, self.finals = self.search.null, [], []
         self.look_at_what_is_left()
         held = self.held
         after = held.retuned if self.around.free else held.before
@@ -155,13 +155,16 @@ class AroundQuestions:
         self.shrink = measure(self.held, self.floor(), self.plant.outputs, self.seed)
 
     def held_out(self, final: Trial) -> HeldOut:
-        """Parameters from the other runs (one linear step), free run with the initial states fitted; every fold in turn."""
+        """Names and parameters (one linear step) from the other runs, free run with initial states fitted; every fold in turn."""
         around = self.around
         record = blocked(around.record)
-        fold = np.arange(len(record.starts)) % min(MOST_FOLDS, len(record.starts))
+        fold = folds(record)
         row_fold = fold[record.run_of_row]
         before = around.settled(around.nominal) if around.free_starts else around.nominal
         after = self.left_out(final, row_fold)
+        for k, other in enumerate(self.finals):
+            if other is not final:
+                after[:, row_fold == k] = self.left_out(other, row_fold)[:, row_fold == k]
         retuned = np.full(before.shape, np.nan)
         if self.plant.params:
             tuned = self.retuned_trial()
@@ -172,7 +175,7 @@ class AroundQuestions:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 corrected = correct(record, fold)
-        return HeldOut(record, before, after, retuned, corrected)
+        return HeldOut(record, before, after, retuned, corrected, same_names(self.finals, final))
 
     def retuned_trial(self) -> Trial | None:
         """Every parameter re-tuned and nothing else."""

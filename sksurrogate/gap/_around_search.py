@@ -40,6 +40,8 @@ class AroundSearch:
     say : callable
     null, final : Trial
     first_round : list of Trial
+    rivals : list of Trial
+        What was fitted in the places of the effects that stand.
     expected : dict
         Key of an effect -> what the screen expects of it.
     """
@@ -51,6 +53,7 @@ class AroundSearch:
     null: Trial | None = None
     final: Trial | None = None
     first_round: list[Trial] = field(default_factory=list)
+    rivals: list[Trial] = field(default_factory=list)
     expected: dict = field(default_factory=dict)
     stopped: bool = False
 
@@ -275,6 +278,7 @@ class AroundSearch:
         else:
             rest = self.without(final, i)
             rivals = self.expand(rest) if rest is not None else []
+        self.rivals.extend(rivals)
         level = self.around.likelihood(final, final.noise)
         own = final.effects[i].key
         size = len(final.effects[i].parameters)

@@ -19,6 +19,8 @@ __all__ = [
     "follow_noise",
     "follow_null",
     "frozen_fit",
+    "likeliest",
+    "profile",
     "quick_likelihood",
 ]
 
@@ -57,7 +59,7 @@ def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.
     return r, J, precision + (REACH * reach) ** -2.0, -precision * theta
 
 
-def _profile(
+def profile(
     G: np.ndarray,
     logdet: float,
     precision: np.ndarray,
@@ -109,7 +111,7 @@ def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) ->
             continue
         if not np.all(np.isfinite(G)):
             continue
-        value = _profile(G, logdet, precision, pull, rival.fit.theta, bounds)
+        value = profile(G, logdet, precision, pull, rival.fit.theta, bounds)
         best = max(best, value)
     return best
 

@@ -29,6 +29,7 @@ class Found:
     places: list[Place] | None = None
     shrink: Shrink | None = None
     held: HeldOut | None = None
+    finals: list[Rival] = field(default_factory=list)
     experiment: NextExperiment | None = None
     fitted: Rival | None = None
     bounds: tuple[np.ndarray, np.ndarray] | None = None

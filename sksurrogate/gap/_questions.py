@@ -13,6 +13,7 @@ from sksurrogate.gap import _where
 from sksurrogate.gap._accused import accused, told_by, told_by_law
 from sksurrogate.gap._answer import note_on_none, sentence_of
 from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
+from sksurrogate.gap._chosen import names_by_fold
 from sksurrogate.gap._correction import generic_correction, known_runs
 from sksurrogate.gap._curve_shapes import CERTAIN
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
@@ -30,7 +31,7 @@ from sksurrogate.gap._retuned import retuned_table, value_of
 from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search, left
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment
-from sksurrogate.gap._shrink import HeldOut, held_out, measure, shares, traces
+from sksurrogate.gap._shrink import HeldOut, held_out, measure, notes_on_names, same_names, shares, traces
 from sksurrogate.gap._tied import name_of, when_they_part
 from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
@@ -77,7 +78,8 @@ class Questions:
         seed: int,
         say: Callable[[str], None],
     ):
-        self.problem, self.search, self.runs, self.whole = problem, search, runs, whole
+        self.problem, self.search, self.whole = problem, search, whole
+        self.labels = [run.label for run in runs]
         self.correction, self.seed, self.say = correction, seed, say
         self.found = Found([])
         self.complete = True
@@ -121,7 +123,8 @@ class Questions:
         correction: Any = generic_correction(problem.plant.simulator, self.correction, known_runs(problem))
         if not final.effects and left(null) < WITHIN_NOISE:
             correction = None  # nothing to learn
-        found.held = held_out(problem, final, null, correction)
+        found.finals = names_by_fold(search, final, found.slots)
+        found.held = held_out(problem, found.finals, null, correction, same_names(found.finals, final))
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
         if final.effects and not certified(found.shrink, left(final)):
             self.say_uncertified()
@@ -180,7 +183,7 @@ class Questions:
         self.uncertified = (
             f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
         )
-        search.final, found.slots = null, []
+        search.final, found.slots, found.finals = null, [], []
         found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
         found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
         found.curve = free_curve(search.at(null), null)
@@ -221,22 +224,20 @@ class Questions:
         at = self.search.at(final)
         beyond = left_over(final, found.latent, MOST_NOISE * self.problem.sd, found.retuned)
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
-        rounding = self.rounding()
-        return decide(
-            facts_of(
-                at,
-                final,
-                found.shrink,
-                found.latent,
-                found.law,
-                found.curve,
-                self.imitation(),
-                rounding,
-                found.retuned,
-                gap,
-                beyond,
-            )
+        facts = facts_of(
+            at,
+            final,
+            found.shrink,
+            found.latent,
+            found.law,
+            found.curve,
+            self.imitation(),
+            self.rounding(),
+            found.retuned,
+            gap,
+            beyond,
         )
+        return decide(facts)
 
     def rounding(self) -> Rounding | None:
         """A grid of readings that nothing named explains, where it is coarse enough to matter."""
@@ -372,7 +373,7 @@ class Questions:
             problem.plant.outputs,
             problem.plant.states,
             problem.plant.inputs,
-            traces(found.held, [run.label for run in self.runs]),
+            traces(found.held, self.labels),
             seconds,
         )
 
@@ -384,6 +385,7 @@ class Questions:
         if self.uncertified:
             notes.append(self.uncertified)
         found = self.found
+        notes += notes_on_names([rival.effects for rival in found.finals], self.final.effects, found.held, self.labels)
         if verdict == "none" and found.shrink is not None and found.shrink.measurable:
             notes.append(note_on_none(found.shrink))
         rounding = self.rounding()

@@ -177,12 +177,13 @@ class Where:
 
 @dataclass(frozen=True)
 class Shrink:
-    """How far the gap shrinks, free run on runs left out of the fit of the parameters.
+    """How far the gap shrinks, free run on runs left out of the choice of the names and of the fit of their parameters.
 
-    The effects are chosen on all runs. Then, one fold of runs after another (six at most; blocks where there are fewer than
-    three runs), their parameters and the free ones are refitted without the fold, from where they stand, and its runs are
-    simulated, with initial states fitted there. That certifies values, not the choice of the names: for that, keep runs
-    back from ``fit`` and simulate them with ``diagnoser.augmented_``.
+    One fold of runs after another is left out (six at most; blocks where there are fewer than three runs). The other runs
+    choose among the sets of as many effects that were fitted to all runs, by their own share of the likelihood, and keep the
+    names unless they reject them; parameters are refitted to them, and the fold is simulated, with initial states fitted there.
+    Which sets were fitted, the noise and the number of effects come from all runs: to certify these too keep runs back from
+    ``fit`` and simulate them with ``diagnoser.augmented_``.
 
     Attributes
     ----------
@@ -202,6 +203,9 @@ class Shrink:
         The same as ``fraction`` in energy, ``1 - gap_after^2 / gap_before^2``.
     measurable : bool
         False where the gap is not clearly above the floor.
+    same_names : float
+        Share of the folds whose other runs choose the same effects, up to those that no data here tell apart; nan where
+        nothing is named.
     """
 
     before: float
@@ -216,6 +220,7 @@ class Shrink:
     fraction_correction: float = float("nan")
     fraction_power: float = float("nan")
     measurable: bool = True
+    same_names: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)

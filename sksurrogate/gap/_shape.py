@@ -179,7 +179,7 @@ def _hats(z: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 def _explained(channel: Channel, phi: np.ndarray, J: np.ndarray, whole: np.ndarray, fold: np.ndarray) -> float:
     """Share of the smoothed force's variance that functions phi explain on runs left out."""
-    grams = channel.D.gram_by_run(np.concatenate([channel.r[:, None], J], axis=1), channel.noise)
+    grams, _ = channel.D.gram_by_run(np.concatenate([channel.r[:, None], J], axis=1), channel.noise)
     total = grams.sum(axis=0)
     fold_of_row = fold[channel.record.run_of_row]
     r = channel.r.copy()
@@ -210,7 +210,7 @@ def _told(
         return [], []
     shapes = library(channel.Z[:, order], [channel.names[i] for i in order], channel.record.t, changes)
     J = channel.respond(shapes.values)
-    grams = channel.D.gram_by_run(np.concatenate([channel.r[:, None], J], axis=1), channel.noise)
+    grams, _ = channel.D.gram_by_run(np.concatenate([channel.r[:, None], J], axis=1), channel.noise)
     found: list[tuple[float, list[int]]] = []
     for law in sparse_laws(grams, fold)[: 2 * MOST_LAWS]:
         chosen = list(law.chosen)
@@ -235,7 +235,7 @@ def evidence_of_law(channel: Channel) -> float:
     J = channel.respond(shapes.values)
     if not np.all(np.isfinite(J)):
         return -np.inf
-    grams = channel.D.gram_by_run(np.concatenate([channel.r[:, None], J], axis=1), channel.noise)
+    grams, _ = channel.D.gram_by_run(np.concatenate([channel.r[:, None], J], axis=1), channel.noise)
     best = -np.inf
     laws = sparse_laws(grams, run % min(len(run), 5))
     for chosen in [list(laws[0].chosen)] if laws else [[]]:

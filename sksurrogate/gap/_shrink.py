@@ -1,4 +1,4 @@
-"""How far the gap shrinks: refit on some runs, free run on the others; beside it what re-tuning alone closes."""
+"""How far the gap shrinks: chosen and refitted on some runs, free run on the others; beside it what re-tuning alone closes."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap._evidence import frozen_fit
 from sksurrogate.gap._fits import taken_out
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import Shrink, Table, Trace
+from sksurrogate.gap._tied import name_of
 from sksurrogate.kernels.record import Record
 
-__all__ = ["HeldOut", "blocked", "held_out", "measure", "shares", "traces"]
+__all__ = ["HeldOut", "blocked", "folds", "held_out", "measure", "notes_on_names", "same_names", "shares", "traces"]
 
 #: Runs are put into at most this many folds.
 MOST_FOLDS = 6
@@ -24,7 +26,7 @@ SHORTEST_BLOCK = 20
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Free runs on runs left out of the refit of the parameters; the effects were chosen on all runs.
+    """Free runs on runs left out of the choice of the names and of the refit of the parameters.
 
     Attributes
     ----------
@@ -32,6 +34,8 @@ class HeldOut:
         Runs, or the blocks of the one run.
     before, after, retuned, corrected : ndarray (n_outputs, n_samples)
         Free runs of the simulator, with the effects, with parameters re-tuned only, with the generic correction.
+    same_names : float
+        Share of the folds whose other runs choose the effects that all runs choose.
     """
 
     record: Record
@@ -39,6 +43,13 @@ class HeldOut:
     after: np.ndarray
     retuned: np.ndarray
     corrected: np.ndarray
+    same_names: float = float("nan")
+
+
+def folds(record: Record) -> np.ndarray:
+    """Fold of every run, (n_runs,): as many as runs, :data:`MOST_FOLDS` at most."""
+    n_runs = len(record.starts)
+    return np.arange(n_runs) % min(MOST_FOLDS, n_runs)
 
 
 def blocked(record: Record, least: int = 3) -> Record:
@@ -54,13 +65,19 @@ def blocked(record: Record, least: int = 3) -> Record:
 
 
 def held_out(
-    problem: Problem, final: Rival, null: Rival, correction: Callable[[Record, np.ndarray], np.ndarray] | None
+    problem: Problem,
+    finals: Sequence[Rival],
+    null: Rival,
+    correction: Callable[[Record, np.ndarray], np.ndarray] | None,
+    same_names: float = float("nan"),
 ) -> HeldOut:
-    """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn."""
+    """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn.
+
+    ``finals`` are the rivals that the other runs of each fold choose (`names_by_fold`).
+    """
     record = blocked(problem.record)
     whole = replace(problem, record=record)
-    n_runs = len(record.starts)
-    fold = np.arange(n_runs) % min(MOST_FOLDS, n_runs)
+    fold = folds(record)
     row_of = record.run_of_row
     shape = record.y.shape
     parts = {name: np.full(shape, np.nan) for name in ("before", "after", "retuned")}
@@ -68,7 +85,7 @@ def held_out(
     all_free = replace(whole, free=tuple(problem.plant.params))
     nominal_null = Rival((), null.model, replace(null.fit, theta=np.zeros(0)))
     tuned = all_free.fit((), _all_theta(problem, null), null.fit.x) if problem.plant.params else None
-    for k in np.unique(fold):
+    for k, final in enumerate(finals):
         test, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
         rows = np.isin(row_of, test)
         for name, base, rival in (
@@ -89,7 +106,7 @@ def held_out(
     corrected = np.full(shape, np.nan)
     if correction is not None:
         corrected = correction(record, fold)
-    return HeldOut(record, parts["before"], parts["after"], parts["retuned"], corrected)
+    return HeldOut(record, parts["before"], parts["after"], parts["retuned"], corrected, same_names)
 
 
 def _all_theta(problem: Problem, null: Rival) -> np.ndarray:
@@ -179,6 +196,7 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         fraction_correction=fraction("corrected", weight),
         fraction_power=1.0 - (after / before) ** 2 if before > 0 else np.nan,
         measurable=bool(excess @ weight > 3.0 * spread_of_noise),
+        same_names=held.same_names,
     )
 
 
@@ -205,13 +223,43 @@ def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, 
 
 
 def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
-    """Held-out runs for the eye: their labels where no run was cut, else numbers."""
+    """Held-out runs for the eye."""
     if held is None:
         return ()
     record = held.record
     bounds = np.r_[record.starts, record.n_samples]
-    names = labels if len(bounds) - 1 == len(labels) else range(len(bounds) - 1)
     return tuple(
         Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T)
-        for label, a, b in zip(names[:4], bounds[:-1], bounds[1:])
+        for label, a, b in zip(pieces(record, labels)[:4], bounds[:-1], bounds[1:])
+    )
+
+
+def pieces(record: Record, labels: Sequence[Any]) -> list[Any]:
+    """Labels of the runs; numbers of the blocks where runs were cut."""
+    return list(labels) if len(record.starts) == len(labels) else list(range(len(record.starts)))
+
+
+def same_names(finals: Sequence[Any], final: Any) -> float:
+    """Share of the folds whose other runs choose what all runs choose; nan without a name."""
+    return float(np.mean([rival is final for rival in finals])) if final.effects else float("nan")
+
+
+def notes_on_names(
+    finals: Sequence[Sequence[BaseEffect]], final: Sequence[BaseEffect], held: HeldOut | None, labels: Sequence[Any]
+) -> list[str]:
+    """Which parts of the data choose other effects than all of them do."""
+    if held is None:
+        return []
+    record, fold = held.record, folds(held.record)
+    kind = "run" if len(record.starts) == len(labels) else "block"
+    named: dict[str, list[str]] = {}
+    for k, effects in enumerate(finals):
+        if effects is not final:
+            left_out = [repr(label) for label, f in zip(pieces(record, labels), fold) if f == k]
+            named.setdefault(" and ".join(map(name_of, effects)), []).extend(left_out)
+    told = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
+    return (
+        [f"Parts of the data choose other effects, which stand there in the error on runs left out: {told}."]
+        if told
+        else []
     )

@@ -19,10 +19,11 @@ from sksurrogate.gap._around import Trial
 from sksurrogate.gap._around_questions import AroundQuestions
 from sksurrogate.gap._around_where import channel_of, left_of
 from sksurrogate.gap._loop import LOOP, closed_loop
-from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Trace, Where
+from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._reported import reported
 from sksurrogate.gap._retuned import retuned_table
 from sksurrogate.gap._shape import shape_of
+from sksurrogate.gap._shrink import notes_on_names, traces
 from sksurrogate.gap._tied import name_of, when_they_part
 from sksurrogate.gap._verdict import Facts, decide, parameter_errors
 from sksurrogate.gap._where import by_frequency, by_location, by_output, named_places, regions, times
@@ -83,6 +84,7 @@ class _Answers(AroundQuestions):
                 names=len(final.effects),
                 error=float(shrink.before) if np.isfinite(shrink.before) else np.inf,
                 n_samples=self.around.record.n_samples,
+                same_names=shrink.same_names if np.isfinite(shrink.same_names) else 1.0,
             )
         )
 
@@ -130,7 +132,7 @@ class _Answers(AroundQuestions):
             self.plant.outputs,
             self.plant.states,
             self.plant.inputs,
-            self.traces(),
+            traces(self.held, self.labels()),
             seconds,
         )
 
@@ -247,6 +249,7 @@ class _Answers(AroundQuestions):
                 "The free run lies above the noise floor, but no repeatable law explains it better than a disturbance: "
                 "repeat a run with the same inputs to tell a disturbance from an effect."
             )
+        notes += notes_on_names([trial.effects for trial in self.finals], self.final.effects, self.held, self.labels())
         loop = closed_loop(self.around.record, self.final.y, self.plant.inputs)
         if loop is not None:
             notes.append(LOOP.format(name=loop))
@@ -255,17 +258,9 @@ class _Answers(AroundQuestions):
                 notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
         return notes
 
-    def traces(self) -> tuple[Trace, ...]:
-        """Runs left out, for the eye."""
-        if self.held is None:
-            return ()
-        record = self.held.record
-        bounds = np.r_[record.starts, record.n_samples]
-        labels = [run.label for run in self.runs] if len(bounds) - 1 == len(self.runs) else list(range(len(bounds) - 1))
-        return tuple(
-            Trace(label, record.t[a:b], record.y[:, a:b].T, self.held.before[:, a:b].T, self.held.after[:, a:b].T)
-            for label, a, b in zip(labels[:4], bounds[:-1], bounds[1:])
-        )
+    def labels(self) -> list[Any]:
+        """Labels of the runs."""
+        return [run.label for run in self.runs]
 
     def augmented(self) -> AugmentedSimulator:
         """The simulator with what was found."""

@@ -54,6 +54,8 @@ LAWFUL_SHARE, MOVED = 0.12, 0.03
 #: deviation. Within so many times the noise, where no other flaw of the model hides it, less of both.
 CURVE_SHARE, CURVE_MOVED = 0.01, 0.005
 WITHIN, CURVE_SHARE_WITHIN, CURVE_MOVED_WITHIN = 1.15, 0.003, 0.001
+#: Names that fewer than this share of the folds' other runs choose again are stand-ins, for what no name holds.
+SAME_NAMES = 0.5
 #: What is said of parameters that close the gap, and where they would hide effects as large.
 RETUNED = "Re-tuning alone closes the gap."
 HIDES = " It would hide these effects: they part from it where parameters are measured or fewer are free (free_params)."
@@ -109,6 +111,8 @@ class Facts:
         Whether that variable is an input: a curve of an input, which no pair of laws in a balance is.
     rival : float
         Gain of the likeliest law of one signal, of no name, in the place of all names.
+    same_names : float
+        Share of the folds whose other runs choose the same names.
     """
 
     accepted: bool
@@ -128,6 +132,7 @@ class Facts:
     rounding: float = 0.0
     input_curve: bool = False
     rival: float = -np.inf
+    same_names: float = 1.0
 
 
 def decide(facts: Facts) -> str:
@@ -142,9 +147,10 @@ def decide(facts: Facts) -> str:
         hidden = hidden and facts.curve_share > (CURVE_SHARE_WITHIN if within else CURVE_SHARE)
         most = facts.accepted and facts.share_left > most_left(facts) and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
-            lawful_stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
-            stack = lawful_stack or (facts.names >= 3 and facts.share_left > SHARE)
-            too_much = stack or most or ((lawful or hidden) and facts.share_left > SMALL_SHARE)
+            share = facts.share_left * max(facts.error, 1.0)  # of a run that went astray any name closes nearly all
+            lawful_stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and share > SHARE_LAWFUL
+            stack = lawful_stack or (facts.names >= 3 and share > SHARE)
+            too_much = stack or most or ((lawful or hidden) and share > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
             clear = clear and facts.force > CLEAR_FORCE
@@ -152,7 +158,8 @@ def decide(facts: Facts) -> str:
             large = facts.force > FORCE and facts.moved > MOVED
             much = (lasting or large) and facts.share_left > SHARE and facts.left > 1.05
             imitated = facts.accepted and facts.rival > (CERTAIN if facts.names == 1 else ONE_FOR_SEVERAL)
-            too_much = clear or much or hidden or most or imitated or stand_ins(facts)
+            unstable = facts.accepted and facts.same_names < SAME_NAMES
+            too_much = clear or much or hidden or most or imitated or unstable or stand_ins(facts)
         return "unknown" if too_much else "explained"
     if facts.error < PRACTICAL or (facts.error < PRACTICAL_LAWLESS and not law):
         return "none"
@@ -220,6 +227,7 @@ def facts_of(
         rounding.share if rounding is not None else 0.0,
         any(variable in problem.plant.inputs for _, variable in parts),
         rival.gain if rival is not None else -np.inf,
+        shrink.same_names if np.isfinite(shrink.same_names) else 1.0,
     )
 
 

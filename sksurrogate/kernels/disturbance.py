@@ -124,12 +124,23 @@ class Disturbance:
                 band[:, j, size + i - j] = -q_x[i] * self.G[:, i, j]
         return band
 
-    def _factor(self, noise: Noise) -> tuple[np.ndarray, float]:
-        """Banded Cholesky factor of the posterior precision, and log determinant of the prior precision."""
-        n, size, top = self.n, self.size, self.n + self.b
+    def begun_at(self, starts: np.ndarray) -> Disturbance:
+        """The same noise along the same trajectory, with runs cut into blocks that begin at ``starts``."""
+        if np.array_equal(starts, self.starts):
+            return self
+        A, B, C = (part.transpose(1, 2, 0) for part in (self.A, self.B, self.C))
+        return Disturbance(A, B, C, starts, self.start_sd, self.slack)
+
+    def _chains(self, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Size, memory over a sample and precision of the steps of every coloured noise, forces first."""
         spread = np.concatenate([noise.force, noise.coloured])
         a = np.exp(-1.0 / np.repeat([noise.tau, noise.tau_sensor], [self.b, self.m]))
-        q = 1.0 / (spread**2 * (1 - a**2))
+        return spread, a, 1.0 / (spread**2 * (1 - a**2))
+
+    def _factor(self, noise: Noise) -> np.ndarray:
+        """Banded Cholesky factor of the posterior precision."""
+        n, size, top = self.n, self.size, self.n + self.b
+        _, a, q = self._chains(noise)
         band = self.constant.copy()
         # Chains of first order: q (1 + a^2) on the diagonal, q where a run starts and where it ends, -q a beside it.
         band[:, n:, 0] += q * (1 + a**2)
@@ -147,10 +158,7 @@ class Disturbance:
         factor, info = dpbtrf(band.reshape(self.n_samples * size, size + n).T, lower=1, overwrite_ab=1)
         if info != 0:
             raise np.linalg.LinAlgError("the posterior precision is not positive definite")
-        steps, runs = float(self.later.sum()), len(self.starts)
-        prior = steps * (np.sum(np.log(1.0 / self.slack**2)) + np.sum(np.log(q)))
-        prior -= 2 * runs * (np.sum(np.log(self.start_sd)) + np.sum(np.log(spread)))
-        return factor, float(prior)
+        return factor
 
     def _load(self, r: np.ndarray, noise: Noise) -> np.ndarray:
         """``H' R^-1 r`` of residuals (n_outputs, n_columns, n_samples): (n_samples * size, n_columns), column by column."""
@@ -163,20 +171,24 @@ class Disturbance:
             out[:, :, top + j] += scaled
         return out.reshape(k, self.n_samples * self.size).T
 
-    def _log_det(self, factor: np.ndarray, prior: float, noise: Noise) -> float:
-        """log det S."""
-        posterior = 2.0 * float(np.sum(np.log(factor[0])))
-        return posterior - prior + 2.0 * self.n_samples * float(np.sum(np.log(noise.sigma)))
+    def _log_det(self, factor: np.ndarray, noise: Noise) -> np.ndarray:
+        """log det S of every run: posterior precision over prior precision, times the white noise."""
+        spread, _, q = self._chains(noise)
+        lengths = self.ends + 1 - self.starts
+        posterior = 2.0 * np.add.reduceat(np.log(factor[0]), self.starts * self.size)
+        prior = (lengths - 1) * (np.sum(np.log(q)) - 2 * np.sum(np.log(self.slack)))
+        prior = prior - 2 * (np.sum(np.log(self.start_sd)) + np.sum(np.log(spread)))
+        return posterior - prior + 2.0 * lengths * np.sum(np.log(noise.sigma))
 
     def gram(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, float]:
         """``r' S^-1 r`` of columns r (n_outputs, n_columns, n_samples) with S the covariance of the residual, and log det S."""
-        factor, prior = self._factor(noise)
+        factor = self._factor(noise)
         flat, half = self._whitened(factor, r, noise)
-        return flat @ flat.T - half @ half.T, self._log_det(factor, prior, noise)
+        return flat @ flat.T - half @ half.T, float(np.sum(self._log_det(factor, noise)))
 
     def gram_each(self, r: np.ndarray, blocks: Iterable[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
         """The matrix of :meth:`gram` of columns r with each block of further columns beside them, from one factor."""
-        factor, _ = self._factor(noise)
+        factor = self._factor(noise)
         known = self._whitened(factor, r, noise)
         for block in blocks:
             flat, half = (np.concatenate(parts) for parts in zip(known, self._whitened(factor, block, noise)))
@@ -187,9 +199,9 @@ class Disturbance:
         half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
         return (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1), half.T
 
-    def gram_by_run(self, r: np.ndarray, noise: Noise) -> np.ndarray:
-        """The matrix of :meth:`gram` run by run, (n_runs, n_columns, n_columns); they add up to it."""
-        factor, _ = self._factor(noise)
+    def gram_by_run(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+        """The matrix of :meth:`gram` run by run, (n_runs, n_columns, n_columns), and its log determinants; they add up to it."""
+        factor = self._factor(noise)
         half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
         flat = r / noise.sigma[:, None, None]
         out = []
@@ -197,11 +209,11 @@ class Disturbance:
             white = flat[:, :, a:b].transpose(1, 0, 2).reshape(r.shape[1], -1)
             own = half[a * self.size : b * self.size]
             out.append(white @ white.T - own.T @ own)
-        return np.stack(out)
+        return np.stack(out), self._log_det(factor, noise)
 
     def gram_rows(self, r: np.ndarray, noise: Noise, n_rows: int, block: int = 256) -> tuple[np.ndarray, np.ndarray]:
         """First rows (n_rows, n_columns) and the diagonal (n_columns,) of :meth:`gram`, for many columns."""
-        factor, _ = self._factor(noise)
+        factor = self._factor(noise)
         solved, _ = dpbtrs(factor, self._load(r[:, :n_rows], noise), lower=1)
         flat = (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1)
         rows, diagonal = flat[:n_rows] @ flat.T, np.einsum("ki,ki->k", flat, flat)
@@ -246,7 +258,7 @@ class Disturbance:
 
     def states(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Posterior mean of dx (n_states, n_samples), of the forces (n_balances, n_samples), of coloured sensor noise."""
-        factor, _ = self._factor(noise)
+        factor = self._factor(noise)
         solved, _ = dpbtrs(factor, np.asfortranarray(self._load(r[:, None, :], noise)), lower=1)
         s = solved[:, 0].reshape(self.n_samples, self.size).T
         return s[: self.n], s[self.n : self.n + self.b], s[self.n + self.b :]

@@ -145,3 +145,17 @@ def test_what_a_true_name_leaves_beside_a_disturbance_of_half_its_gap_is_no_reas
     assert decide(one) == "explained"
     assert decide(replace(one, law=0.02)) == decide(replace(one, force=0.07)) == "unknown"
     assert decide(replace(one, share_left=0.51)) == "unknown"
+
+
+def test_names_that_few_parts_of_the_data_choose_are_stand_ins():
+    """Where they are far from the noise instead, no model of a real plant is chosen by all of it."""
+    facts = Facts(True, 0.03, 1.04, 0.0, 0.0, False, 1, 0.2, 1800)
+    assert decide(replace(facts, same_names=0.5)) == "explained"
+    assert decide(replace(facts, same_names=0.25)) == "unknown"
+
+
+def test_of_a_run_that_went_astray_no_share_is_small():
+    """A fermenter washed out: error before 1.3e7 deviations, after the stand-in 1.4; the true name leaves the noise."""
+    facts = Facts(True, 1.1e-7, 292.0, 0.76, 0.73, False, 1, 1.3e7, 1800, moved=1.1)
+    assert decide(facts) == "unknown"
+    assert decide(replace(facts, left=1.0, law=0.0, force=0.0, moved=0.0)) == "explained"
