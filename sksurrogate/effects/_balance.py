@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
+from sksurrogate.effects._friction import grows_with_speed
 from sksurrogate.effects._smooth import TINY, positive, sign
 from sksurrogate.physics._simulator import Plant
 
@@ -34,6 +35,8 @@ __all__ = [
 #: Levels of dry friction that may stop a state, over that of a tenth of its balance (a state that sticks hardly moves,
 #: whatever drives it). Within a sample they take at least the second share of its RMS.
 STOPPING, LOST = 2.0 ** np.arange(1, 7), 0.04
+#: A stop that pushes in this share of the samples is none.
+ALWAYS = 0.95
 
 
 def _others(names: Sequence[str], location: str) -> tuple[str, ...]:
@@ -179,6 +182,11 @@ class StribeckFriction(BalanceEffect):
     def jump(self, theta: Sequence[Any]) -> Any:
         """The larger of both levels."""
         return np.maximum(theta[0], theta[1])
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """No less at rest than in motion."""
+        level, static, _ = theta
+        return not grows_with_speed(level, static)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Two levels, friction at rest twice as large or nil, two velocities on the reached range; levels that stop the state."""
@@ -348,6 +356,11 @@ class EndStop(BalanceEffect):
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``- c max(v - edge, 0)``."""
         return -theta[0] * np.maximum(v - theta[1], 0.0)
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """The stop is left at times: one that always pushes is a loss and an offset."""
+        assert probe.v is not None
+        return bool(np.mean(probe.v > theta[1]) < ALWAYS)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Edges within the reached range."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
-from sksurrogate.effects._parameter import JUMPS
+from sksurrogate.effects._parameter import JUMPS, within_the_runs
 from sksurrogate.effects._smooth import after
 
 __all__ = ["Drift", "PeriodicDisturbance", "StepDisturbance", "frequencies"]
@@ -93,6 +93,10 @@ class StepDisturbance(BalanceEffect):
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``c`` after ``t0``."""
         return theta[0] * after(t, theta[1], width) + np.zeros_like(x)
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """It sets in within the runs."""
+        return within_the_runs(theta[1], probe)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Forty times."""

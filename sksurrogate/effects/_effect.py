@@ -109,6 +109,10 @@ class BaseEffect(BaseEstimator):
         """Simpler effects that this one, at these values, hardly differs from: by name, all their parameters but the first."""
         return {}
 
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """Whether these data show at these values what makes the effect what it is: not a step before the first reading."""
+        return True
+
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
         """Lower bounds in a record whose longest run has this duration: slower things than it shows are left to others."""
         return tuple(p.low for p in self.parameters)
@@ -253,7 +257,6 @@ class LimitEffect(BaseEffect):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from sksurrogate.effects import CATALOGUE, LimitEffect
     >>> issubclass(CATALOGUE["state_saturation"], LimitEffect)
     True
@@ -269,10 +272,8 @@ class LimitEffect(BaseEffect):
 
         Parameters
         ----------
-        x : ndarray (n_columns, n_samples)
-            State of the location.
-        v : ndarray or None
-            State of the variable.
+        x, v : ndarray (n_columns, n_samples)
+            State of the location, and that of the variable (None where there is none).
         theta : sequence of ndarray
         final : bool
             True at the end of a substep, where what was cut off goes elsewhere; False at the stages within.
@@ -344,9 +345,8 @@ class InputEffect(BaseEffect):
     Examples
     --------
     >>> from sksurrogate.effects import CATALOGUE, InputEffect
-    >>> gain = CATALOGUE["input_gain"]("force")
-    >>> isinstance(gain, InputEffect), gain.kind
-    (True, 'input')
+    >>> isinstance(CATALOGUE["input_gain"]("force"), InputEffect)
+    True
     """
 
     kind = "input"

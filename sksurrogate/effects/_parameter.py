@@ -11,10 +11,19 @@ from sksurrogate.effects._effect import Parameter, ParameterEffect, Probe
 from sksurrogate.effects._smooth import after
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["ParameterDrift", "ParameterError", "ParameterStep"]
+__all__ = ["ParameterDrift", "ParameterError", "ParameterStep", "within_the_runs"]
 
 #: Times, as shares of the longest run, at which jumps are tried.
 JUMPS = tuple(float(share) for share in (np.arange(40) + 0.5) / 40)
+
+
+#: A jump in the first or last such share of the longest run is no jump: the runs show nothing before it, or nothing after.
+AT_AN_END = 0.02
+
+
+def within_the_runs(time: float, probe: Probe) -> bool:
+    """Whether the longest run shows both what was before a time and what came after."""
+    return AT_AN_END * probe.duration < time < (1.0 - AT_AN_END) * probe.duration
 
 
 class ParameterError(ParameterEffect):
@@ -82,6 +91,10 @@ class ParameterStep(ParameterEffect):
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
         """``p (1 + c)`` after ``t0``."""
         return p * (1 + theta[0] * after(t, theta[1], width))
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """The jump lies within the runs."""
+        return within_the_runs(theta[1], probe)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth, at forty times."""

@@ -13,6 +13,7 @@ from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_nu
 from sksurrogate.gap._folded import folded
 from sksurrogate.gap._loop import may_follow_noise
 from sksurrogate.gap._nested import NESTED, related, simpler
+from sksurrogate.gap._plausible import plausible
 from sksurrogate.gap._prior import prior_cost, retuning_cost
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
@@ -293,6 +294,7 @@ class Search(Expander):
         """Rivals by penalised likelihood, the best under their own noise, the others by a quick look."""
         assert self.null is not None and self.null.noise is not None
         rivals = [rival for rival in rivals if rival.fit.cost < ASTRAY * self.null.fit.cost]
+        rivals = [rival for rival in rivals if plausible(self.problem, rival)]
         if not rivals:
             return []
         noise = base.noise or self.null.noise
