@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -11,11 +11,14 @@ from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap._nested import NESTED
 from sksurrogate.gap._problem import Problem, Rival
 
-__all__ = ["folded"]
+__all__ = ["folded", "opposed"]
 
 #: A law is the sum of two where it differs by less than this share of its deviation (RMS); and its fit is where theirs is
 #: with less than so many times their cost: kinks of larger jumps are smoothed further.
 SAME, NEAR = 0.01, 1.3
+#: Two laws of which the sum varies by less than this share of the larger are neither: their difference imitates a third. Of
+#: true pairs it was found at 0.9 and more, of a root and a straight line in the place of a constant at 0.05 to 0.35.
+OPPOSED = 0.5
 
 
 def folded(problem: Problem, rival: Rival) -> Rival | None:
@@ -37,6 +40,27 @@ def folded(problem: Problem, rival: Rival) -> Rival | None:
     return None
 
 
+def opposed(problem: Problem, rival: Rival) -> bool:
+    """Whether two static laws of one variable in one balance vary against each other, and nearly cancel."""
+    static = [
+        i for i, e in enumerate(rival.effects) if isinstance(e, BalanceEffect) and not isinstance(e, HiddenEffect)
+    ]
+    for i, j in combinations(static, 2):
+        first, second = rival.effects[i], rival.effects[j]
+        if first.variable is not None and (first.location, first.variable) == (second.location, second.variable):
+            one, other = (force_of(problem, rival, k, rival.theta_of(k)) for k in (i, j))
+            if np.std(one + other) < OPPOSED * max(np.std(one), np.std(other)):
+                return True
+    return False
+
+
+def force_of(problem: Problem, rival: Rival, k: int, theta: np.ndarray) -> np.ndarray:
+    """What effect k adds to its balance along the path, (n_samples,)."""
+    model, record = rival.model, problem.record
+    width = model.wires[k].width or 0.0
+    return model.force_of(k, record.t, rival.fit.x[:, None], record.u[:, None], list(theta[:, None]), width)[0]
+
+
 def contains(rich: BaseEffect, simple: BaseEffect) -> bool:
     """Whether a law of a balance has the form of another one among its own."""
     laws = all(isinstance(e, BalanceEffect) and not isinstance(e, HiddenEffect) for e in (rich, simple))
@@ -46,17 +70,16 @@ def contains(rich: BaseEffect, simple: BaseEffect) -> bool:
 
 def together(problem: Problem, rival: Rival, i: int, j: int) -> np.ndarray | None:
     """Values with which effect i is effects i and j together, along the path; None where it has none."""
-    model, record, x = rival.model, problem.record, rival.fit.x[:, None]
-    width, own = model.wires[i].width or 0.0, rival.theta_of(i)
-
-    def force(k: int, theta: np.ndarray) -> np.ndarray:
-        return model.force_of(k, record.t, x, record.u[:, None], list(theta[:, None]), width)[0]
-
-    wanted = force(i, own) + force(j, rival.theta_of(j))
-    low, high = (bound[model.slice_of(i)] for bound in problem.bounds(rival.effects))
+    own = rival.theta_of(i)
+    wanted = force_of(problem, rival, i, own) + force_of(problem, rival, j, rival.theta_of(j))
+    low, high = (bound[rival.model.slice_of(i)] for bound in problem.bounds(rival.effects))
     size = np.std(wanted) or 1.0
     begin = np.clip(own, low, high)
     found = least_squares(
-        lambda theta: (force(i, theta) - wanted) / size, begin, bounds=(low, high), x_scale="jac", max_nfev=50
+        lambda theta: (force_of(problem, rival, i, theta) - wanted) / size,
+        begin,
+        bounds=(low, high),
+        x_scale="jac",
+        max_nfev=50,
     )
     return found.x if np.mean(found.fun**2) < SAME**2 else None

@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap._curve_shapes import CERTAIN
+from sksurrogate.gap._folded import opposed
 from sksurrogate.gap._free_curve import FreeCurve
 from sksurrogate.gap._law_rival import LawRival
 from sksurrogate.gap._problem import Problem, Rival
@@ -83,7 +84,7 @@ class Facts:
     accepted : bool
         Whether effects passed.
     share_left : float
-        Share of the gap that is left, in amplitude, held out.
+        Share of the gap that is left, in amplitude, held out; of the outputs' deviation where the gap is larger.
     left : float
         Free-run error that is left, in units of the noise.
     law : float
@@ -113,6 +114,8 @@ class Facts:
         Gain of the likeliest law of one signal, of no name, in the place of all names.
     same_names : float
         Share of the folds whose other runs choose the same names.
+    opposed : bool
+        Whether two static laws of one variable in one balance nearly cancel.
     """
 
     accepted: bool
@@ -133,13 +136,14 @@ class Facts:
     input_curve: bool = False
     rival: float = -np.inf
     same_names: float = 1.0
+    opposed: bool = False
 
 
 def decide(facts: Facts) -> str:
     """None, explained or unknown."""
     law = facts.law > max(LAW, FEW / facts.n_samples)
     lawful = law or facts.force > FORCE
-    if facts.rounding > ROUNDING or facts.input_curve:
+    if facts.rounding > ROUNDING or facts.input_curve or facts.opposed:
         return "unknown"
     if facts.accepted or facts.retuned:
         within = facts.left < WITHIN
@@ -147,10 +151,9 @@ def decide(facts: Facts) -> str:
         hidden = hidden and facts.curve_share > (CURVE_SHARE_WITHIN if within else CURVE_SHARE)
         most = facts.accepted and facts.share_left > most_left(facts) and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
-            share = facts.share_left * max(facts.error, 1.0)  # of a run that went astray any name closes nearly all
-            lawful_stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and share > SHARE_LAWFUL
-            stack = lawful_stack or (facts.names >= 3 and share > SHARE)
-            too_much = stack or most or ((lawful or hidden) and share > SMALL_SHARE)
+            lawful_stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
+            stack = lawful_stack or (facts.names >= 3 and facts.share_left > SHARE)
+            too_much = stack or most or ((lawful or hidden) and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
             clear = clear and facts.force > CLEAR_FORCE
@@ -209,11 +212,10 @@ def facts_of(
     beyond: float,
 ) -> Facts:
     """Collect them, with the gap over the noise and the error ``beyond`` it that is left (`left_over`)."""
-    share_left = 1.0 - shrink.fraction if np.isfinite(shrink.fraction) else 0.0
     parts = curves_in_parts(final.effects)
     return Facts(
         bool(final.effects),
-        float(share_left),
+        share_left(shrink),
         beyond,
         float(np.max(law, initial=0.0)),
         float(np.max(latent.size, initial=0.0)),
@@ -228,7 +230,18 @@ def facts_of(
         any(variable in problem.plant.inputs for _, variable in parts),
         rival.gain if rival is not None else -np.inf,
         shrink.same_names if np.isfinite(shrink.same_names) else 1.0,
+        opposed(problem, final),
     )
+
+
+def share_left(shrink: Shrink) -> float:
+    """Share of the gap that is left, in amplitude; no gap counts as larger than what the outputs do.
+
+    A simulator that runs away is further off than one that says nothing: of its error any name leaves a vanishing share.
+    """
+    if not np.isfinite(shrink.fraction):
+        return 0.0
+    return float((1.0 - shrink.fraction) * (max(shrink.before, 1.0) if np.isfinite(shrink.before) else 1.0))
 
 
 def left_over(final: Rival, latent: LatentForce, most_noise: np.ndarray, retuned: bool) -> float:

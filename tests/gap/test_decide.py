@@ -6,7 +6,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._report import Shrink
-from sksurrogate.gap._verdict import Facts, certified, curves_in_parts, decide
+from sksurrogate.gap._verdict import Facts, certified, curves_in_parts, decide, share_left
 
 
 def test_a_stack_of_names_with_a_clear_law_left_is_unknown_and_a_useful_one_is_not():
@@ -154,8 +154,19 @@ def test_names_that_few_parts_of_the_data_choose_are_stand_ins():
     assert decide(replace(facts, same_names=0.25)) == "unknown"
 
 
-def test_of_a_run_that_went_astray_no_share_is_small():
-    """A fermenter washed out: error before 1.3e7 deviations, after the stand-in 1.4; the true name leaves the noise."""
-    facts = Facts(True, 1.1e-7, 292.0, 0.76, 0.73, False, 1, 1.3e7, 1800, moved=1.1)
+def test_a_share_of_what_a_simulator_that_runs_away_is_off_by_counts_for_nothing():
+    """A reactor whose biomass grows beyond all bounds: one name brings it back, and leaves more than the outputs do."""
+    away = Shrink(1.26e7, 1.13, 0.004, 1.0 - 9e-8, (0.99, 1.0))
+    assert share_left(away) == pytest.approx(1.13, rel=0.01)
+    facts = Facts(
+        True, share_left(away), 292.0, 0.65, 0.72, False, 1, away.before, 1800, curve=2900.0, curve_moved=0.98
+    )
     assert decide(facts) == "unknown"
-    assert decide(replace(facts, left=1.0, law=0.0, force=0.0, moved=0.0)) == "explained"
+    assert share_left(Shrink(0.5, 0.05, 0.004, 0.9, (0.8, 0.95))) == pytest.approx(0.1)
+
+
+def test_one_name_of_one_parameter_at_the_noise_is_doubted_where_a_law_is_far_likelier():
+    """A loss in the place of a dead zone: it leaves 1.3 % more than the noise, and the dead zone gains 27."""
+    facts = Facts(True, 0.025, 1.013, 0.0, 0.0046, False, 1, 0.07, 1600, rival=26.8)
+    assert decide(facts) == "unknown"
+    assert decide(replace(facts, rival=2.1)) == "explained"  # the most over a true name, or a twin of it, in 100 cases
