@@ -20,7 +20,7 @@ from sksurrogate.gap._project import project_starts
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-__all__ = ["FreeCurve", "free_curve"]
+__all__ = ["SUSPICIOUS", "FreeCurve", "free_curve"]
 
 #: Gain under the noise of the rival, which takes a law for a force, from which the noise is fitted anew beside the curve.
 SUSPICIOUS = -15.0

@@ -19,7 +19,7 @@ from sksurrogate.gap._curve_shapes import CERTAIN
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._found import Found
-from sksurrogate.gap._free_curve import free_curve
+from sksurrogate.gap._free_curve import SUSPICIOUS, free_curve
 from sksurrogate.gap._imitated import imitated_by_retuning
 from sksurrogate.gap._law_rival import LawRival, law_rival
 from sksurrogate.gap._loop import LOOP, closed_loop
@@ -155,10 +155,12 @@ class Questions:
         return found.rivals.get(named)
 
     def imitation(self) -> LawRival | None:
-        """The law in the place of names that may imitate it: of more than one parameter, or not at the noise."""
-        final = self.final
+        """The law in the place of names that may imitate it: of more than one parameter, not at the noise, or beside which a
+        free curve is nearly worth its knots."""
+        final, curve = self.final, self.found.curve
         several = final.n_parameters > 1 or left(final) > NOTHING_LEFT
-        return self.law_rival(True) if final.effects and several and left(final) < DOUBTED else None
+        doubtful = several or (curve is not None and curve.gain > SUSPICIOUS)
+        return self.law_rival(True) if final.effects and doubtful and left(final) < DOUBTED else None
 
     def fitted(self, final: Rival) -> tuple[Problem, Rival]:
         """The rival that stands, fitted on more of a long record."""
