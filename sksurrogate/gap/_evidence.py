@@ -19,6 +19,7 @@ __all__ = [
     "follow_noise",
     "follow_null",
     "frozen_fit",
+    "left",
     "likeliest",
     "profile",
     "quick_likelihood",
@@ -208,3 +209,11 @@ def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray) -> Fit | None:
         open_steps=1,
         max_steps=6,
     )
+
+
+def left(rival: Rival, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
+    """RMS of the free-run residual in units of the sensor noise of the fit within limits (the worst output)."""
+    assert rival.noise is not None
+    r = rival.model.record.y - rival.fit.y
+    sigma = np.maximum(np.minimum(rival.noise.sigma, most), least)
+    return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))

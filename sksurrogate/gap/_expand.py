@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, nominal
 from sksurrogate.gap._pairs import best_pairs
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Screen, Start, screen
+from sksurrogate.gap._stack import remembers_enough
 
 __all__ = ["Expander"]
 
@@ -91,6 +92,8 @@ class Expander:
         problem = self.searching(base)
         taken = set(base.keys)
         candidates = [e for e in (self.candidates if among is None else among) if e.key not in taken]
+        if remembers_enough(base.effects):
+            candidates = [e for e in candidates if not isinstance(e, HiddenEffect)]
         guess = self.guess(base)
         if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
             base = Rival(

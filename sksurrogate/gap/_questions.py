@@ -16,7 +16,7 @@ from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
 from sksurrogate.gap._chosen import names_by_fold
 from sksurrogate.gap._correction import generic_correction, known_runs
 from sksurrogate.gap._curve_shapes import CERTAIN
-from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise
+from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise, left
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._found import Found
 from sksurrogate.gap._free_curve import SUSPICIOUS, free_curve
@@ -29,9 +29,10 @@ from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Wh
 from sksurrogate.gap._reported import reported
 from sksurrogate.gap._retuned import retuned_table, value_of
 from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
-from sksurrogate.gap._select import Search, left
+from sksurrogate.gap._select import Search
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment
 from sksurrogate.gap._shrink import HeldOut, held_out, measure, notes_on_names, same_names, shares, traces
+from sksurrogate.gap._stack import STACK
 from sksurrogate.gap._tied import name_of, when_they_part
 from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
@@ -100,7 +101,8 @@ class Questions:
         at = search.at(final)
         found = self.found
         found.curve = free_curve(at, final)
-        if final.effects and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
+        few = 0 < len(final.effects) < STACK
+        if few and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
             self.name_what_is_seen()
             final, at = self.final, search.at(self.final)
         found.retuned = self._retuning_counts()
@@ -226,19 +228,8 @@ class Questions:
         at = self.search.at(final)
         beyond = left_over(final, found.latent, MOST_NOISE * self.problem.sd, found.retuned)
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
-        facts = facts_of(
-            at,
-            final,
-            found.shrink,
-            found.latent,
-            found.law,
-            found.curve,
-            self.imitation(),
-            self.rounding(),
-            found.retuned,
-            gap,
-            beyond,
-        )
+        doubts = (self.imitation(), self.rounding(), found.retuned)
+        facts = facts_of(at, final, found.shrink, found.latent, found.law, found.curve, *doubts, gap, beyond)
         return decide(facts)
 
     def rounding(self) -> Rounding | None:
@@ -249,7 +240,7 @@ class Questions:
     def effects(self, verdict: str) -> list[EffectEstimate]:
         final, found = self.final, self.found
         best = found.fitted or final
-        low, high = found.bounds if found.bounds is not None else (final.fit.theta * np.nan, final.fit.theta * np.nan)
+        low, high = found.bounds or (final.fit.theta * np.nan, final.fit.theta * np.nan)
         unnamed = found.curve.gain if found.curve is not None else -np.inf
         chances = (
             probabilities(self.search, final, found.slots, unnamed, verdict == "unknown")

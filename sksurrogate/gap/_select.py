@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, quick_likelihood
+from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, left, quick_likelihood
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap._folded import folded
@@ -18,6 +18,7 @@ from sksurrogate.gap._prior import prior_cost, retuning_cost
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
 from sksurrogate.gap._scan import scanned
+from sksurrogate.gap._stack import grows_in_vain
 
 __all__ = ["EQUAL", "Search"]
 
@@ -151,8 +152,11 @@ class Search(Expander):
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
             if better is None or better.fit.cost > COMES_BACK * left_behind.get(frozenset(better.keys), np.inf):
                 break
+            given_up = passed and self.is_far(better) and grows_in_vain(better, best, null)
             best, passed = better, True
             self.final = best
+            if given_up:
+                break
         if self.final is not None:
             self.final = self.simplify(self.final, far=True) if self.is_far(self.final) else self.merge(self.final)
         return self.final or null
@@ -259,7 +263,7 @@ class Search(Expander):
                 base = self.without(rival, i)
                 if base is None:
                     continue
-                counts = (6, 3) if left(rival) < NEAR else (12, 6)
+                counts = (6, 3) if left(rival) < NEAR or len(start.effects) > 2 else (12, 6)
                 trial = self.ranked(self.expand(base, *counts), base)
                 if not trial:
                     continue
@@ -407,11 +411,3 @@ class Search(Expander):
 def arrived(rival: Rival, before: Rival) -> bool:
     """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
     return rival.noise is not None and left(rival) < NEAR and before.fit.cost > NEAR**2 * rival.fit.cost
-
-
-def left(rival: Rival, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
-    """RMS of the free-run residual in units of the sensor noise of the fit within limits (the worst output)."""
-    assert rival.noise is not None
-    r = rival.model.record.y - rival.fit.y
-    sigma = np.maximum(np.minimum(rival.noise.sigma, most), least)
-    return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))

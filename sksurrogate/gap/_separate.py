@@ -15,6 +15,7 @@ from sksurrogate.gap._prior import prior_cost
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._report import NextExperiment
 from sksurrogate.gap._select import EQUAL, Search
+from sksurrogate.gap._stack import is_stack
 from sksurrogate.gap._tied import leaves_the_range, name_of, suggestion
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
@@ -71,7 +72,7 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     coarse, fine = search.searching(base), search.at(final)
     own = final.effects[i].key
     level = quick_likelihood(fine, final, [final.noise]) - 0.5 * prior_cost(fine, final)
-    few = search.is_far(final)
+    few = search.is_far(final) or is_stack(final)
     rivals = (
         search.expand(base, 8, 2, thorough=False)
         if few

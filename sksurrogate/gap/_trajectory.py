@@ -25,7 +25,7 @@ from sksurrogate.gap._retuned import retuned_table
 from sksurrogate.gap._shape import shape_of
 from sksurrogate.gap._shrink import notes_on_names, traces
 from sksurrogate.gap._tied import name_of, when_they_part
-from sksurrogate.gap._verdict import Facts, decide, parameter_errors
+from sksurrogate.gap._verdict import Facts, decide, parameter_errors, share_left
 from sksurrogate.gap._where import by_frequency, by_location, by_output, named_places, regions, times
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
@@ -76,7 +76,7 @@ class _Answers(AroundQuestions):
         return decide(
             Facts(
                 accepted=bool(final.effects),
-                share_left=float(1.0 - shrink.fraction) if np.isfinite(shrink.fraction) else 0.0,
+                share_left=share_left(shrink),
                 left=left,
                 law=float(np.max(self.law, initial=0.0)),
                 force=self.force,

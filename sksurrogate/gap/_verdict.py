@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap._curve_shapes import CERTAIN
+from sksurrogate.gap._evidence import left
 from sksurrogate.gap._folded import opposed
 from sksurrogate.gap._free_curve import FreeCurve
 from sksurrogate.gap._law_rival import LawRival
@@ -16,7 +17,7 @@ from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
 from sksurrogate.gap._rounding import Rounding
-from sksurrogate.gap._select import MOST_EFFECTS, Search, left
+from sksurrogate.gap._select import MOST_EFFECTS, Search
 from sksurrogate.gap._unknown import LatentForce, moved_by
 
 __all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors", "ranking"]

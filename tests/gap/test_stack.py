@@ -1,0 +1,61 @@
+"""Where a search stops: sets that grow in vain, sets that remember enough, stacks of stand-ins."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._expand import Expander
+from sksurrogate.gap._stack import grows_in_vain, is_stack
+
+
+def of_cost(cost):
+    return SimpleNamespace(fit=SimpleNamespace(cost=cost))
+
+
+@pytest.mark.parametrize(
+    ("cost", "before", "null", "vain"),
+    [
+        (90.0, 114.0, 500.0, True),  # a fifth less, 0.4 of the gap left: a missing law of a reactor
+        (60.0, 114.0, 500.0, False),  # half of what was left is gone
+        (90.0, 114.0, 2000.0, False),  # less than 0.3 of the gap is left
+    ],
+)
+def test_a_set_grows_in_vain_that_leaves_much_after_an_effect_that_took_little(cost, before, null, vain):
+    assert grows_in_vain(of_cost(cost), of_cost(before), of_cost(null)) == vain
+
+
+def leaving(error, names, sigma=0.1):
+    """A rival of so many names whose residual is a constant."""
+    record = SimpleNamespace(y=np.full((1, 50), error))
+    return SimpleNamespace(
+        effects=[CATALOGUE["constant_bias"](f"x{i}") for i in range(names)],
+        model=SimpleNamespace(record=record),
+        fit=SimpleNamespace(y=np.zeros((1, 50))),
+        noise=SimpleNamespace(sigma=np.array([sigma])),
+    )
+
+
+def test_three_names_that_leave_more_than_the_noise_are_a_stack():
+    assert is_stack(leaving(0.11, 3))
+    assert not is_stack(leaving(0.101, 3))
+    assert not is_stack(leaving(0.11, 2))
+
+
+def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
+    asked = []
+    lag, mode, spring = (CATALOGUE[name]("v", "q") for name in ("hidden_relaxation", "hidden_mode", "hysteresis"))
+    loss = CATALOGUE["linear_loss"]("v", "v")
+    problem = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), n_sub=1, sharpness=50.0)
+    expander = Expander(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
+    monkeypatch.setattr(Expander, "searching", lambda self, base: problem)
+    monkeypatch.setattr(Expander, "guess", lambda self, base: None)
+    monkeypatch.setattr(Expander, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or [])
+    for effects in [(lag,), (lag, mode)]:
+        keys = tuple(effect.key for effect in effects)
+        base = SimpleNamespace(
+            effects=effects, keys=keys, model=SimpleNamespace(n_sub=1, sharpness=50.0), fit=of_cost(1).fit
+        )
+        expander.expand(base, 4, 2)
+    assert asked == [[mode, spring, loss], [loss]]
