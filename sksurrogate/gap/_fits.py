@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from sksurrogate.kernels.output_error import Fit, free_run, settle_hidden
 __all__ = [
     "best_starts",
     "distinct",
+    "first_places",
     "fit_added",
     "fit_chunk",
     "mean_start",
@@ -29,6 +31,8 @@ __all__ = [
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
 HOPELESS = 40.0
+#: Effects whose expected gains differ by less than this share predict the same along the base: friction of one sign is a bias.
+ALIKE = 1e-5
 #: Starts of an effect whose prediction jumps, and the share by which they differ at least.
 MOST_APART, APART = 3, 0.02
 #: Substeps with which dry friction that sticks is fitted.
@@ -139,14 +143,12 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
         by_key.setdefault(start.effect.key, []).append(start)
     for group in by_key.values():
         group.sort(key=lambda s: (not s.evident, -s.white))
-    order_white = sorted(by_key, key=lambda key: -max(s.white for s in by_key[key]))
-    order_forced = sorted(by_key, key=lambda key: -max(s.forced for s in by_key[key]))
+    white = first_places({key: max(s.white for s in group) for key, group in by_key.items()}, n_white)
+    forced = first_places({key: max(s.forced for s in group) for key, group in by_key.items()}, n_forced)
     least = max(min(s.left for s in starts), 1.0 * n_values)
-    hopeful = [
-        key for rank, key in enumerate(order_white[:n_white]) if rank < 6 or by_key[key][0].left < HOPELESS * least
-    ]
+    hopeful = [key for rank, key in enumerate(white) if rank < 6 or by_key[key][0].left < HOPELESS * least]
     evident = [key for key in by_key if by_key[key][0].evident]
-    chosen = list(dict.fromkeys([*evident, *hopeful, *order_forced[:n_forced]]))
+    chosen = list(dict.fromkeys([*evident, *hopeful, *forced]))
     out = []
     for key in chosen:
         group = by_key[key]
@@ -161,6 +163,23 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
             picked.append(first)
         out.append(picked)
     return out
+
+
+def first_places(expected: Mapping[Any, float], n: int) -> list[Any]:
+    """The keys of the ``n`` largest values; those that share a value, as twins by form do, share a place, twice ``n`` at most.
+
+    Examples
+    --------
+    >>> first_places({"bias": 5.0, "friction": 5.0, "loss": 4.0, "delay": 1.0}, 2)
+    ['bias', 'friction', 'loss']
+    """
+    order = sorted(expected, key=lambda key: -expected[key])[: 2 * n]
+    places = 0
+    for i, key in enumerate(order):
+        places += i == 0 or not np.isclose(expected[key], expected[order[i - 1]], rtol=ALIKE, atol=0.0)
+        if places > n:
+            return order[:i]
+    return order
 
 
 def apart(group: Sequence[Start], most: int) -> list[Start]:
