@@ -97,6 +97,7 @@ def terminal_page(report: GapReport, width: int = 80) -> str:
         lines.append(
             f"  closed: {100 * report.shrink.fraction:.1f} % of the gap above the noise [{100 * low:.1f}, {100 * high:.1f}]"
         )
+    lines += [f"  {_kept(report)}"] if _kept(report) else []
     if report.where.location is not None:
         lines += ["", f"Where: {report.where.kind} {report.where.location}"]
     for title, table in (
@@ -249,8 +250,14 @@ def _shrink(report: GapReport) -> str:
         closed = f" Closed: {100 * shrink.fraction:.1f} % of the gap above the noise [{low:.1f}, {high:.1f}]."
     return (
         f"<h2>How far the gap shrinks</h2><figure>{bars(rows)}<figcaption>Free-run RMSE on runs left out, each output "
-        f"over its standard deviation.{closed}</figcaption></figure>"
+        f"over its standard deviation.{closed} {_kept(report)}</figcaption></figure>"
     )
+
+
+def _kept(report: GapReport) -> str:
+    """How much of the data chooses the names again; nothing where nothing is named."""
+    kept = report.shrink.same_names
+    return f"Names kept by the other runs: {100 * kept:.0f} % of the folds." if np.isfinite(kept) else ""
 
 
 def _traces(report: GapReport) -> list[str]:
