@@ -40,7 +40,7 @@ def names_by_fold(search: AroundSearch, final: Trial, slots: Sequence[Sequence[t
         return [final] * n_folds
     around = search.around
     own, *against = [_by_run(around, trial, trial.noise or final.noise, record.starts) for trial in (final, *others)]
-    picks = chosen_without(own, against, fold, record.lengths * len(record.y))
+    picks = chosen_without(own, against, fold, record.lengths * len(record.y), len(search.candidates))
     return [final if pick is None else others[pick] for pick in picks]
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.gap._evidence import columns, likeliest, profile
+from sksurrogate.gap._evidence import bar, columns, likeliest, profile
 from sksurrogate.gap._prior import prior_cost
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
-from sksurrogate.gap._select import CORRELATED, EQUAL, Search
+from sksurrogate.gap._select import CORRELATED, Search
 from sksurrogate.gap._separate import Slot
 from sksurrogate.gap._shrink import blocked, folds
 
@@ -51,12 +51,10 @@ class ByRun:
         G, log_det = self.grams[kept].sum(axis=0), float(self.log_dets[kept].sum())
         return profile(G, log_det, self.precision, self.pull, self.theta, self.bounds) - 0.5 * self.prior
 
-    def score(self, kept: np.ndarray, n_values: int, by_size: bool) -> float:
-        """Evidence of the runs kept less ``k/2 ln N``; ``by_size`` white errors with one value in ten independent."""
+    def worth(self, kept: np.ndarray, n_values: int, by_size: bool) -> float:
+        """Evidence of the runs kept; ``by_size`` that of white errors with one value in ten independent."""
         value = self.evidence(kept)
-        if by_size:
-            value = -0.5 * n_values / CORRELATED * float(np.log(max(-2.0 * value, 1e-300)))
-        return value - 0.5 * self.n_parameters * float(np.log(n_values))
+        return -0.5 * n_values / CORRELATED * float(np.log(max(-2.0 * value, 1e-300))) if by_size else value
 
 
 def by_run(problem: Problem, rival: Rival, starts: np.ndarray, final: Rival, by_size: bool) -> ByRun:
@@ -80,11 +78,17 @@ def by_run(problem: Problem, rival: Rival, starts: np.ndarray, final: Rival, by_
 
 
 def chosen_without(
-    own: ByRun, rivals: Sequence[ByRun], fold: np.ndarray, lengths: np.ndarray, by_size: bool = False
+    own: ByRun,
+    rivals: Sequence[ByRun],
+    fold: np.ndarray,
+    lengths: np.ndarray,
+    n_candidates: int,
+    by_size: bool = False,
 ) -> list[int | None]:
     """For every fold the rival that the other runs choose in place of the named one; None where they keep it.
 
-    A rival takes the place only where the other runs reject the name, by more than what makes two rivals equal.
+    They reject a name where a rival gains over it what an effect must gain over none. A simpler rival gains nothing for that:
+    where the effect acts in the runs left out alone, the others need no parameters at all.
 
     Parameters
     ----------
@@ -94,6 +98,8 @@ def chosen_without(
     fold : ndarray of int (n_runs,)
     lengths : ndarray of int (n_runs,)
         Values (samples times outputs) of every run.
+    n_candidates : int
+        Effects that were compared.
     by_size : bool
         Far from the data.
     """
@@ -101,10 +107,14 @@ def chosen_without(
     for k in np.unique(fold):
         kept = fold != k
         n_values = int(lengths[kept].sum())
-        scores = [rival.score(kept, n_values, by_size) for rival in rivals]
-        best = int(np.argmax(scores)) if scores and kept.any() else -1
-        rejected = best >= 0 and 2.0 * (scores[best] - own.score(kept, n_values, by_size)) > EQUAL
-        out.append(best if rejected else None)
+        level = own.worth(kept, n_values, by_size) if kept.any() else np.inf
+        gains = [
+            2.0 * (rival.worth(kept, n_values, by_size) - level)
+            - bar(1 + max(rival.n_parameters - own.n_parameters, 0), n_candidates, n_values)
+            for rival in rivals
+        ]
+        best = int(np.argmax(gains)) if gains else -1
+        out.append(best if best >= 0 and gains[best] > 0 else None)
     return out
 
 
@@ -127,7 +137,7 @@ def names_by_fold(search: Search, final: Rival, slots: Sequence[Slot]) -> list[R
         return [final] * n_folds
     by_size = all(search.is_far(rival) for rival in (final, *others))
     own, *against = [by_run(search.at(rival), rival, starts, final, by_size) for rival in (final, *others)]
-    picks = chosen_without(own, against, fold, record.lengths * len(record.y), by_size)
+    picks = chosen_without(own, against, fold, record.lengths * len(record.y), len(search.candidates), by_size)
     return [final if pick is None else others[pick] for pick in picks]
 
 

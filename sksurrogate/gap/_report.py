@@ -181,7 +181,7 @@ class Shrink:
 
     One fold of runs after another is left out (six at most; blocks where there are fewer than three runs). The other runs
     choose among the sets of as many effects that were fitted to all runs, by their own share of the likelihood, and keep the
-    names unless they reject them; parameters are refitted to them, and the fold is simulated, with initial states fitted there.
+    names unless another set gains over them what an effect must gain over none; parameters are refitted to them, and the fold is simulated, with initial states fitted there.
     Which sets were fitted, the noise and the number of effects come from all runs: to certify these too keep runs back from
     ``fit`` and simulate them with ``diagnoser.augmented_``.
 

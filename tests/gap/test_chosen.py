@@ -81,28 +81,36 @@ def test_blocks_of_a_run_have_the_likelihood_of_runs_of_their_own():
         assert log_dets[k] == pytest.approx(log_det, rel=1e-7)
 
 
-def of_costs(costs):
-    """A rival without parameters of these costs in the runs."""
-    empty = np.zeros(0)
+def of_costs(costs, n_parameters=1):
+    """A rival of these costs in the runs, whose parameters do nothing there."""
+    none = np.zeros(0)
     return ByRun(
-        np.array(costs, float)[:, None, None], np.zeros(len(costs)), empty, empty, empty, (empty, empty), 0.0, 0
+        np.array(costs, float)[:, None, None], np.zeros(len(costs)), none, none, none, (none, none), 0.0, n_parameters
     )
 
 
 def test_the_other_runs_keep_a_name_unless_they_reject_it():
     fold, lengths = np.arange(4), np.full(4, 100)
-    own, other = of_costs([100, 100, 100, 100]), of_costs([500, 95, 95, 95])
-    # Run 0 alone speaks for the name: without it the others prefer the other one, by 15; without another by none.
-    assert chosen_without(own, [other], fold, lengths) == [0, None, None, None]
-    assert chosen_without(own, [of_costs([500, 99, 99, 99])], fold, lengths) == [None] * 4  # equal to within 6
-    assert chosen_without(own, [], fold, lengths) == [None] * 4
+    own = of_costs([100, 100, 100, 100])
+    # Run 0 alone speaks for the name: without it the others prefer the other one, by 45; the bar is ln 300 + 2 ln 50 = 13.5.
+    assert chosen_without(own, [of_costs([500, 85, 85, 85])], fold, lengths, 50) == [0, None, None, None]
+    assert chosen_without(own, [of_costs([500, 96, 96, 96])], fold, lengths, 50) == [None] * 4
+    assert chosen_without(own, [of_costs([500, 85, 85, 85], 9)], fold, lengths, 50) == [None] * 4
+    assert chosen_without(own, [], fold, lengths, 50) == [None] * 4
+
+
+def test_a_name_that_acts_in_one_run_alone_is_not_left_for_a_simpler_one():
+    """An overflow that one run of a tank reached: the others need none of its parameters."""
+    fold, lengths = np.arange(4), np.full(4, 400)
+    own, simple = of_costs([100, 100, 100, 100], 2), of_costs([9000, 98, 98, 98], 1)
+    assert chosen_without(own, [simple] * 8, fold, lengths, 170) == [None] * 4
 
 
 def test_by_size_one_value_in_ten_counts():
     fold, lengths = np.arange(2), np.full(2, 1000)
-    own, near = of_costs([1e6, 1e6]), of_costs([9.9e5, 9.9e5])
-    assert chosen_without(own, [near], fold, lengths, by_size=True) == [None, None]
-    assert chosen_without(own, [of_costs([5e5, 5e5])], fold, lengths, by_size=True) == [0, 0]
+    own, near = of_costs([1e6, 1e6]), of_costs([9e5, 9e5])
+    assert chosen_without(own, [near], fold, lengths, 50, by_size=True) == [None, None]
+    assert chosen_without(own, [of_costs([5e5, 5e5])], fold, lengths, 50, by_size=True) == [0, 0]
 
 
 def test_what_the_other_runs_choose_stands_in_the_error_on_a_run_left_out():
