@@ -11,6 +11,8 @@ __all__ = ["prior_cost", "retuning_cost"]
 
 #: Initial states lie within so many times the size of a state about where the simulator's own run starts.
 START = 10.0
+#: Initial states that cost less than this are not looked at closer.
+SMALL = 1.0
 
 
 def prior_cost(problem: Problem, rival: Rival) -> float:
@@ -38,9 +40,23 @@ def step_cost(problem: Problem, rival: Rival) -> float:
 
 
 def start_cost(problem: Problem, rival: Rival) -> float:
-    """``sum (x0 / (START size))^2``: a state that no output shows could make one effect of another by where it starts."""
+    """``min_x (x - x0)' H (x - x0) + sum (x / (START size))^2``: states that no output shows must be likely where they begin.
+
+    One of them could make one effect of another by where it starts. What the data do not see of it (H, by the slopes of the
+    outputs) costs nothing: behind a sensor at its limit a fit may leave it anywhere.
+    """
     if problem.run is None:
         return 0.0
     starts, n = problem.record.starts, len(problem.plant.states)
     moved = (rival.fit.x[:n, starts] - problem.run[:, starts]) / (START * problem.scale[:, None])
-    return float(np.sum(np.square(moved[np.isfinite(moved)])))
+    if np.nansum(np.square(moved)) < SMALL:
+        return float(np.nansum(np.square(moved)))
+    slopes = problem.linearised(rival).J_x[:, :n] * (START * problem.scale[:, None] / problem.sd[:, None, None])
+    ends = np.r_[starts[1:], problem.record.n_samples]
+    cost = 0.0
+    for k, (a, b) in enumerate(zip(starts, ends)):
+        J, own = slopes[:, :, a:b].transpose(1, 0, 2).reshape(n, -1), moved[:, k]
+        H = J @ J.T
+        if np.isfinite(H).all() and np.isfinite(own).all():
+            cost += float(own @ (np.eye(n) - np.linalg.inv(H + np.eye(n))) @ own)
+    return cost

@@ -1,5 +1,7 @@
 """A position that nobody measures: a spring on it is named though no output shows where the run began."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,18 +20,18 @@ from sksurrogate.physics._simulator import describe
 RUNS, N, DT, NOISE = 4, 200, 0.1, 0.003
 
 
-def shaft(spring=0.0):
+def shaft(spring=0.0, loss=0.5):
     """A shaft whose speed alone is measured."""
     return ODESimulator(
-        lambda t, x, u, p: (x[1], u[0] - 0.5 * x[1] - spring * x[0]),
+        lambda t, x, u, p: (x[1], u[0] - loss * x[1] - spring * x[0]),
         states=["angle", "speed"], inputs=["torque"], outputs=["speed"], params={}, dt=DT,
     )  # fmt: skip
 
 
-def problem_of(spring, angles):
+def problem_of(spring, angles, loss=0.5):
     rng = np.random.default_rng(1)
     U = [np.repeat(rng.uniform(-1.0, 1.0, N // 10), 10)[:, None] for _ in range(RUNS)]
-    Y = [shaft(spring).simulate(u, x0=np.array([a, 0.0])).reshape(N, 1) for u, a in zip(U, angles)]
+    Y = [shaft(spring, loss).simulate(u, x0=np.array([a, 0.0])).reshape(N, 1) for u, a in zip(U, angles)]
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(shaft(), n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
@@ -71,11 +73,32 @@ def test_the_screen_tells_a_spring_whatever_the_angles_at_the_start(angles):
 
 def test_where_a_run_began_that_nobody_measured_is_not_what_makes_one_effect_of_another():
     """A loss that an angle makes is nearly the same for all angles far from 0: what it buys must be paid for."""
+    problem, smoothed = problem_of(0.0, np.zeros(RUNS), loss=0.7)
+    product, x = CATALOGUE["bilinear"]("speed", "angle*speed"), smoothed.x.copy()
+    x[0] += 500.0 * problem.scale[0]
+    far = problem.fit((product,), np.array([-0.2 / (500.0 * problem.scale[0])]), x)
+    alone = problem.fit((), np.zeros(0), smoothed.x)
+    assert far.fit.cost < 1.1 * N * RUNS < alone.fit.cost  # it closes the gap
+    assert start_cost(problem, far) > 1000.0
+    assert start_cost(problem, alone) < 1.0
+
+
+def test_a_start_that_no_output_shows_at_all_costs_nothing_wherever_a_fit_leaves_it():
+    """Without a spring no output shows the angle; behind a sensor at its limit fits had left starts at 1e7 sizes."""
     problem, smoothed = problem_of(0.0, np.zeros(RUNS))
-    near = problem.fit((), np.zeros(0), smoothed.x)
     x = smoothed.x.copy()
     x[0] += 500.0 * problem.scale[0]
     far = problem.fit((), np.zeros(0), x)
-    assert far.fit.cost == pytest.approx(near.fit.cost, rel=1e-6)  # no output shows it
-    assert start_cost(problem, near) < 1.0
-    assert start_cost(problem, far) == pytest.approx(RUNS * 50.0**2, rel=0.02)
+    assert np.all(np.abs(far.fit.x[0, problem.record.starts]) > 400.0 * problem.scale[0])
+    assert start_cost(problem, far) < 1.0
+
+
+def test_a_start_that_outputs_show_costs_what_its_distance_does():
+    problem, smoothed = problem_of(1.0, (40.0, -30.0, 50.0, 20.0))
+    spring = CATALOGUE["linear_loss"]("speed", "angle")
+    fitted = problem.fit((spring,), np.array([1.0]), smoothed.x)
+    problem = replace(problem, scale=problem.scale / 30.0)
+    starts = problem.record.starts
+    away = (fitted.fit.x[:, starts] - problem.run[:, starts]) / (10.0 * problem.scale[:, None])
+    assert start_cost(problem, fitted) == pytest.approx(np.sum(away**2), rel=0.02)
+    assert np.sum(away**2) > 1.0
