@@ -19,7 +19,7 @@ from sksurrogate.blind._table import table
 DOCS = Path(__file__).parents[1]
 BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
 #: Newest commits that are told together.
-RECENT = 4
+RECENT = 3
 MISSES = ("<!-- misses: begin -->", "<!-- misses: end -->")
 
 
