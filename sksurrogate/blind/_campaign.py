@@ -115,6 +115,7 @@ def run_blind_check(
     complete = True
     try:
         for row in _answered(jobs, n_jobs):
+            row["abreast"] = effective_n_jobs(n_jobs)
             rows.append(row)
             _store(resume, row)
             if verbose:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -43,13 +44,23 @@ class CountingRhs:
         ``rhs(t, x, u, p)``.
     """
 
-    def __init__(self, rhs: Callable[..., Any]):
+    def __init__(self, rhs: Callable[..., Any], columns: int = 0):
         self.rhs = rhs
-        self.columns = 0
+        # Shared memory: what a fork of this process asks counts too.
+        self._count = np.frombuffer(mmap.mmap(-1, 8), dtype=np.int64)
+        self._count[0] = columns
+
+    @property
+    def columns(self) -> int:
+        """Columns so far."""
+        return int(self._count[0])
 
     def __call__(self, t: Any, x: Any, u: Any, p: Any) -> Any:
-        self.columns += int(np.asarray(x[0]).size)
+        self._count[0] += np.asarray(x[0]).size
         return self.rhs(t, x, u, p)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.rhs, self.columns)
 
 
 @dataclass(frozen=True)

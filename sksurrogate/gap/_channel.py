@@ -184,9 +184,9 @@ def places_by_law(problem: Problem, null: Rival, found: Sequence[Place]) -> list
     return sorted(out, key=lambda place: -place.log_likelihood)
 
 
-def missing_term(problem: Problem, latent: LatentForce, location: str, kind: str) -> MissingTerm:
-    """The shape of what is missing at a place, on top of the model that left ``latent``."""
-    channel = _channel(problem, latent.rival, location, kind)
+def missing_term(problem: Problem, null: Rival, location: str, kind: str) -> MissingTerm:
+    """The shape of what is missing at a place, on top of the null."""
+    channel = _channel(problem, null, location, kind)
     record = channel.record
     first = record.t[record.starts]
     table = times(record, channel.force())
@@ -195,14 +195,14 @@ def missing_term(problem: Problem, latent: LatentForce, location: str, kind: str
 
 
 def where_and_when(
-    problem: Problem, latent: LatentForce, location: str | None, kind: str | None
+    problem: Problem, null: Rival, latent: LatentForce, location: str | None, kind: str | None
 ) -> tuple[Table, Table]:
-    """By region and by time: of the force at the accused place, of the largest where no place is accused."""
+    """By region and by time: of the force at the accused place, of the largest that the null leaves where none is accused."""
     if location is None or kind not in ("state", "input", "output"):
         Z, names = features(problem, latent.x)
         w = latent.force[int(np.argmax(latent.size))]
         return regions(problem.record, Z, names, w), times(problem.record, w)
-    channel = _channel(problem, latent.rival, location, kind)
+    channel = _channel(problem, null, location, kind)
     w = channel.force()
     Z = channel.Z
     return regions(channel.record, Z, channel.names, w), times(problem.record, w)

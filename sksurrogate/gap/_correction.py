@@ -80,13 +80,12 @@ def generic_correction(
 
     ``runs`` of the simulator that are known already (inputs, initial states, outputs) are not simulated again.
     """
+    from sklearn.base import clone
+
+    from sksurrogate.compose import HybridRegressor
+    from sksurrogate.compose._residual import FreeRunResidual
 
     def run(record: Record, fold: np.ndarray) -> np.ndarray:
-        from sklearn.base import clone
-
-        from sksurrogate.compose import HybridRegressor
-        from sksurrogate.compose._residual import FreeRunResidual
-
         model = correction
         if correction is None:
             model = HybridRegressor(

@@ -45,7 +45,8 @@ class GapDiagnoser(BaseEstimator):
     correction : estimator, optional
         Generic learner of the waterfall; default ``HybridRegressor(simulator)``.
     n_jobs : int, optional
-        Workers for the fits of the rivals, through joblib; -1 for one a core.
+        Workers for the fits of the rivals, through joblib; -1 for one a core. None fits them here, and answers questions that
+        do not wait for each other in a second process where the system can fork and a core is free; 1 does neither.
     verbose : int, default=0
         1 prints what is being done.
     random_state : int, RandomState or None, default=None
@@ -164,10 +165,13 @@ class GapDiagnoser(BaseEstimator):
         problem, smoothed = build_problem(plant, model, record, free, balances)
         self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
         search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
-        questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
+        questions = Questions(
+            problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say, apart=self.n_jobs != 1
+        )
         try:
             with np.errstate(all="ignore"):  # rivals that run away are met everywhere with finite checks
                 search.fit_null()
+                questions.begin()
                 search.run()
                 questions.ask()
         except KeyboardInterrupt:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.gap._aside import side_by_side
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -134,7 +135,7 @@ def estimate_noise(
         return follow_noise(problem, rival, noises[k], None, max_iterations)
     follow_noise(problem, rival, start, curvature, max_iterations)
     if k:
-        first = (rival.log_likelihood, rival.noise, rival.curvature)
+        first = told(rival)
         follow_noise(problem, rival, noises[k], None, max_iterations)
         if rival.log_likelihood <= first[0]:
             rival.log_likelihood, rival.noise, rival.curvature = first
@@ -171,19 +172,23 @@ def follow_noise(
     return rival
 
 
-def follow_null(problem: Problem, null: Rival, start: Noise) -> None:
+def follow_null(problem: Problem, null: Rival, start: Noise, apart: bool = False) -> None:
     """Noise of the null: what it misses there would count for every rival.
 
-    The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed.
+    The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed, side by
+    side where a second process is wanted.
     """
     sensors = [start, replace(start, coloured=1.0 * start.sigma, force=0.01 * start.force)]
     force = replace(start, coloured=0.05 * start.sigma, force=10.0 * start.force)
-    best = (null.log_likelihood, null.noise, null.curvature)
-    for kind in (sensors, [force, *forces_and_white(problem, null, start)]):
-        follow_noise(problem, null, likeliest(problem, null, kind), max_iterations=25)
-        if null.log_likelihood > best[0]:
-            best = (null.log_likelihood, null.noise, null.curvature)
-    null.log_likelihood, null.noise, null.curvature = best
+    starts = [likeliest(problem, null, k) for k in (sensors, [force, *forces_and_white(problem, null, start)])]
+    known = told(null)
+    tops = side_by_side(lambda first: told(follow_noise(problem, null, first, max_iterations=25)), starts, apart)
+    null.log_likelihood, null.noise, null.curvature = max([known, *tops], key=lambda top: top[0])
+
+
+def told(rival: Rival) -> tuple[float, Noise | None, np.ndarray | None]:
+    """What is known of a rival's noise: its likelihood, itself, its curvature."""
+    return rival.log_likelihood, rival.noise, rival.curvature
 
 
 def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise]:

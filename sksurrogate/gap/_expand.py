@@ -9,12 +9,14 @@ import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+from sksurrogate.gap._aside import side_by_side
 from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, nominal
 from sksurrogate.gap._pairs import best_pairs
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Screen, Start, screen
 from sksurrogate.gap._stack import remembers_enough
+from sksurrogate.kernels.output_error import Fit
 
 __all__ = ["Expander"]
 
@@ -59,6 +61,11 @@ class Expander:
     fitted: dict = field(default_factory=dict)
     screens: dict = field(default_factory=dict)
     first_screen: Screen | None = None
+
+    @property
+    def apart(self) -> bool:
+        """Whether a second process may help: where one of several workers is asked for there are others."""
+        return self.n_jobs is None
 
     @property
     def n_values(self) -> int:
@@ -214,16 +221,34 @@ class Expander:
     def fit_all(
         self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float = np.inf
     ) -> list[Rival]:
-        """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it."""
+        """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
+
+        The cost of the first is what the others must come near to.
+        """
         if effective_n_jobs(self.n_jobs) == 1:
-            out, best = [], min(base.fit.cost, best)
-            for starts in chosen:
-                rival = fit_added(problem, base, starts, best)
-                if rival is not None:
-                    out.append(rival)
-                    best = min(best, rival.fit.cost)
-            return out
+            best = min(base.fit.cost, best)
+            first = fit_added(problem, base, chosen[0], best) if chosen else None
+            best = min(best, first.fit.cost) if first is not None else best
+            others = side_by_side(
+                lambda starts: shipped(fit_added(problem, base, starts, best)), chosen[1:], self.apart
+            )
+            found = [first, *(landed(problem, base, starts, s) for starts, s in zip(chosen[1:], others))]
+            return [rival for rival in found if rival is not None]
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
         parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, best) for chunk in chunks)
         return [rival for part in parts for rival in part if rival is not None]
+
+
+def shipped(rival: Rival | None) -> tuple[Fit, int, float] | None:
+    """A rival without its model, which cannot travel between processes."""
+    return None if rival is None else (rival.fit, rival.model.n_sub, rival.model.sharpness)
+
+
+def landed(problem: Problem, base: Rival, starts: list[Start], freight: tuple[Fit, int, float] | None) -> Rival | None:
+    """A base with the effect of these starts, as it was shipped."""
+    if freight is None:
+        return None
+    fit, n_sub, sharpness = freight
+    effects = (*base.effects, starts[0].effect)
+    return Rival(effects, replace(problem, n_sub=n_sub, sharpness=sharpness).augmented(effects), fit)

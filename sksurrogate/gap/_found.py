@@ -9,10 +9,10 @@ import numpy as np
 from sksurrogate.gap._free_curve import FreeCurve
 from sksurrogate.gap._law_rival import LawRival
 from sksurrogate.gap._problem import Rival
+from sksurrogate.gap._remains import Remains
 from sksurrogate.gap._report import NextExperiment, Shrink
 from sksurrogate.gap._separate import Slot
 from sksurrogate.gap._shrink import HeldOut
-from sksurrogate.gap._unknown import LatentForce, Place
 
 __all__ = ["Found"]
 
@@ -22,11 +22,9 @@ class Found:
     """Answers as they come in."""
 
     slots: list[Slot]
-    latent: LatentForce | None = None
-    law: np.ndarray | None = None
     curve: FreeCurve | None = None
     rivals: dict[bool, LawRival | None] = field(default_factory=dict)
-    places: list[Place] | None = None
+    remains: Remains | None = None
     shrink: Shrink | None = None
     held: HeldOut | None = None
     finals: list[Rival] = field(default_factory=list)

@@ -12,9 +12,9 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._accused import accused, told_by, told_by_law
 from sksurrogate.gap._answer import note_on_none, sentence_of
-from sksurrogate.gap._channel import missing_term, places_by_law, where_and_when
+from sksurrogate.gap._aside import Aside
+from sksurrogate.gap._channel import missing_term, where_and_when
 from sksurrogate.gap._chosen import names_by_fold
-from sksurrogate.gap._correction import generic_correction, known_runs
 from sksurrogate.gap._curve_shapes import CERTAIN
 from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise, left
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
@@ -25,16 +25,24 @@ from sksurrogate.gap._law_rival import LawRival, law_rival
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._probability import probabilities
 from sksurrogate.gap._problem import Problem, Rival, build_problem
+from sksurrogate.gap._remains import CLOSED, NOTHING_LEFT, Remains, gap_and_places, law_left
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._reported import reported
 from sksurrogate.gap._retuned import retuned_table, value_of
 from sksurrogate.gap._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap._select import Search
 from sksurrogate.gap._separate import Slot, equivalents, next_experiment
-from sksurrogate.gap._shrink import HeldOut, held_out, measure, notes_on_names, same_names, shares, traces
+from sksurrogate.gap._shrink import (
+    HeldOut,
+    held_out,
+    measure,
+    notes_on_names,
+    same_names,
+    shares,
+    traces,
+)
 from sksurrogate.gap._stack import STACK
 from sksurrogate.gap._tied import name_of, when_they_part
-from sksurrogate.gap._unknown import LatentForce, latent_force, law_of, places
 from sksurrogate.gap._verdict import (
     FAR,
     ROUNDING,
@@ -46,16 +54,13 @@ from sksurrogate.gap._verdict import (
     parameter_errors,
     ranking,
 )
+from sksurrogate.gap._without_names import WithoutNames
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
 
 __all__ = ["Questions"]
 
 _NAN = float("nan")
-#: A free run this near to the noise has no gap that a correction could learn.
-WITHIN_NOISE = 1.05
-#: Named effects that leave less over the noise leave no law.
-NOTHING_LEFT = 1.02
 #: Free runs within this many times the noise are near to the data; names within more of it are doubted: beside a disturbance
 #: that left up to three times the noise no law beat a true name. Of a real plant further off any law may.
 NEAR, DOUBTED = 2.0, 4.0
@@ -78,10 +83,11 @@ class Questions:
         correction: Any,
         seed: int,
         say: Callable[[str], None],
+        apart: bool = False,
     ):
         self.problem, self.search, self.whole = problem, search, whole
         self.labels = [run.label for run in runs]
-        self.correction, self.seed, self.say = correction, seed, say
+        self.correction, self.seed, self.say, self.apart = correction, seed, say, apart
         self.found = Found([])
         self.complete = True
         self.uncertified = ""
@@ -94,46 +100,46 @@ class Questions:
             raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
         return rival
 
+    @property
+    def null(self) -> Rival:
+        """No effect."""
+        assert self.search.null is not None
+        return self.search.null
+
+    def begin(self) -> None:
+        """Ask what needs no name, while names are looked for."""
+        self.without = WithoutNames(self.problem, self.null, self.correction, self.apart)
+
     def ask(self) -> None:
         say, problem, search = self.say, self.problem, self.search
-        final, null = self.final, search.null
-        assert null is not None
-        at = search.at(final)
-        found = self.found
-        found.curve = free_curve(at, final)
+        final, found = self.final, self.found
+        closed = left(final) < CLOSED
+        gap = Aside(lambda: gap_and_places(problem, self.null, closed), self.apart)
+        found.curve = free_curve(search.at(final), final)
         few = 0 < len(final.effects) < STACK
         if few and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
             self.name_what_is_seen()
-            final, at = self.final, search.at(self.final)
+            final = self.final
         found.retuned = self._retuning_counts()
         say("what these data cannot tell apart")
         found.slots = equivalents(search, final)
-        say("what is left")
-        found.latent = latent_force(at, final, quiet_sensors=left(final) > FAR)
-        path = final.fit.x[: len(problem.plant.states)]
-        found.law = np.zeros(1)
-        if not final.effects or left(final) > NOTHING_LEFT:
-            found.law = law_of(at, found.latent, self.seed, path)
-        if final.effects and NEARLY_WHITE < left(final) <= FAR:
-            # Coloured sensor noise may have taken what is a law of the states.
-            found.law = np.maximum(found.law, law_of(at, latent_force(at, final, quiet_sensors=True), self.seed, path))
-        closed = left(final) < 1.2
-        found.places = places(problem, null, rough=closed)
-        if not closed and left(null) > 2.0:
-            found.places = places_by_law(problem, null, found.places)
         say("how far the gap shrinks on runs left out")
-        correction: Any = generic_correction(problem.plant.simulator, self.correction, known_runs(problem))
-        if not final.effects and left(null) < WITHIN_NOISE:
-            correction = None  # nothing to learn
         found.finals = names_by_fold(search, final, found.slots)
-        found.held = held_out(problem, found.finals, null, correction, same_names(found.finals, final))
+        found.held = held_out(
+            problem, found.finals, self.without.held(bool(final.effects)), same_names(found.finals, final)
+        )
+        found.experiment = next_experiment(problem, final, found.slots)
+        self.imitation()
+        say("what is left")
+        latent, law = law_left(search.at(final), final, self.seed)
+        force, accusable = gap.answer()
+        found.remains = Remains(latent, law, accusable, force)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
         if final.effects and not certified(found.shrink, left(final)):
             self.say_uncertified()
             final = self.final
         if final.effects:
             found.shares = shares(problem, final, found.shrink.fraction_power)
-        found.experiment = next_experiment(problem, final, found.slots)
         if final.effects or problem.free:
             larger, found.fitted = self.fitted(final)
             found.bounds = intervals(larger, found.fitted)
@@ -181,15 +187,17 @@ class Questions:
     def say_uncertified(self) -> None:
         """The named effects close too little on runs left out: no name is given; the null stands."""
         found, search = self.found, self.search
-        null = search.null
-        assert null is not None and found.held is not None
+        null = self.null
+        assert found.held is not None
         names = ", ".join(effect.name for effect in self.final.effects)
         self.uncertified = (
             f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
         )
         search.final, found.slots, found.finals = null, [], []
-        found.latent = latent_force(search.at(null), null, quiet_sensors=left(null) > FAR)
-        found.law = law_of(search.at(null), found.latent, self.seed, null.fit.x)
+        assert found.remains is not None
+        latent, law = law_left(search.at(null), null, self.seed)
+        found.remains = replace(found.remains, latent=latent, law=law)
+        found.experiment = next_experiment(self.problem, null, found.slots)
         found.curve = free_curve(search.at(null), null)
         found.rivals = {}
         held = found.held
@@ -202,15 +210,16 @@ class Questions:
 
         A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
         """
-        final, latent = self.final, self.found.latent
-        fits = [rival.noise.sigma for rival in (final, latent) if rival is not None and rival.noise is not None]
+        final, left_over = self.final, self.found.remains
+        fits = [final.noise.sigma] if final.noise is not None else []
+        fits += [left_over.latent.noise.sigma] if left_over is not None else []
         most = MOST_NOISE * self.problem.sd
         return np.max([np.minimum(sigma, most) for sigma in fits] or [self.problem.sd], axis=0)
 
     def _retuning_counts(self) -> bool:
         """Whether the free parameters at other values than the nominal ones are worth their number."""
-        problem, null = self.problem, self.search.null
-        assert null is not None and null.noise is not None
+        problem, null = self.problem, self.null
+        assert null.noise is not None
         if not problem.free:
             return False
         nominal = replace(problem, free=()).fit((), np.zeros(0), null.fit.x)
@@ -223,13 +232,14 @@ class Questions:
     # ---- the report -------------------------------------------------------------------------------------------------
     def verdict(self) -> str:
         found, final, null = self.found, self.final, self.search.null
-        if found.shrink is None or found.latent is None or found.law is None or null is None:
+        if found.shrink is None or found.remains is None or null is None:
             return "unknown"  # interrupted: nothing is certified yet
         at = self.search.at(final)
-        beyond = left_over(final, found.latent, MOST_NOISE * self.problem.sd, found.retuned)
+        latent, law = found.remains.latent, found.remains.law
+        beyond = left_over(final, latent, MOST_NOISE * self.problem.sd, found.retuned)
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
         doubts = (self.imitation(), self.rounding(), found.retuned)
-        facts = facts_of(at, final, found.shrink, found.latent, found.law, found.curve, *doubts, gap, beyond)
+        facts = facts_of(at, final, found.shrink, latent, law, found.curve, *doubts, gap, beyond)
         return decide(facts)
 
     def rounding(self) -> Rounding | None:
@@ -290,7 +300,8 @@ class Questions:
         )
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
-        found = self.found
+        found, left_over = self.found, self.found.remains
+        accusable = left_over.places if left_over is not None else []
         location, kind = None, None
         named = _where.named_places(
             effects if verdict == "explained" else [], {e.key: e.kind for e in self.final.effects}
@@ -300,23 +311,21 @@ class Questions:
         elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (
-            told := told_by_law(self.law_rival(left(self.final) < NEAR), found.places or [], self.problem.plant.inputs)
+            told := told_by_law(self.law_rival(left(self.final) < NEAR), accusable, self.problem.plant.inputs)
         ):
             location, kind = told
         elif verdict == "unknown" and (curved := self.curved_input()) is not None:
             location, kind = curved, "input"
-        elif verdict == "unknown" and found.places:
-            location, kind = accused(
-                found.places, lambda b, u: told_by(self.problem, self.null_force(), b, u, self.seed)
-            )
-        if found.shrink is None or found.latent is None or found.held is None:
+        elif verdict == "unknown" and left_over is not None and accusable:
+            location, kind = accused(accusable, lambda b, u: told_by(self.problem, left_over.gap, b, u, self.seed))
+        if found.shrink is None or left_over is None or found.held is None:
             return Where(location, kind)
         return Where(
             location,
             kind,
             _where.by_output(found.shrink),
-            _where.by_location(found.places or [], named),
-            *where_and_when(self.problem, self.null_force(), location, kind),
+            _where.by_location(accusable, named),
+            *where_and_when(self.problem, self.null, left_over.gap, location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
 
@@ -330,14 +339,6 @@ class Questions:
         """Whether the free run follows the readings but for what looks like noise."""
         return left(self.final) < NEARLY_WHITE
 
-    def null_force(self) -> LatentForce:
-        """Latent force that the null leaves: the gap itself, in the balances."""
-        null = self.search.null
-        assert null is not None
-        if "force" not in null.cache:
-            null.cache["force"] = latent_force(self.problem, null, quiet_sensors=True)
-        return null.cache["force"]
-
     def answer(self, seconds: float) -> GapReport:
         """The report of what is known."""
         found, final, problem = self.found, self.final, self.problem
@@ -346,8 +347,8 @@ class Questions:
         place = self.where(verdict, effects)
         shrink = found.shrink or NO_SHRINK
         term = None
-        if verdict == "unknown" and found.latent is not None and place.location is not None:
-            term = missing_term(problem, self.null_force(), place.location, str(place.kind))
+        if verdict == "unknown" and found.remains is not None and place.location is not None:
+            term = missing_term(problem, self.null, place.location, str(place.kind))
         notes = self.notes(verdict)
         sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term)
         return GapReport(

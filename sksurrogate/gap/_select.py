@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, left, quick_likelihood
+from sksurrogate.gap._aside import side_by_side
+from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, left, quick_likelihood, told
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap._folded import folded
@@ -119,7 +120,7 @@ class Search(Expander):
         if not found:
             found = [open_null(problem, theta, self.x)]
         self.null = min(found, key=lambda rival: rival.fit.cost)
-        follow_null(problem, self.null, problem.first_noise())
+        follow_null(problem, self.null, problem.first_noise(), self.apart)
         self.final = self.null
         return self.null
 
@@ -134,7 +135,7 @@ class Search(Expander):
         best = self.simplify(self.best_polished(self.first_round))
         if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
             follow_null(
-                self.problem, null, best.noise
+                self.problem, null, best.noise, self.apart
             )  # a weak gain must not be what the null's noise fit left on the table
         passed = self.gain(best) > self.bar(best.n_parameters) and not may_follow_noise(self.at(best), best, null)
         if passed:
@@ -310,9 +311,15 @@ class Search(Expander):
             if rival is not cheapest:
                 rival.log_likelihood = quick_likelihood(problem, rival, [noise, cheapest.noise])
         rivals.sort(key=self.score, reverse=True)
-        for rival in rivals[:6]:
-            if self.score(rival) > self.score(rivals[0]) - 30.0 and rival.noise is None:
-                estimate_noise(problem, rival, cheapest.noise, cheapest.curvature, max_iterations=8)
+        if rivals[0].noise is None:
+            estimate_noise(problem, rivals[0], cheapest.noise, cheapest.curvature, max_iterations=8)
+        near = [r for r in rivals[1:6] if self.score(r) > self.score(rivals[0]) - 30.0 and r.noise is None]
+        start, curvature = cheapest.noise, cheapest.curvature
+        tops = side_by_side(
+            lambda r: told(estimate_noise(problem, r, start, curvature, max_iterations=8)), near, self.apart
+        )
+        for rival, top in zip(near, tops):
+            rival.log_likelihood, rival.noise, rival.curvature = top
         rivals.sort(key=self.order(rivals), reverse=True)
         return rivals
 

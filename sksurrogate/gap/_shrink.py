@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +16,18 @@ from sksurrogate.gap._report import Shrink, Table, Trace
 from sksurrogate.gap._tied import name_of
 from sksurrogate.kernels.record import Record
 
-__all__ = ["HeldOut", "blocked", "folds", "held_out", "measure", "notes_on_names", "same_names", "shares", "traces"]
+__all__ = [
+    "HeldOut",
+    "blocked",
+    "folds",
+    "held_out",
+    "measure",
+    "notes_on_names",
+    "same_names",
+    "shares",
+    "traces",
+    "without_names",
+]
 
 #: Runs are put into at most this many folds.
 MOST_FOLDS = 6
@@ -33,7 +44,7 @@ class HeldOut:
     record : Record
         Runs, or the blocks of the one run.
     before, after, retuned, corrected : ndarray (n_outputs, n_samples)
-        Free runs of the simulator, with the effects, with parameters re-tuned only, with the generic correction.
+        Free runs of the simulator, with the effects, with parameters re-tuned only, with the generic correction; nan without.
     same_names : float
         Share of the folds whose other runs choose the effects that all runs choose.
     """
@@ -64,49 +75,45 @@ def blocked(record: Record, least: int = 3) -> Record:
     return replace(record, starts=np.array(starts, dtype=int))
 
 
-def held_out(
-    problem: Problem,
-    finals: Sequence[Rival],
-    null: Rival,
-    correction: Callable[[Record, np.ndarray], np.ndarray] | None,
-    same_names: float = float("nan"),
-) -> HeldOut:
-    """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn.
-
-    ``finals`` are the rivals that the other runs of each fold choose (`names_by_fold`).
-    """
-    record = blocked(problem.record)
-    whole = replace(problem, record=record)
-    fold = folds(record)
-    row_of = record.run_of_row
-    shape = record.y.shape
-    parts = {name: np.full(shape, np.nan) for name in ("before", "after", "retuned")}
+def without_names(problem: Problem, null: Rival) -> HeldOut:
+    """Free runs on runs left out of what needs no name: the simulator, ``after`` as ``before``, and re-tuning alone."""
+    whole = replace(problem, record=blocked(problem.record))
     nominal = replace(whole, free=())
     all_free = replace(whole, free=tuple(problem.plant.params))
     nominal_null = Rival((), null.model, replace(null.fit, theta=np.zeros(0)))
     tuned = all_free.fit((), _all_theta(problem, null), null.fit.x) if problem.plant.params else None
-    for k, final in enumerate(finals):
+    record, fold = whole.record, folds(whole.record)
+    before = _by_fold(nominal, [nominal_null] * (int(fold.max()) + 1))
+    lost = ~np.isfinite(before)
+    before[lost] = np.repeat(record.y.mean(axis=1, keepdims=True), record.n_samples, axis=1)[lost]
+    retuned = _or_else(_by_fold(all_free, [tuned] * (int(fold.max()) + 1)), before)
+    return HeldOut(record, before, before, retuned, np.full_like(before, np.nan))
+
+
+def held_out(problem: Problem, finals: Sequence[Rival], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
+    """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn.
+
+    ``finals`` are the rivals that the other runs of each fold choose (`names_by_fold`).
+    """
+    after = _by_fold(replace(problem, record=without.record), finals)
+    return replace(without, after=_or_else(after, without.before), same_names=same_names)
+
+
+def _by_fold(problem: Problem, rivals: Sequence[Rival | None]) -> np.ndarray:
+    """Outputs on the runs of every fold, of its rival refitted on the others; nan where it gives none."""
+    fold, row_of = folds(problem.record), problem.record.run_of_row
+    out = np.full(problem.record.y.shape, np.nan)
+    for k, rival in enumerate(rivals):
         test, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
-        rows = np.isin(row_of, test)
-        for name, base, rival in (
-            ("before", nominal, nominal_null),
-            ("after", whole, final),
-            ("retuned", all_free, tuned),
-        ):
-            if rival is None:
-                continue
-            predicted = _left_out(base, rival, train, test, row_of)
-            if predicted is not None:
-                parts[name][:, rows] = predicted
-    for name in ("after", "retuned"):
-        lost = ~np.isfinite(parts[name]).all(axis=0)
-        parts[name][:, lost] = parts["before"][:, lost]
-    lost = ~np.isfinite(parts["before"])
-    parts["before"][lost] = np.repeat(record.y.mean(axis=1, keepdims=True), shape[1], axis=1)[lost]
-    corrected = np.full(shape, np.nan)
-    if correction is not None:
-        corrected = correction(record, fold)
-    return HeldOut(record, parts["before"], parts["after"], parts["retuned"], corrected, same_names)
+        predicted = _left_out(problem, rival, train, test, row_of) if rival is not None else None
+        if predicted is not None:
+            out[:, np.isin(row_of, test)] = predicted
+    return out
+
+
+def _or_else(predicted: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Samples without a finite prediction are those of the simulator."""
+    return np.where(np.isfinite(predicted).all(axis=0), predicted, before)
 
 
 def _all_theta(problem: Problem, null: Rival) -> np.ndarray:

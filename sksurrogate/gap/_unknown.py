@@ -49,8 +49,6 @@ class LatentForce:
         Standard deviation of each force over the RMS of its dx/dt.
     A, r : ndarray
         Jacobians and residual about the smoothed path.
-    rival : Rival
-        The model.
     """
 
     x: np.ndarray
@@ -59,7 +57,6 @@ class LatentForce:
     size: np.ndarray
     A: np.ndarray
     r: np.ndarray
-    rival: Rival
 
 
 def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) -> LatentForce:
@@ -79,7 +76,7 @@ def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) ->
     n = rival.model.n_states
     A = np.zeros((n, n, problem.record.n_samples))
     noise = rival.noise or problem.first_noise()
-    return LatentForce(rival.fit.x, force, noise, nothing, A, problem.record.y - rival.fit.y, rival)
+    return LatentForce(rival.fit.x, force, noise, nothing, A, problem.record.y - rival.fit.y)
 
 
 def _force_along(problem: Problem, rival: Rival, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
@@ -99,7 +96,7 @@ def _force_along(problem: Problem, rival: Rival, x: np.ndarray, quiet_sensors: b
         held[m + len(problem.balances) + 1 :] = True
     noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
     _, force, _ = D.states(r, noise)
-    return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r, rival)
+    return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r)
 
 
 def features(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -136,20 +133,21 @@ def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
     return np.stack(found)
 
 
-def law_of(problem: Problem, latent: LatentForce, random_state: int, path: np.ndarray) -> np.ndarray:
-    """R2 on runs left out of a forest from states and inputs to the force, (n_balances,): a law is repeatable, noise is not.
+def law_of(problem: Problem, rival: Rival, latent: LatentForce, random_state: int) -> np.ndarray:
+    """R2 on runs left out of a forest from states and inputs to the force on top of a rival, (n_balances,): a law is repeatable, noise is not.
 
-    The larger of two: from the smoothed states as they are, and with the past of the free run ``path`` beside them.
+    The larger of two: from the smoothed states as they are, and with the past of the free run beside them.
     """
     Z, _ = features(problem, latent.x)
+    path = rival.fit.x[: len(problem.plant.states)]
     law = repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
-    moved = np.sum(moved_by(problem, latent) ** 2, axis=(1, 2))
+    moved = np.sum(moved_by(problem, rival, latent) ** 2, axis=(1, 2))
     return np.where(moved >= LEAST_MOVED**2 * np.sum(moved), law, 0.0)
 
 
-def moved_by(problem: Problem, latent: LatentForce) -> np.ndarray:
-    """What each force moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
-    record, rival, n = problem.record, latent.rival, len(latent.A)
+def moved_by(problem: Problem, rival: Rival, latent: LatentForce) -> np.ndarray:
+    """What each force on top of a rival moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
+    record, n = problem.record, len(latent.A)
     rows = [problem.plant.states.index(name) for name in problem.balances]
     push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, rows] * latent.force
     b = np.zeros_like(push)

@@ -224,7 +224,7 @@ def facts_of(
         len(final.effects),
         float(shrink.before) if np.isfinite(shrink.before) else np.inf,
         final.model.record.n_samples,
-        _moved(problem, latent),
+        _moved(problem, final, latent),
         bool(parts),
         *((curve.gain, curve.moved / max(gap, 1e-300), curve.deviation) if curve is not None else (-np.inf, 0.0, 0.0)),
         rounding.share if rounding is not None else 0.0,
@@ -262,9 +262,9 @@ def curves_in_parts(effects: Sequence[BaseEffect]) -> set[tuple[str, str]]:
     return {place for place in places if places.count(place) > 1}
 
 
-def _moved(problem: Problem, latent: LatentForce) -> float:
+def _moved(problem: Problem, final: Rival, latent: LatentForce) -> float:
     """What the latent forces move an output by, over its deviation (the worst output)."""
-    moved = np.sqrt(np.mean(np.sum(moved_by(problem, latent), axis=0) ** 2, axis=1)) * problem.sd
+    moved = np.sqrt(np.mean(np.sum(moved_by(problem, final, latent), axis=0) ** 2, axis=1)) * problem.sd
     return float(np.max(moved / np.maximum(np.std(problem.record.y, axis=1), 1e-300)))
 
 

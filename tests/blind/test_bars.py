@@ -144,3 +144,11 @@ def test_figures_are_drawn_from_rows(tmp_path):
     assert drawn.axes[0].get_title() == "balls"
     page = result.to_html()
     assert page.count("data:image/png") == 2 and "All missed cases" not in page and "Bars" in page
+
+
+def test_seconds_are_those_of_diagnoses_that_had_the_machine_alone_where_there_are_any():
+    question = "seconds, 2 to 4 states, 6 x 300 samples"
+    together = [made("effect", seed=k, seconds=5.0, abreast=2) for k in range(5)]
+    alone = [made("effect", seed=9 + k, seconds=2.5, abreast=1) for k in range(3)]
+    figures = [{line["question"]: line for line in bars(rows)}[question] for rows in (together, together + alone)]
+    assert [(line["figure"], line["cases"]) for line in figures] == [(5.0, 5), (2.5, 3)]

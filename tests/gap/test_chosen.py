@@ -9,7 +9,7 @@ from sksurrogate.gap._chosen import ByRun, by_run, chosen_without
 from sksurrogate.gap._evidence import quick_likelihood
 from sksurrogate.gap._prior import prior_cost
 from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._shrink import held_out, notes_on_names, same_names
+from sksurrogate.gap._shrink import held_out, notes_on_names, same_names, without_names
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import CallableSimulator, ODESimulator
@@ -118,8 +118,9 @@ def test_what_the_other_runs_choose_stands_in_the_error_on_a_run_left_out():
         recorded(), CATALOGUE["constant_bias"]("level"), CATALOGUE["linear_loss"]("level", "level")
     )
     null = problem.fit((), np.zeros(0), bias.fit.x)
-    right, wrong = (held_out(problem, [one] * RUNS, null, None).after for one in (bias, loss))
-    mixed = held_out(problem, [bias, loss, bias, bias], null, None, same_names([bias, loss, bias, bias], bias))
+    without = without_names(problem, null)
+    right, wrong = (held_out(problem, [one] * RUNS, without).after for one in (bias, loss))
+    mixed = held_out(problem, [bias, loss, bias, bias], without, same_names([bias, loss, bias, bias], bias))
     second = problem.record.run_of_row == 1
     np.testing.assert_array_equal(mixed.after[:, second], wrong[:, second])
     np.testing.assert_array_equal(mixed.after[:, ~second], right[:, ~second])

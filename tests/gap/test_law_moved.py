@@ -32,10 +32,10 @@ def test_a_law_counts_only_where_its_force_moves_the_outputs():
     for size, counts in ((1.0, True), (0.01, False)):
         force = np.stack([noise, size * lawful])
         latent = LatentForce(
-            smoothed.x, force, problem.first_noise(), force.std(axis=1) / problem.rate + 0.01, A, rival.fit.y, rival
+            smoothed.x, force, problem.first_noise(), force.std(axis=1) / problem.rate + 0.01, A, rival.fit.y
         )
-        moved = np.sum(moved_by(problem, latent) ** 2, axis=(1, 2))
+        moved = np.sum(moved_by(problem, rival, latent) ** 2, axis=(1, 2))
         assert (moved[1] > 0.0225 * moved.sum()) == counts
-        law = law_of(problem, latent, 0, rival.fit.x)
+        law = law_of(problem, rival, latent, 0)
         assert (law[1] > 0.5) if counts else law[1] == 0.0
         assert law[0] < 0.1

@@ -1,0 +1,134 @@
+"""A question answered in a second process while this one goes on with others."""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from functools import cache
+from multiprocessing.connection import Connection
+from typing import Any, Generic, TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+__all__ = ["Aside", "can_fork", "side_by_side"]
+
+S = TypeVar("S")
+T = TypeVar("T")
+#: Seconds that are waited for an answer, and how many times what has passed since the question was asked: after that it is
+#: worked out here.
+PATIENCE, TIMES = 30.0, 3.0
+
+
+def can_fork() -> bool:
+    """Whether a second process is of use and safe: a free core, no other thread whose lock it would inherit, and this
+    process none of several workers."""
+    alone = threading.active_count() == 1 and multiprocessing.parent_process() is None
+    return sys.platform == "linux" and alone and len(os.sched_getaffinity(0)) > 1
+
+
+class Aside(Generic[T]):
+    """An answer that is worked out beside.
+
+    The second process is a fork: it sees everything that this one knows at that moment, so that nothing but the answer has
+    to travel, and what it changes is lost. Where it cannot be made, or brings no answer, the question is answered here.
+
+    Parameters
+    ----------
+    question : callable () -> answer
+        Its answer can be pickled.
+    apart : bool
+        Whether a second process is wanted.
+
+    Examples
+    --------
+    >>> six = Aside(lambda: 2 * 3)
+    >>> six.answer()
+    6
+    """
+
+    def __init__(self, question: Callable[[], T], apart: bool = True):
+        self._question = question
+        self._begun = time.monotonic()
+        self._pipe: Connection | None = None
+        self._process: Any = None
+        if apart and can_fork():
+            self._fork()
+
+    def answer(self) -> T:
+        """What the question gives."""
+        if self._pipe is not None:
+            pipe, self._pipe = self._pipe, None
+            try:
+                if pipe.poll(PATIENCE + TIMES * (time.monotonic() - self._begun)):
+                    answer, heard = pipe.recv()
+                    for warning in heard:
+                        warnings.warn(warning, stacklevel=2)
+                    return answer
+            except (EOFError, OSError):
+                pass  # it raised, or could not be sent: here it raises where it is seen
+            finally:
+                self.leave()
+        return self._question()
+
+    def leave(self) -> None:
+        """End the second process: its answer is here, or not wanted any more."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process = None
+
+    def __del__(self) -> None:
+        self.leave()
+
+    def _fork(self) -> None:
+        libraries()
+        fork = multiprocessing.get_context("fork")
+        here, there = fork.Pipe(duplex=False)
+        self._process = fork.Process(target=_tell, args=(self._question, there), daemon=True)
+        with warnings.catch_warnings():
+            # From Python 3.12 on a fork warns of the threads of numerical libraries; these are made again or not used there.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._process.start()
+        there.close()
+        self._pipe = here
+
+
+def side_by_side(function: Callable[[S], T], items: Sequence[S], apart: bool) -> list[T]:
+    """The function of every item, of every other one in a second process.
+
+    Examples
+    --------
+    >>> side_by_side(lambda x: x**2, [1, 2, 3], apart=False)
+    [1, 4, 9]
+    """
+    others = items[1::2]
+    beside = Aside(lambda: [function(item) for item in others], apart and bool(others))
+    out: list[Any] = [None] * len(items)
+    out[::2] = [function(item) for item in items[::2]]
+    out[1::2] = beside.answer()
+    return out
+
+
+def _tell(question: Callable[[], T], pipe: Connection) -> None:
+    """Answer in the second process; silence is the sign that it could not."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt is told by the first one
+    gc.disable()  # a collection would touch, and so copy, all that both processes share
+    try:
+        with libraries().limit(limits=1), warnings.catch_warnings(record=True) as heard:
+            answer = question()
+        pipe.send((answer, [warning.message for warning in heard]))
+    finally:
+        os._exit(0)
+
+
+@cache
+def libraries() -> ThreadpoolController:
+    """Numerical libraries with threads of their own, which do not live on in a fork."""
+    return ThreadpoolController()

@@ -1,0 +1,64 @@
+"""What a model leaves: the latent force on top of it, whether that is a law, and the place of the gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.gap._channel import places_by_law
+from sksurrogate.gap._evidence import NEARLY_WHITE, left
+from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
+from sksurrogate.gap._verdict import FAR
+
+__all__ = ["CLOSED", "NOTHING_LEFT", "Remains", "gap_and_places", "law_left"]
+
+#: Named effects that leave less over the noise leave no law.
+NOTHING_LEFT = 1.02
+#: Within so many times the noise nothing is left to place: a rough look at the places will do.
+CLOSED = 1.2
+#: Free runs of the simulator from which the places are told apart by the law that fits there.
+LAWFUL = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Remains:
+    """What is left of the gap beside the names, and where it was.
+
+    Attributes
+    ----------
+    latent : LatentForce
+        On top of what is named.
+    law : ndarray (n_balances,)
+        R2 of its law on runs left out.
+    places : list of Place
+        The most accused first.
+    gap : LatentForce
+        On top of the simulator: the gap itself, in the balances.
+    """
+
+    latent: LatentForce
+    law: np.ndarray
+    places: list[Place]
+    gap: LatentForce
+
+
+def gap_and_places(problem: Problem, null: Rival, closed: bool) -> tuple[LatentForce, list[Place]]:
+    """The force on top of the simulator, and the places it may come from; a rough look where names have ``closed`` the gap."""
+    found = places(problem, null, rough=closed)
+    if not closed and left(null) > LAWFUL:
+        found = places_by_law(problem, null, found)
+    return latent_force(problem, null, quiet_sensors=True), found
+
+
+def law_left(at: Problem, final: Rival, seed: int) -> tuple[LatentForce, np.ndarray]:
+    """The force that is left, and its law."""
+    latent = latent_force(at, final, quiet_sensors=left(final) > FAR)
+    law = np.zeros(1)
+    if not final.effects or left(final) > NOTHING_LEFT:
+        law = law_of(at, final, latent, seed)
+    if final.effects and NEARLY_WHITE < left(final) <= FAR:
+        # Coloured sensor noise may have taken what is a law of the states.
+        law = np.maximum(law, law_of(at, final, latent_force(at, final, quiet_sensors=True), seed))
+    return latent, law

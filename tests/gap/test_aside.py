@@ -1,0 +1,118 @@
+"""A second process answers as this one would, and its silence costs nothing but time."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from sksurrogate.gap._aside import Aside, can_fork, side_by_side
+
+#: In a process of its own: test runners have threads, beside which no second process is made.
+forks = "import os\nfrom sksurrogate.gap._aside import Aside, can_fork, side_by_side\nassert can_fork()\n"
+needs_fork = pytest.mark.skipif(
+    sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2,
+    reason="a second process needs a fork and a second core",
+)
+
+
+def told(script):
+    """What a script prints."""
+    done = subprocess.run([sys.executable, "-c", forks + script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@needs_fork
+def test_the_question_is_answered_in_another_process_and_the_answer_comes_back():
+    assert told(
+        "a = Aside(os.getpid); print(a.answer() == os.getpid(), Aside(os.getpid, False).answer() == os.getpid())"
+    ) == ("False True")
+    assert told("print(side_by_side(lambda k: (k, os.getpid()), [1, 2, 3], True)[1][1] == os.getpid())") == "False"
+
+
+@needs_fork
+@pytest.mark.parametrize(
+    "question",
+    ["lambda: 1 if os.getpid() == here else os.kill(os.getpid(), 9)", "lambda: 1 if os.getpid() == here else 1 / 0",
+     "lambda: 1 if os.getpid() == here else (lambda: 0)"],
+    ids=["killed", "raised", "not to be sent"],
+)  # fmt: skip
+def test_without_an_answer_the_question_is_answered_here(question):
+    assert told(f"here = os.getpid()\nprint(Aside({question}).answer())") == "1"
+
+
+@needs_fork
+def test_an_error_is_raised_where_the_answer_is_wanted_and_a_warning_is_heard_there():
+    script = (
+        "import warnings\nwith warnings.catch_warnings(record=True) as heard:\n    warnings.simplefilter('always')\n"
+    )
+    assert told(
+        script + "    Aside(lambda: warnings.warn('careful')).answer()\nprint(len(heard), heard[0].message)"
+    ) == ("1 careful")
+    assert "ZeroDivisionError" in told(
+        "a = Aside(lambda: 1 / 0)\ntry:\n    a.answer()\nexcept ZeroDivisionError as e:\n    print(repr(e))"
+    )
+
+
+@needs_fork
+def test_a_process_whose_answer_is_not_wanted_any_more_is_ended():
+    script = "import time\na = Aside(lambda: time.sleep(60))\npid = a._process.pid\ndel a\n"
+    assert told(script + "try:\n    os.kill(pid, 0)\nexcept ProcessLookupError:\n    print('gone')") == "gone"
+
+
+@needs_fork
+def test_one_that_does_not_answer_in_time_is_not_waited_for():
+    script = "import time\nfrom sksurrogate.gap import _aside\n_aside.PATIENCE = 0.2\n_aside.TIMES = 0.0\nhere = os.getpid()\n"
+    question = "lambda: 1 if os.getpid() == here else time.sleep(60)"
+    begun = time.monotonic()
+    assert told(script + f"print(Aside({question}).answer())") == "1"
+    assert time.monotonic() - begun < 50
+
+
+def test_beside_other_threads_all_is_answered_here():
+    stop = threading.Event()
+    other = threading.Thread(target=stop.wait)
+    other.start()
+    try:
+        assert not can_fork()
+        assert Aside(os.getpid).answer() == os.getpid()
+    finally:
+        stop.set()
+        other.join()
+
+
+def test_here_every_item_is_asked_once_and_stays_in_its_place():
+    asked = []
+    assert side_by_side(lambda k: asked.append(k) or k**2, range(5), apart=False) == [0, 1, 4, 9, 16]
+    assert sorted(asked) == list(range(5))
+    assert side_by_side(lambda k: k, [], apart=True) == []
+
+
+DIAGNOSIS = """
+import warnings
+import sksurrogate.gap._aside as aside
+from sksurrogate.datasets import make_reactor, make_reactor_runs
+from sksurrogate.gap import GapDiagnoser
+count = []
+fork = aside.Aside._fork
+def counted(self):
+    count.append(1)
+    fork(self)
+aside.Aside._fork = counted
+X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
+for n_jobs in (None, 1):
+    diagnoser = GapDiagnoser(make_reactor(second=80.0), n_jobs=n_jobs, random_state=0)
+    report = diagnoser.fit(X, y, groups=groups).report_
+    print(len(count) > 0, str(report).encode(), report.shrink)
+    count.clear()
+"""
+
+
+@needs_fork
+def test_a_diagnosis_in_two_processes_gives_the_answer_of_one():
+    two, one = told(DIAGNOSIS).splitlines()
+    assert two.startswith("True ") and one.startswith("False ")
+    assert two.removeprefix("True ") == one.removeprefix("False ")
