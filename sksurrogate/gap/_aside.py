@@ -91,13 +91,16 @@ class Aside(Generic[T]):
         libraries()
         fork = multiprocessing.get_context("fork")
         here, there = fork.Pipe(duplex=False)
-        self._process = fork.Process(target=_tell, args=(self._question, there), daemon=True)
+        process = fork.Process(target=_tell, args=(self._question, there), daemon=True)
         with warnings.catch_warnings():
             # From Python 3.12 on a fork warns of the threads of numerical libraries; these are made again or not used there.
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._process.start()
+            try:
+                process.start()
+            except OSError:  # no more processes are allowed
+                return
         there.close()
-        self._pipe = here
+        self._pipe, self._process = here, process
 
 
 def side_by_side(function: Callable[[S], T], items: Sequence[S], apart: bool) -> list[T]:

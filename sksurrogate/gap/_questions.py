@@ -25,6 +25,7 @@ from sksurrogate.gap._law_rival import LawRival, law_rival
 from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._probability import probabilities
 from sksurrogate.gap._problem import Problem, Rival, build_problem
+from sksurrogate.gap._ranking import ranking_of
 from sksurrogate.gap._remains import CLOSED, NOTHING_LEFT, Remains, gap_and_places, law_left
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._reported import reported
@@ -52,7 +53,6 @@ from sksurrogate.gap._verdict import (
     intervals,
     left_over,
     parameter_errors,
-    ranking,
 )
 from sksurrogate.gap._without_names import WithoutNames
 from sksurrogate.kernels.record import Record
@@ -355,7 +355,7 @@ class Questions:
             verdict,
             sentence,
             effects,
-            ranking(self.search, final) if self.search.null is not None else Table(),
+            ranking_of(self.search, final),
             self.retuned(),
             place,
             shrink,

@@ -8,14 +8,14 @@ from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap._evidence import left
 from sksurrogate.gap._problem import Rival
 
-__all__ = ["STACK", "grows_in_vain", "is_stack", "remembers_enough"]
+__all__ = ["LEFT_BY_SEVERAL", "STACK", "grows_in_vain", "is_stack", "remembers_enough"]
 
 #: Sets that leave more than the first share of the gap (amplitude), and of the squared error of one effect less more than the
 #: second, are stand-ins for what is not in the catalogue: further names close no gap of which several have closed this little.
 MUCH_LEFT, HARDLY_LESS = 0.3, 0.7
 #: So many names that leave more than this over the noise stand in for one that is missing: no rival in the place of one of them
 #: changes that, and no further name.
-STACK, BEYOND = 3, 1.03
+STACK, LEFT_BY_SEVERAL = 3, 1.03
 #: Effects with states of their own in one set: each makes every later fit slower, and more of them imitate any memory.
 MOST_HIDDEN = 2
 
@@ -27,7 +27,7 @@ def grows_in_vain(rival: Rival, before: Rival, null: Rival) -> bool:
 
 def is_stack(rival: Rival) -> bool:
     """Whether so many names leave so much that they stand in for one that is missing."""
-    return len(rival.effects) >= STACK and rival.noise is not None and left(rival) > BEYOND
+    return len(rival.effects) >= STACK and rival.noise is not None and left(rival) > LEFT_BY_SEVERAL
 
 
 def remembers_enough(effects: Sequence[BaseEffect]) -> bool:

@@ -19,6 +19,7 @@ from sksurrogate.gap._around import Trial
 from sksurrogate.gap._around_questions import AroundQuestions
 from sksurrogate.gap._around_where import channel_of, left_of
 from sksurrogate.gap._loop import LOOP, closed_loop
+from sksurrogate.gap._ranking import ranking
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._reported import reported
 from sksurrogate.gap._retuned import retuned_table
@@ -207,26 +208,17 @@ class _Answers(AroundQuestions):
 
     def ranking(self) -> Table:
         """All rivals with their evidence."""
-        search, final = self.search, self.final
-        null = search.null
-        fitted = {trial.keys[-1]: trial for trial in reversed(search.first_round)}
-        rows = []
-        for effect in search.candidates:
-            trial = fitted.get(effect.key)
-            rows.append(
-                {
-                    "name": effect.name,
-                    "location": effect.location,
-                    "variable": effect.variable,
-                    "evidence": search.gain(trial, null) if trial is not None and null is not None else _NAN,
-                    "bar": search.bar(len(effect.parameters)),
-                    "cost": trial.cost if trial is not None else _NAN,
-                    "screen": search.expected.get(effect.key, 0.0),
-                    "named": effect.key in final.keys,
-                }
-            )
-        rows.sort(key=lambda row: (-np.nan_to_num(row["evidence"], nan=-np.inf), -row["screen"]))
-        return Table(tuple(rows))
+        search, null = self.search, self.search.null
+        fitted = {} if null is None else {trial.keys[-1]: trial for trial in reversed(search.first_round)}
+        return ranking(
+            search.candidates,
+            fitted,
+            lambda trial: search.gain(trial, null) if null is not None else _NAN,
+            lambda trial: trial.cost,
+            search.bar,
+            search.expected,
+            self.final.keys,
+        )
 
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""

@@ -17,10 +17,11 @@ from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
 from sksurrogate.gap._rounding import Rounding
-from sksurrogate.gap._select import MOST_EFFECTS, Search
+from sksurrogate.gap._select import MOST_EFFECTS
+from sksurrogate.gap._stack import LEFT_BY_SEVERAL, STACK
 from sksurrogate.gap._unknown import LatentForce, moved_by
 
-__all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors", "ranking"]
+__all__ = ["Facts", "certified", "decide", "intervals", "parameter_errors"]
 
 #: `explained` when the named effects leave less than this share of the gap (amplitude).
 SHARE = 0.20
@@ -29,9 +30,8 @@ SHARE = 0.20
 SHARE_LAWFUL, LEFT_LAWFUL, CLEAR_LAW = 0.05, 1.1, 0.3
 #: A clear law in a force below this share of the RMS of dx/dt is what any model of a real plant leaves.
 CLEAR_FORCE = 0.008
-#: Three names or more that leave so many times the noise, and more of the gap than the numerics of true ones, are stand-ins
-#: for one missing effect.
-LEFT_BY_SEVERAL, NUMERICS_SHARE = 1.03, 0.01
+#: A stack of names that leaves more of the gap than this, than the numerics of true ones, stands in for one missing effect.
+NUMERICS_SHARE = 0.01
 #: So are two where a law of even this R2 is left or both are static laws of one variable in one balance; two that leave less
 #: of the gap than this share are a good model of a real plant.
 LAW_BY_TWO, SHARE_BY_TWO = 0.03, 0.08
@@ -153,7 +153,7 @@ def decide(facts: Facts) -> str:
         most = facts.accepted and facts.share_left > most_left(facts) and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
             lawful_stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
-            stack = lawful_stack or (facts.names >= 3 and facts.share_left > SHARE)
+            stack = lawful_stack or (facts.names >= STACK and facts.share_left > SHARE)
             too_much = stack or most or ((lawful or hidden) and facts.share_left > SMALL_SHARE)
         else:
             clear = facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL and facts.left > LEFT_LAWFUL
@@ -196,7 +196,7 @@ def stand_ins(facts: Facts) -> bool:
     """Whether several names, near the noise, only stand in for one effect that is missing."""
     beyond = facts.left > max(LEFT_BY_SEVERAL, 1.0 + facts.n_samples**-0.5) and facts.share_left > NUMERICS_SHARE
     lawful = facts.share_left > SHARE_BY_TWO and (facts.law > LAW_BY_TWO or facts.one_curve)
-    return beyond and (facts.names >= 3 or (facts.names == 2 and lawful))
+    return beyond and (facts.names >= STACK or (facts.names == 2 and lawful))
 
 
 def facts_of(
@@ -314,31 +314,6 @@ def intervals(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray]:
     half = np.sqrt((1.645 * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2)
     low, high = problem.bounds(rival.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
-
-
-def ranking(search: Search, final: Rival) -> Table:
-    """All rivals of the first round, with what the screen expected, the fit's cost and the evidence over the null."""
-    fitted = {rival.keys[0]: rival for rival in search.first_round}
-    expected: dict = {}
-    for start in search.first_screen.starts if search.first_screen is not None else ():
-        expected[start.effect.key] = max(expected.get(start.effect.key, -np.inf), start.white)
-    rows = []
-    for effect in search.candidates:
-        rival = fitted.get(effect.key)
-        rows.append(
-            {
-                "name": effect.name,
-                "location": effect.location,
-                "variable": effect.variable,
-                "evidence": search.gain(rival) if rival is not None else float("nan"),
-                "bar": search.bar(len(effect.parameters)),
-                "cost": rival.fit.cost if rival is not None else float("nan"),
-                "screen": expected.get(effect.key, 0.0),
-                "named": effect.key in final.keys,
-            }
-        )
-    rows.sort(key=lambda row: (-np.nan_to_num(row["evidence"], nan=-np.inf), -row["screen"]))
-    return Table(tuple(rows))
 
 
 def parameter_errors(

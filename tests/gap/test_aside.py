@@ -58,6 +58,12 @@ def test_an_error_is_raised_where_the_answer_is_wanted_and_a_warning_is_heard_th
 
 
 @needs_fork
+def test_where_no_process_may_be_made_the_question_is_answered_here():
+    script = "def refused(*given): raise BlockingIOError('no more processes')\nos.fork = refused\n"
+    assert told(script + "print(Aside(os.getpid).answer() == os.getpid())") == "True"
+
+
+@needs_fork
 def test_a_process_whose_answer_is_not_wanted_any_more_is_ended():
     script = "import time\na = Aside(lambda: time.sleep(60))\npid = a._process.pid\ndel a\n"
     assert told(script + "try:\n    os.kill(pid, 0)\nexcept ProcessLookupError:\n    print('gone')") == "gone"
