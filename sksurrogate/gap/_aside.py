@@ -58,6 +58,7 @@ class Aside(Generic[T]):
         self._begun = time.monotonic()
         self._pipe: Connection | None = None
         self._process: Any = None
+        self._owner = os.getpid()
         if apart and can_fork():
             self._fork()
 
@@ -79,7 +80,7 @@ class Aside(Generic[T]):
 
     def leave(self) -> None:
         """End the second process: its answer is here, or not wanted any more."""
-        if self._process is not None:
+        if self._process is not None and self._owner == os.getpid():
             self._process.kill()
             self._process.join()
             self._process = None
