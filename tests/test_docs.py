@@ -125,8 +125,8 @@ def test_the_bars_of_the_verdict_are_those_of_the_code():
 
     page = (DOCS / "diagnosing.md").read_text(encoding="utf-8")
     told = set(re.findall(r"\d+(?:\.\d+)?", page.split("## The bars of the verdict")[1].split("\n## ")[0]))
-    others = "CERTIFICATE CLEAR_FORCE CLEAR_LAW FAR FEW FORCE LAW LAW_BY_TWO LEFT_BY_SEVERAL LEFT_FOR_MOST LEFT_LAWFUL MOVED "
-    others += "NUMERICS_SHARE PRACTICAL PRACTICAL_LAWLESS ROUNDING SAME_NAMES WITHIN"
+    others = "CERTIFICATE CLEAR_FORCE CLEAR_LAW FAR FEW FORCE LARGE_ERROR LAW LAW_BY_TWO LEFT_BY_SEVERAL LEFT_FOR_MOST "
+    others += "LEFT_LAWFUL LEFT_OF_LARGE MOVED NUMERICS_SHARE PRACTICAL PRACTICAL_LAWLESS ROUNDING SAME_NAMES WITHIN"
     bars = set(others.split()) | {
         name for name in vars(_verdict) if "SHARE" in name or name.startswith(("MOST_LEFT", "CURVE_"))
     }

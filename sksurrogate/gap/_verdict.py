@@ -70,6 +70,9 @@ ROUNDING = 0.01
 #: of the output's deviation, or below the second and no repeatable law of states and inputs.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
 
+#: Free runs beyond both (error over the output's deviation, over the noise) are wrong by more than a disturbance is called.
+LARGE_ERROR, LEFT_OF_LARGE = 0.2, 2.0
+
 #: Share of the gap (amplitude) that named effects must close on runs left out.
 CERTIFICATE = 0.15
 #: Share of a parameter that integrators and the smoothing of kinks may always move.
@@ -169,7 +172,8 @@ def decide(facts: Facts) -> str:
         return "none"
     if unnamed_curve(facts, PRACTICAL):
         return "unknown"
-    return "unknown" if (law and facts.left > 1.15) or facts.left > FAR else "none"
+    large = facts.error > LARGE_ERROR and facts.left > LEFT_OF_LARGE
+    return "unknown" if (law and facts.left > 1.15) or facts.left > FAR or large else "none"
 
 
 def certified(shrink: Shrink, left: float) -> bool:

@@ -170,3 +170,12 @@ def test_one_name_of_one_parameter_at_the_noise_is_doubted_where_a_law_is_far_li
     facts = Facts(True, 0.025, 1.013, 0.0, 0.0046, False, 1, 0.07, 1600, rival=26.8)
     assert decide(facts) == "unknown"
     assert decide(replace(facts, rival=2.1)) == "explained"  # the most over a true name, or a twin of it, in 100 cases
+
+
+def test_a_simulator_that_is_wrong_by_a_third_is_not_right_though_nothing_lawful_is_seen():
+    """A gate of two signals in a motor: no name, no law, a force that is no disturbance of a practical size."""
+    gate = Facts(False, 1.0, 4.68, 0.014, 0.127, False, 0, 0.318, 1800, moved=0.067)
+    assert decide(gate) == "unknown"
+    disturbed = replace(gate, error=0.03, force=0.02)
+    assert decide(disturbed) == "none"
+    assert decide(replace(gate, left=1.02)) == "none"  # noise of a third
