@@ -257,9 +257,8 @@ class AroundSearch:
         assert base.noise is not None
         given, precision = around.columns(base)
         k = given.shape[1]
-        rows, diagonal = around.disturbance().gram_rows(
-            np.concatenate([given, columns.transpose(1, 0, 2)], axis=1), base.noise, k
-        )
+        whole = np.concatenate([given.transpose(1, 0, 2), columns])
+        rows, diagonal = around.disturbance().gram_rows(whole, base.noise, k)
         g, h = rows[0, k:], diagonal[k:]
         if k > 1:
             H = rows[1:, 1:k] + np.diag(precision)

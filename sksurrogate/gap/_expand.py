@@ -124,7 +124,7 @@ class Expander:
     def anew(self, problem: Problem, base: Rival, n_white: int, n_forced: int, best: float = np.inf) -> list[Rival]:
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
         candidates = [e for e in self.candidates if e.key not in set(base.keys)]
-        starts = screen(problem, candidates, base, self.guess(base), base.noise).starts
+        starts = screen(problem, candidates, base, self.guess(base), base.noise, apart=self.apart).starts
         rivals = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
         self.remember(rivals)
         return rivals
@@ -174,12 +174,13 @@ class Expander:
     ) -> list[Start]:
         """The screen of a base; one of all candidates is made once."""
         if not whole:
-            return screen(problem, candidates, base, guess, base.noise).starts
+            return screen(problem, candidates, base, guess, base.noise, apart=self.apart).starts
         near = bool(base.effects) and (base.fit.cost < SHORTLIST * self.n_values or not thorough)
         key = (base.keys, problem.n_sub, problem.sharpness, base.noise is None, near)
         cost, known = self.screens.get(key, (np.inf, None))
         if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
-            known = screen(problem, candidates, base, guess, base.noise, first=self.first_screen if near else None)
+            first = self.first_screen if near else None
+            known = screen(problem, candidates, base, guess, base.noise, first=first, apart=self.apart)
             self.screens[key] = base.fit.cost, known
             for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
                 del self.screens[old]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.gap._probe import probe_of
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._screen import probe_of
 
 __all__ = ["plausible"]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap._probe import probe_of
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._screen import probe_of
 
 __all__ = ["dead", "revived"]
 

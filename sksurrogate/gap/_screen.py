@@ -12,16 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.effects._effect import (
-    BaseEffect,
-    Probe,
-)
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap._candidate_columns import Column, candidate_columns
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
 from sksurrogate.gap._responses import Responses
-from sksurrogate.gap._shortlist import Shortlist, shortlist
-from sksurrogate.gap._slopes import Slopes
-from sksurrogate.gap._unseen import Unseen, score_beside
+from sksurrogate.gap._shortlist import shortlist
+from sksurrogate.gap._unseen import score_beside
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["Screen", "Start", "grown", "grows", "screen"]
@@ -32,9 +29,8 @@ MOST_KEPT = 60_000_000
 ROUNDING = 1e-12
 #: A parameter is not started from below this share of its value: at 0 many plants have no free run.
 LEAST_FACTOR = 0.2
-#: A change of the outputs beyond so many times their noise is no start; one of the base beyond the second cannot be squared:
-#: either breaks the arithmetic, and the order.
-LARGEST, UNSQUARED = 1e12, 1e100
+#: A change of the base beyond so many times the noise cannot be squared: it breaks the arithmetic, and the order.
+UNSQUARED = 1e100
 #: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
 CONTENDERS, LEAST_DROP = 0.2, 30.0
 
@@ -109,38 +105,7 @@ class Screen:
         return eliminate((flat @ flat.T).astype(float), len(self.precision), self.precision, self.pull)
 
 
-def probe_of(
-    problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: Slopes | None = None
-) -> Probe:
-    """What an effect sees of the smoothed trajectory."""
-    plant, record = problem.plant, problem.record
-
-    def signal(name: str) -> np.ndarray:
-        if name in plant.states and effect.kind == "state":
-            return x[plant.states.index(name)]
-        if name in plant.inputs:
-            return record.u[plant.inputs.index(name)]
-        return record.y[plant.outputs.index(name)]
-
-    v: np.ndarray | None = None
-    factors: tuple[np.ndarray, ...] = ()
-    if effect.variable:
-        factors = tuple(signal(name) for name in effect.variable.split("*"))
-        v = np.prod(factors, axis=0)
-    where, rate = np.zeros(record.n_samples), 0.0
-    if effect.kind == "state":
-        place = plant.states.index(str(effect.location))
-        where, rate = x[place], float(rates[place])
-    elif effect.kind in ("input", "output"):
-        where = signal(str(effect.location))
-        v = where if v is None else v
-    duration = record.dt * int(record.lengths.max())
-    noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
-    slope = None if slopes is None else slopes.of(effect.kind, str(effect.location))
-    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else (), noise, slope)
-
-
-def _range(columns: Sequence[_Column]) -> tuple[np.ndarray, np.ndarray]:
+def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes that stand for an effect: free where it is linear, within 0.5..2 of the start where not.
 
     The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
@@ -159,6 +124,7 @@ def screen(
     noise: Noise | None,
     shape: tuple[float, ...] = (),
     first: Screen | None = None,
+    apart: bool = False,
 ) -> Screen:
     """Score every candidate, added to a base, at all its starting values.
 
@@ -176,6 +142,8 @@ def screen(
         Second and further parameters, where they are known, instead of those of the starting values.
     first : Screen, optional
         That of the null: with its columns only the candidates are linearised again that may explain what a base leaves.
+    apart : bool, default=False
+        Whether a second process is wanted.
 
     Returns
     -------
@@ -189,7 +157,7 @@ def screen(
         if first is not None and first.columns is not None:
             thetas = [start.effect for start in first.starts], first.raw
             chosen = shortlist(*thetas, first.columns, first.low, first.high, problem, base, s.lin)
-        found = _screen(s, _columns(s, candidates, shape, chosen), noise)
+        found = _screen(s, candidate_columns(s, candidates, shape, chosen, apart), noise)
         return found if shape else _with_nearby(s, found, noise)
 
 
@@ -203,7 +171,11 @@ def _with_nearby(s: Responses, found: Screen, noise: Noise | None) -> Screen:
     for start in best.values():
         for _ in range(2 if start.white > high else 0):
             values = start.effect.scan(tuple(start.theta))
-            near = _screen(s, _columns(s, [start.effect], (), {start.effect.key: values}), noise) if values else None
+            near = (
+                _screen(s, candidate_columns(s, [start.effect], (), {start.effect.key: values}), noise)
+                if values
+                else None
+            )
             if near is None or not near.starts:
                 break
             k = int(np.argmax([one.white for one in near.starts]))
@@ -235,7 +207,7 @@ def _known(s: Responses) -> np.ndarray:
     return np.concatenate([r, s.lin.J_theta.transpose(1, 0, 2)]) / s.problem.sd[None, :, None]
 
 
-def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen:
+def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     problem, base = s.problem, s.base
     known, sd = _known(s), problem.sd[None, :, None]
     few = len(known)
@@ -262,14 +234,6 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
         if len(c.through):
             own = whole[few + k], c.through / sd, J_x, problem.record.starts, precision, pull, low[k], high[k]
             drop[k], amplitude[k] = score_beside(known, *own)
-    forced = np.zeros_like(drop)
-    if noise is not None:
-        D = problem.disturbance_along(base.model, base.fit.theta, s.smoothed.x, s.lin.A, problem.balances)
-        try:
-            found = D.gram_rows(whole.transpose(1, 0, 2) * problem.sd[:, None, None], noise, few)
-            forced, _ = scores(*eliminate_rows(*found, precision, pull), low, high)
-        except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
-            pass
 
     def among(chosen: list[int]) -> np.ndarray:
         """Gram of the residual and the chosen columns."""
@@ -278,52 +242,28 @@ def _screen(s: Responses, columns: list[_Column], noise: Noise | None) -> Screen
         G[few:, few:] -= moved[chosen] @ moved[chosen].T
         return eliminate(G, few - 1, precision, pull)
 
+    forced = _forced(s, whole, few, noise, (precision, pull, low, high))
     starts = _starts(columns, among, drop, amplitude, forced)
     kept = None if base.effects or whole.size > MOST_KEPT else whole[few:].astype(np.float32)
     return Screen(starts, [c.theta for c in columns], kept, *rest)
 
 
-@dataclass(frozen=True, eq=False)
-class _Column:
-    """One candidate at one starting value, the change of the outputs that it causes, and what unseen initial states do through it."""
-
-    effect: BaseEffect
-    theta: np.ndarray
-    column: np.ndarray
-    path: np.ndarray
-    evident: bool
-    through: np.ndarray
-
-
-def _columns(
-    s: Responses, candidates: Sequence[BaseEffect], shape: tuple[float, ...], chosen: Shortlist | None
-) -> list[_Column]:
-    """All candidates at all their starting values, those with one shape, or those of a short list."""
-    found, unseen, slopes = [], Unseen(s), Slopes(s)
-    for effect in candidates:
-        evident, starts = [], [] if chosen is None else chosen.get(effect.key, [])
-        jumps = bool(effect.scan(tuple(1.0 for _ in effect.parameters)))
-        if chosen is None or effect.kind == "output" or jumps:
-            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate, slopes if jumps else None)
-            evident = effect.evident(probe)
-            starts = effect.starts(probe) if chosen is None or jumps else starts
-        starts = list(dict.fromkeys([*evident, *starts]))
-        if shape:
-            starts = list(dict.fromkeys((start[0], *shape) for start in starts))
-        if not starts:
-            continue
-        theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
-        out, paths = s.columns(effect, theta)
-        size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
-        for k in range(theta.shape[1]):
-            if 0.0 < size[k] < LARGEST:
-                through = unseen.through(effect, theta[:, k])
-                found.append(_Column(effect, theta[:, k], out[:, k], paths[k], k < len(evident) and not shape, through))
-    return found
+def _forced(s: Responses, whole: np.ndarray, few: int, noise: Noise | None, rest: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Drop of -2 log likelihood by every column (few + n_columns, n_outputs, n_samples) under noise with forces."""
+    out = np.zeros(len(whole) - few)
+    if noise is None:
+        return out
+    D = s.problem.disturbance_along(s.base.model, s.base.fit.theta, s.smoothed.x, s.lin.A, s.problem.balances)
+    precision, pull, low, high = rest
+    try:
+        found = D.gram_rows(whole, noise, few, s.problem.sd)
+        return scores(*eliminate_rows(*found, precision, pull), low, high)[0]
+    except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
+        return out
 
 
 def _starts(
-    columns: Sequence[_Column],
+    columns: Sequence[Column],
     among: Callable[[list[int]], np.ndarray],
     drop: np.ndarray,
     amplitude: np.ndarray,
@@ -394,7 +334,7 @@ def _quadratures(
     return out
 
 
-def _smallest(columns: Sequence[_Column]) -> np.ndarray:
+def _smallest(columns: Sequence[Column]) -> np.ndarray:
     """Whether a start is the smallest magnitude of an effect that grows from 0 without jumps, (n_columns,)."""
     least: dict[int, float] = {}
     for c in columns:

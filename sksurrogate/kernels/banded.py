@@ -108,8 +108,8 @@ def first_order_scan(factor: float, b: np.ndarray, starts: np.ndarray) -> np.nda
     return np.ascontiguousarray(solution.T).reshape(b.shape)
 
 
-def solve_blocks(factor: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Solve ``L s = b`` with the lower band L of a block tridiagonal matrix, sample by sample, for hundreds of columns.
+def solve_blocks(factor: np.ndarray, H: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Solve ``L s = H b`` with the lower band L of a block tridiagonal matrix, sample by sample, for hundreds of columns.
 
     LAPACK walks through the band once for every column; here every sample is one small product for all of them.
 
@@ -117,7 +117,8 @@ def solve_blocks(factor: np.ndarray, b: np.ndarray) -> np.ndarray:
     ----------
     factor : ndarray (width, n_samples * n)
         Lower band as LAPACK keeps it; row and column of an entry lie in the same sample or in neighbours.
-    b : ndarray (n_samples, n, n_columns)
+    H : ndarray (n_samples, n, m)
+    b : ndarray (n_samples, m, n_columns)
 
     Returns
     -------
@@ -126,10 +127,10 @@ def solve_blocks(factor: np.ndarray, b: np.ndarray) -> np.ndarray:
     Examples
     --------
     >>> factor = np.array([[2.0, 4.0], [1.0, 0.0]])  # of [[2, 0], [1, 4]]
-    >>> solve_blocks(factor, np.array([[[2.0]], [[5.0]]])).ravel()
+    >>> solve_blocks(factor, np.ones((2, 1, 1)), np.array([[[2.0]], [[5.0]]])).ravel()
     array([1., 1.])
     """
-    n_samples, n, _ = b.shape
+    n_samples, n, _ = H.shape
     band = factor.T.reshape(n_samples, n, -1)
     own, before = np.zeros((n_samples, n, n)), np.zeros((n_samples, n, n))
     for j in range(n):
@@ -138,9 +139,15 @@ def solve_blocks(factor: np.ndarray, b: np.ndarray) -> np.ndarray:
         beyond = min(band.shape[2] - inside, n)
         before[1:, :beyond, j] = band[:-1, j, inside : inside + beyond]
     inverse = np.linalg.inv(own)
-    out, carry = inverse @ b, inverse @ before
-    for k in range(1, n_samples):
-        out[k] -= carry[k] @ out[k - 1]
+    # [s_k, b_k+1] -> s_k+1: one product a sample
+    step = np.concatenate([-(inverse @ before), inverse @ H], axis=2)
+    both = np.empty((n + b.shape[1], b.shape[2]))
+    out = np.empty((n_samples, n, b.shape[2]))
+    both[:n] = 0.0
+    for k in range(n_samples):
+        both[n:] = b[k]
+        np.matmul(step[k], both, out=out[k])
+        both[:n] = out[k]
     return out
 
 

@@ -211,18 +211,35 @@ class Disturbance:
             out.append(white @ white.T - own.T @ own)
         return np.stack(out), self._log_det(factor, noise)
 
-    def gram_rows(self, r: np.ndarray, noise: Noise, n_rows: int, block: int = 256) -> tuple[np.ndarray, np.ndarray]:
-        """First rows (n_rows, n_columns) and the diagonal (n_columns,) of :meth:`gram`, for many columns."""
+    def gram_rows(
+        self, r: np.ndarray, noise: Noise, n_rows: int, unit: np.ndarray | float = 1.0, block: int = 256
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """First rows (n_rows, n_columns) and the diagonal (n_columns,) of :meth:`gram`, for many columns.
+
+        Columns (n_columns, n_outputs, n_samples) lie one behind the other here, each over the ``unit`` of its output.
+        """
         factor = self._factor(noise)
-        solved, _ = dpbtrs(factor, self._load(r[:, :n_rows], noise), lower=1)
-        flat = (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1)
-        rows, diagonal = flat[:n_rows] @ flat.T, np.einsum("ki,ki->k", flat, flat)
-        for a in range(0, r.shape[1], block):
-            load = self._load(r[:, a : a + block], noise)
-            rows[:, a : a + block] -= solved.T @ load
-            half = solve_blocks(factor, load.T.reshape(-1, self.n_samples, self.size).transpose(1, 2, 0))
-            diagonal[a : a + block] -= np.einsum("tik,tik->k", half, half)
+        sigma = noise.sigma / unit
+        first = r[:n_rows].transpose(1, 0, 2) * np.broadcast_to(unit, self.m)[:, None, None]
+        solved, _ = dpbtrs(factor, self._load(first, noise), lower=1)
+        smoothed = self._loaded(solved.T.reshape(n_rows, self.n_samples, self.size), noise)
+        # S^-1 = R^-1 - R^-1 H P^-1 H' R^-1
+        weights = (r[:n_rows] / sigma[:, None] - smoothed) / sigma[:, None]
+        rows = weights.reshape(n_rows, -1) @ r.reshape(len(r), -1).T
+        diagonal = np.empty(len(r))
+        H = np.zeros((self.n_samples, self.size, self.m))
+        H[:, : self.n] = self.C.transpose(0, 2, 1) / noise.sigma
+        H[:, self.n + self.b :] = np.diag(1.0 / noise.sigma)
+        for a in range(0, len(r), block):
+            scaled = (r[a : a + block] / sigma[:, None]).transpose(2, 1, 0).copy()
+            half = solve_blocks(factor, H, scaled)
+            diagonal[a : a + block] = np.einsum("tok,tok->k", scaled, scaled) - np.einsum("tik,tik->k", half, half)
         return rows, diagonal
+
+    def _loaded(self, states: np.ndarray, noise: Noise) -> np.ndarray:
+        """What states and coloured noise (n_columns, n_samples, size) show, over the white noise: (n_columns, n_outputs, n_samples)."""
+        shown = np.einsum("toi,kti->kot", self.C, states[:, :, : self.n])
+        return (shown + states[:, :, self.n + self.b :].transpose(0, 2, 1)) / noise.sigma[:, None]
 
     def log_likelihood(self, r: np.ndarray, noise: Noise) -> float:
         """Of a residual (n_outputs, n_samples), without the constant."""

@@ -30,7 +30,10 @@ def test_the_question_is_answered_in_another_process_and_the_answer_comes_back()
     assert told(
         "a = Aside(os.getpid); print(a.answer() == os.getpid(), Aside(os.getpid, False).answer() == os.getpid())"
     ) == ("False True")
-    assert told("print(side_by_side(lambda k: (k, os.getpid()), [1, 2, 3], True)[1][1] == os.getpid())") == "False"
+    slow = "def slow(k):\n    time.sleep(0.3)\n    return k, os.getpid() == here\n"
+    found = "found = side_by_side(slow, list(range(6)), True)\n"
+    script = "import time\nhere = os.getpid()\n" + slow + found
+    assert told(script + "print([k for k, _ in found], found[0][1], found[5][1])") == "[0, 1, 2, 3, 4, 5] True False"
 
 
 @needs_fork
@@ -65,8 +68,16 @@ def test_where_no_process_may_be_made_the_question_is_answered_here():
 
 @needs_fork
 def test_a_process_whose_answer_is_not_wanted_any_more_is_ended():
-    script = "import time\na = Aside(lambda: time.sleep(60))\npid = a._process.pid\ndel a\n"
-    assert told(script + "try:\n    os.kill(pid, 0)\nexcept ProcessLookupError:\n    print('gone')") == "gone"
+    script = "import multiprocessing, time\na = Aside(lambda: time.sleep(60))\ndel a\nbegun = time.monotonic()\n"
+    waited = "while multiprocessing.active_children() and time.monotonic() - begun < 30:\n    time.sleep(0.05)\n"
+    assert told(script + waited + "print('gone' if not multiprocessing.active_children() else 'there')") == "gone"
+
+
+@needs_fork
+def test_items_of_a_process_that_died_are_asked_here():
+    script = "import time\nhere = os.getpid()\ndef asked(k):\n    time.sleep(0.05)\n"
+    script += "    if k == 3 and os.getpid() != here:\n        os.kill(os.getpid(), 9)\n    return k\n"
+    assert told(script + "print(side_by_side(asked, list(range(8)), True))") == "[0, 1, 2, 3, 4, 5, 6, 7]"
 
 
 @needs_fork

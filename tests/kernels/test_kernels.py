@@ -58,9 +58,9 @@ def test_sample_by_sample_equals_dense_triangles(width):
     L *= np.subtract.outer(np.arange(rows) // n, np.arange(rows) // n) <= 1  # a sample and the one before it
     L += 3 * np.eye(rows)
     factor = np.stack([np.r_[np.diag(L, -k), np.zeros(k)] for k in range(width)])
-    b = RNG.normal(size=(n_samples, n, 4))
-    expected = np.linalg.solve(L, b.reshape(rows, 4)).reshape(b.shape)
-    np.testing.assert_allclose(solve_blocks(factor, b), expected, atol=1e-12)
+    H, b = RNG.normal(size=(n_samples, n, 2)), RNG.normal(size=(n_samples, 2, 4))
+    expected = np.linalg.solve(L, (H @ b).reshape(rows, 4)).reshape(n_samples, n, 4)
+    np.testing.assert_allclose(solve_blocks(factor, H, b), expected, atol=1e-12)
 
 
 def test_runge_kutta_has_order_four():
@@ -151,12 +151,12 @@ def test_play_and_rate_limit_equal_their_recursions():
 
 def test_rows_and_diagonal_are_those_of_the_whole_gram():
     A = 0.3 * RNG.normal(size=(2, 2, 100))
-    B, C = RNG.normal(size=(2, 2, 100)), RNG.normal(size=(1, 2, 100))
-    noise = Noise(np.array([0.5]), np.array([0.2, 0.3]), 7.0, np.array([0.4]), 5.0)
+    B, C = RNG.normal(size=(2, 2, 100)), RNG.normal(size=(2, 2, 100))
+    noise = Noise(np.array([0.5, 2.0]), np.array([0.2, 0.3]), 7.0, np.array([0.4, 0.1]), 5.0)
     model = Disturbance(A, B, C, STARTS, np.ones(2), 1e-3 * np.ones(2))
-    r = RNG.normal(size=(1, 9, 100))
-    rows, diagonal = model.gram_rows(r, noise, 2, block=4)
-    whole, _ = model.gram(r, noise)
+    r, unit = RNG.normal(size=(9, 2, 100)), np.array([3.0, 0.2])
+    rows, diagonal = model.gram_rows(r, noise, 2, unit, block=4)
+    whole, _ = model.gram(r.transpose(1, 0, 2) * unit[:, None, None], noise)
     np.testing.assert_allclose(rows, whole[:2], atol=1e-9)
     np.testing.assert_allclose(diagonal, np.diag(whole), atol=1e-9)
 

@@ -1,0 +1,42 @@
+"""What an effect sees of a trajectory: its variable, the place where it acts, the noise there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect, Probe
+from sksurrogate.gap._problem import Problem
+from sksurrogate.gap._slopes import Slopes
+
+__all__ = ["probe_of"]
+
+
+def probe_of(
+    problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: Slopes | None = None
+) -> Probe:
+    """What an effect sees of the smoothed trajectory."""
+    plant, record = problem.plant, problem.record
+
+    def signal(name: str) -> np.ndarray:
+        if name in plant.states and effect.kind == "state":
+            return x[plant.states.index(name)]
+        if name in plant.inputs:
+            return record.u[plant.inputs.index(name)]
+        return record.y[plant.outputs.index(name)]
+
+    v: np.ndarray | None = None
+    factors: tuple[np.ndarray, ...] = ()
+    if effect.variable:
+        factors = tuple(signal(name) for name in effect.variable.split("*"))
+        v = np.prod(factors, axis=0)
+    where, rate = np.zeros(record.n_samples), 0.0
+    if effect.kind == "state":
+        place = plant.states.index(str(effect.location))
+        where, rate = x[place], float(rates[place])
+    elif effect.kind in ("input", "output"):
+        where = signal(str(effect.location))
+        v = where if v is None else v
+    duration = record.dt * int(record.lengths.max())
+    noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
+    slope = None if slopes is None else slopes.of(effect.kind, str(effect.location))
+    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else (), noise, slope)
