@@ -165,9 +165,7 @@ class GapDiagnoser(BaseEstimator):
         problem, smoothed = build_problem(plant, model, record, free, balances)
         self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
         search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
-        questions = Questions(
-            problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say, apart=self.n_jobs != 1
-        )
+        questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
         try:
             with np.errstate(all="ignore"):  # rivals that run away are met everywhere with finite checks
                 search.fit_null()

@@ -64,7 +64,7 @@ class Expander:
 
     @property
     def apart(self) -> bool:
-        """Whether a second process may help: where one of several workers is asked for there are others."""
+        """Whether a second process is wanted: where workers are asked for there are others."""
         return self.n_jobs is None
 
     @property

@@ -83,11 +83,10 @@ class Questions:
         correction: Any,
         seed: int,
         say: Callable[[str], None],
-        apart: bool = False,
     ):
         self.problem, self.search, self.whole = problem, search, whole
         self.labels = [run.label for run in runs]
-        self.correction, self.seed, self.say, self.apart = correction, seed, say, apart
+        self.correction, self.seed, self.say = correction, seed, say
         self.found = Found([])
         self.complete = True
         self.uncertified = ""
@@ -108,13 +107,13 @@ class Questions:
 
     def begin(self) -> None:
         """Ask what needs no name, while names are looked for."""
-        self.without = WithoutNames(self.problem, self.null, self.correction, self.apart)
+        self.without = WithoutNames(self.problem, self.null, self.correction, self.search.apart)
 
     def ask(self) -> None:
         say, problem, search = self.say, self.problem, self.search
         final, found = self.final, self.found
         closed = left(final) < CLOSED
-        gap = Aside(lambda: gap_and_places(problem, self.null, closed), self.apart)
+        gap = Aside(lambda: gap_and_places(problem, self.null, closed), search.apart)
         found.curve = free_curve(search.at(final), final)
         few = 0 < len(final.effects) < STACK
         if few and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:

@@ -9,7 +9,15 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
-__all__ = ["BlockTridiagonal", "first_order_scan", "recursion_band", "solve_adjoint", "solve_blocks", "solve_recursion"]
+__all__ = [
+    "BlockTridiagonal",
+    "block_steps",
+    "first_order_scan",
+    "recursion_band",
+    "solve_adjoint",
+    "solve_blocks",
+    "solve_recursion",
+]
 
 
 def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -108,27 +116,18 @@ def first_order_scan(factor: float, b: np.ndarray, starts: np.ndarray) -> np.nda
     return np.ascontiguousarray(solution.T).reshape(b.shape)
 
 
-def solve_blocks(factor: np.ndarray, H: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Solve ``L s = H b`` with the lower band L of a block tridiagonal matrix, sample by sample, for hundreds of columns.
-
-    LAPACK walks through the band once for every column; here every sample is one small product for all of them.
+def block_steps(factor: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """``s[k] = step[k] [s[k-1], b[k]]`` solves ``L s = H b`` with the lower band L of a block tridiagonal matrix.
 
     Parameters
     ----------
     factor : ndarray (width, n_samples * n)
         Lower band as LAPACK keeps it; row and column of an entry lie in the same sample or in neighbours.
     H : ndarray (n_samples, n, m)
-    b : ndarray (n_samples, m, n_columns)
 
     Returns
     -------
-    ndarray (n_samples, n, n_columns)
-
-    Examples
-    --------
-    >>> factor = np.array([[2.0, 4.0], [1.0, 0.0]])  # of [[2, 0], [1, 4]]
-    >>> solve_blocks(factor, np.ones((2, 1, 1)), np.array([[[2.0]], [[5.0]]])).ravel()
-    array([1., 1.])
+    ndarray (n_samples, n, n + m)
     """
     n_samples, n, _ = H.shape
     band = factor.T.reshape(n_samples, n, -1)
@@ -139,11 +138,32 @@ def solve_blocks(factor: np.ndarray, H: np.ndarray, b: np.ndarray) -> np.ndarray
         beyond = min(band.shape[2] - inside, n)
         before[1:, :beyond, j] = band[:-1, j, inside : inside + beyond]
     inverse = np.linalg.inv(own)
-    # [s_k, b_k+1] -> s_k+1: one product a sample
-    step = np.concatenate([-(inverse @ before), inverse @ H], axis=2)
-    both = np.empty((n + b.shape[1], b.shape[2]))
+    return np.concatenate([-(inverse @ before), inverse @ H], axis=2)
+
+
+def solve_blocks(step: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Solve the recursion of :func:`block_steps`, for hundreds of columns.
+
+    LAPACK walks through the band once for every column; here every sample is one small product for all of them.
+
+    Parameters
+    ----------
+    step : ndarray (n_samples, n, n + m)
+    b : ndarray (n_samples, m, n_columns)
+
+    Returns
+    -------
+    ndarray (n_samples, n, n_columns)
+
+    Examples
+    --------
+    >>> factor = np.array([[2.0, 4.0], [1.0, 0.0]])  # of [[2, 0], [1, 4]]
+    >>> solve_blocks(block_steps(factor, np.ones((2, 1, 1))), np.array([[[2.0]], [[5.0]]])).ravel()
+    array([1., 1.])
+    """
+    n_samples, n, _ = step.shape
     out = np.empty((n_samples, n, b.shape[2]))
-    both[:n] = 0.0
+    both = np.zeros((n + b.shape[1], b.shape[2]))
     for k in range(n_samples):
         both[n:] = b[k]
         np.matmul(step[k], both, out=out[k])

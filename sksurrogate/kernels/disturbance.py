@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
-from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_blocks, solve_recursion
+from sksurrogate.kernels.banded import block_steps, first_order_scan, recursion_band, solve_blocks, solve_recursion
 
 __all__ = ["Disturbance", "Noise"]
 
@@ -56,6 +56,22 @@ class Noise:
         v = np.exp(eta)
         m, b = len(self.sigma), len(self.force)
         return Noise(v[:m], v[m : m + b], float(v[m + b]), v[m + b + 1 : 2 * m + b + 1], float(v[-1]))
+
+
+#: Columns that walk through the samples abreast: more leave the processor's cache.
+MOST_ABREAST = 256
+
+
+def _together(blocks: Iterable[np.ndarray], most: int) -> Iterator[list[np.ndarray]]:
+    """Blocks of columns (n_outputs, n_columns, n_samples) in lists of at most so many columns, or of one block."""
+    some: list[np.ndarray] = []
+    for block in blocks:
+        if some and sum(b.shape[1] for b in some) + block.shape[1] > most:
+            yield some
+            some = []
+        some.append(block)
+    if some:
+        yield some
 
 
 class Disturbance:
@@ -188,11 +204,33 @@ class Disturbance:
 
     def gram_each(self, r: np.ndarray, blocks: Iterable[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
         """The matrix of :meth:`gram` of columns r with each block of further columns beside them, from one factor."""
-        factor = self._factor(noise)
-        known = self._whitened(factor, r, noise)
-        for block in blocks:
-            flat, half = (np.concatenate(parts) for parts in zip(known, self._whitened(factor, block, noise)))
-            yield flat @ flat.T - half @ half.T
+        steps = self._steps(self._factor(noise), noise)
+
+        def product(a: tuple[np.ndarray, ...], b: tuple[np.ndarray, ...]) -> np.ndarray:
+            return a[0].T @ b[0] - a[1].T @ b[1]
+
+        known = self._abreast(steps, r, noise)
+        K = product(known, known)
+        for some in _together(blocks, MOST_ABREAST):
+            whole = self._abreast(steps, np.concatenate(some, axis=1), noise)
+            cross, b = product(known, whole), 0
+            for block in some:
+                a, b = b, b + block.shape[1]
+                own = whole[0][:, a:b], whole[1][:, a:b]
+                yield np.block([[K, cross[:, a:b]], [cross[:, a:b].T, product(own, own)]])
+
+    def _steps(self, factor: np.ndarray, noise: Noise) -> np.ndarray:
+        """The recursion of ``L^-1 H' R^-1/2``."""
+        H = np.zeros((self.n_samples, self.size, self.m))
+        H[:, : self.n] = self.C.transpose(0, 2, 1) / noise.sigma
+        H[:, self.n + self.b :] = np.diag(1.0 / noise.sigma)
+        return block_steps(factor, H)
+
+    def _abreast(self, steps: np.ndarray, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+        """What :meth:`_whitened` gives, of hundreds of columns, each (..., n_columns)."""
+        scaled = (r / noise.sigma[:, None, None]).transpose(2, 0, 1).copy()
+        half = solve_blocks(steps, scaled)
+        return scaled.reshape(-1, r.shape[1]), half.reshape(-1, r.shape[1])
 
     def _whitened(self, factor: np.ndarray, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
         """Columns r over the white noise, and what states and coloured noise take of them; each (n_columns, ...)."""
@@ -212,34 +250,30 @@ class Disturbance:
         return np.stack(out), self._log_det(factor, noise)
 
     def gram_rows(
-        self, r: np.ndarray, noise: Noise, n_rows: int, unit: np.ndarray | float = 1.0, block: int = 256
+        self, r: np.ndarray, noise: Noise, n_rows: int, unit: np.ndarray | float = 1.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """First rows (n_rows, n_columns) and the diagonal (n_columns,) of :meth:`gram`, for many columns.
 
         Columns (n_columns, n_outputs, n_samples) lie one behind the other here, each over the ``unit`` of its output.
         """
         factor = self._factor(noise)
-        sigma = noise.sigma / unit
-        first = r[:n_rows].transpose(1, 0, 2) * np.broadcast_to(unit, self.m)[:, None, None]
+        steps, unit = self._steps(factor, noise), np.broadcast_to(unit, self.m)[:, None, None]
+        first = r[:n_rows].transpose(1, 0, 2) * unit
         solved, _ = dpbtrs(factor, self._load(first, noise), lower=1)
-        smoothed = self._loaded(solved.T.reshape(n_rows, self.n_samples, self.size), noise)
         # S^-1 = R^-1 - R^-1 H P^-1 H' R^-1
-        weights = (r[:n_rows] / sigma[:, None] - smoothed) / sigma[:, None]
-        rows = weights.reshape(n_rows, -1) @ r.reshape(len(r), -1).T
+        shown = self._shown(solved.T.reshape(n_rows, self.n_samples, self.size))
+        weights = (first - shown) * unit / noise.sigma[:, None, None] ** 2
+        rows = weights.transpose(1, 0, 2).reshape(n_rows, -1) @ r.reshape(len(r), -1).T
         diagonal = np.empty(len(r))
-        H = np.zeros((self.n_samples, self.size, self.m))
-        H[:, : self.n] = self.C.transpose(0, 2, 1) / noise.sigma
-        H[:, self.n + self.b :] = np.diag(1.0 / noise.sigma)
-        for a in range(0, len(r), block):
-            scaled = (r[a : a + block] / sigma[:, None]).transpose(2, 1, 0).copy()
-            half = solve_blocks(factor, H, scaled)
-            diagonal[a : a + block] = np.einsum("tok,tok->k", scaled, scaled) - np.einsum("tik,tik->k", half, half)
+        for a in range(0, len(r), MOST_ABREAST):
+            flat, half = self._abreast(steps, r[a : a + MOST_ABREAST].transpose(1, 0, 2) * unit, noise)
+            diagonal[a : a + MOST_ABREAST] = np.einsum("ik,ik->k", flat, flat) - np.einsum("ik,ik->k", half, half)
         return rows, diagonal
 
-    def _loaded(self, states: np.ndarray, noise: Noise) -> np.ndarray:
-        """What states and coloured noise (n_columns, n_samples, size) show, over the white noise: (n_columns, n_outputs, n_samples)."""
-        shown = np.einsum("toi,kti->kot", self.C, states[:, :, : self.n])
-        return (shown + states[:, :, self.n + self.b :].transpose(0, 2, 1)) / noise.sigma[:, None]
+    def _shown(self, states: np.ndarray) -> np.ndarray:
+        """What states and coloured noise (n_columns, n_samples, size) show in the outputs: (n_outputs, n_columns, n_samples)."""
+        shown = np.einsum("toi,kti->okt", self.C, states[:, :, : self.n])
+        return shown + states[:, :, self.n + self.b :].transpose(2, 0, 1)
 
     def log_likelihood(self, r: np.ndarray, noise: Noise) -> float:
         """Of a residual (n_outputs, n_samples), without the constant."""

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from sksurrogate.kernels.banded import BlockTridiagonal, first_order_scan, recursion_band, solve_blocks, solve_recursion
+from sksurrogate.kernels import disturbance
+from sksurrogate.kernels.banded import (
+    BlockTridiagonal,
+    block_steps,
+    first_order_scan,
+    recursion_band,
+    solve_blocks,
+    solve_recursion,
+)
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import close, march, rk4
 from sksurrogate.kernels.signals import Signal, delay, hold, lag, play, rate_limit
@@ -60,7 +68,7 @@ def test_sample_by_sample_equals_dense_triangles(width):
     factor = np.stack([np.r_[np.diag(L, -k), np.zeros(k)] for k in range(width)])
     H, b = RNG.normal(size=(n_samples, n, 2)), RNG.normal(size=(n_samples, 2, 4))
     expected = np.linalg.solve(L, (H @ b).reshape(rows, 4)).reshape(n_samples, n, 4)
-    np.testing.assert_allclose(solve_blocks(factor, H, b), expected, atol=1e-12)
+    np.testing.assert_allclose(solve_blocks(block_steps(factor, H), b), expected, atol=1e-12)
 
 
 def test_runge_kutta_has_order_four():
@@ -149,16 +157,20 @@ def test_play_and_rate_limit_equal_their_recursions():
         last = following
 
 
-def test_rows_and_diagonal_are_those_of_the_whole_gram():
+def test_rows_and_diagonal_are_those_of_the_whole_gram(monkeypatch):
+    monkeypatch.setattr(disturbance, "MOST_ABREAST", 4)
     A = 0.3 * RNG.normal(size=(2, 2, 100))
     B, C = RNG.normal(size=(2, 2, 100)), RNG.normal(size=(2, 2, 100))
     noise = Noise(np.array([0.5, 2.0]), np.array([0.2, 0.3]), 7.0, np.array([0.4, 0.1]), 5.0)
     model = Disturbance(A, B, C, STARTS, np.ones(2), 1e-3 * np.ones(2))
     r, unit = RNG.normal(size=(9, 2, 100)), np.array([3.0, 0.2])
-    rows, diagonal = model.gram_rows(r, noise, 2, unit, block=4)
+    rows, diagonal = model.gram_rows(r, noise, 2, unit)
     whole, _ = model.gram(r.transpose(1, 0, 2) * unit[:, None, None], noise)
     np.testing.assert_allclose(rows, whole[:2], atol=1e-9)
     np.testing.assert_allclose(diagonal, np.diag(whole), atol=1e-9)
+    known, *blocks = np.split(r.transpose(1, 0, 2), [2, 3, 6, 8], axis=1)
+    for block, G in zip(blocks, model.gram_each(known, iter(blocks), noise), strict=True):
+        np.testing.assert_allclose(G, model.gram(np.concatenate([known, block], axis=1), noise)[0], atol=1e-9)
 
 
 def test_likelihood_equals_the_dense_gaussian():
