@@ -49,7 +49,7 @@ NEARER = (1.0, 0.3, 0.1)
 
 
 def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
-    """Fit a base with one effect more, from the best of several starts."""
+    """Fit a base with one effect more, from the best of several starts; one that cannot come near to the others is abandoned."""
     found: Rival | None = None
     split = base.n_parameters
     values = [base.theta_of(i) for i in range(len(base.effects))]
@@ -59,8 +59,9 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
         for share in NEARER if start.effect.linear and len(start.theta) else (1.0,):
             own = np.r_[share * start.theta[:1], start.theta[1:]]
             theta = np.concatenate([base.fit.theta[:split], own, base.fit.theta[split:]])
+            near = best if found is None else min(best, found.fit.cost)
             try:
-                rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit, best)
+                rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit, near)
             except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
                 rival = None
             if rival is not None:
