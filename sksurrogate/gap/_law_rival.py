@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.gap._aside import side_by_side
 from sksurrogate.gap._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap._evidence import columns, follow_noise
 from sksurrogate.gap._law_shapes import PAST, Form, Law, laws, of_time, over_sample, staircases, surfaces
@@ -54,7 +55,7 @@ class LawRival:
     parameters: float
 
 
-def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> LawRival | None:
+def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int, apart: bool = False) -> LawRival | None:
     """The likeliest law in the place of a rival's effects; None where none can be judged.
 
     Parameters
@@ -66,6 +67,8 @@ def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> L
         Path near the measured one: that of the rival where it comes near to the data.
     n_rivals : int
         Number of effects that the first name was chosen from.
+    apart : bool, default=False
+        Whether a second process is wanted.
     """
     noise = rival.noise
     base, r = without_names(problem, rival, x)
@@ -77,15 +80,16 @@ def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int) -> L
         return None
     candidates = list(in_all_places(problem, base, D))
     fit = _Fit(problem, D, r, J, precision, pull, float(pull @ base.fit.theta[n:]))
-    quiet = problem.quiet(noise)
+    if not candidates:
+        return None
+    starts = noise, problem.quiet(noise)
     try:
-        likeliest = {fit.likeliest(candidates, one) for one in (noise, quiet)} if candidates else set()
-        found = [(k, f, fit.refined(candidates[k], f, (noise, quiet))) for k, f in sorted(likeliest)]
+        likeliest = set(side_by_side(lambda one: fit.likeliest(candidates, one), starts, apart))
+        asked = [(k, f, start) for k, f in sorted(likeliest) for start in starts]
+        found = side_by_side(lambda one: fit.refined(candidates[one[0]], *one[1:]), asked, apart)
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
-    if not found:
-        return None
-    k, _, best = max(found, key=lambda one: one[2].value)
+    (k, _, _), best = max(zip(asked, found, strict=True), key=lambda one: one[1].value)
     chosen_from = sum(len(law.forms) for _, law, _ in candidates)
     cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
     named = named_along(problem, rival, x, (noise, best.noise))
@@ -196,22 +200,20 @@ class _Fit:
                     best, where = value, (c, f)
         return where
 
-    def refined(self, candidate: tuple[Curve, Law, str], f: int, starts: tuple[Noise, ...]) -> _Found:
+    def refined(self, candidate: tuple[Curve, Law, str], f: int, start: Noise) -> _Found:
         """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""
-        form, found = candidate[1].forms[f], []
+        form = candidate[1].forms[f]
         F, k = candidate[0].moved()[:, form.functions], len(self.precision)
         unit, caps = self.problem.force_unit(), self.problem.caps
-        for start in starts:
-            now = self.found(F, start, form)
-            for _ in range(TURNS):
-                own = now.theta[k:]
-                rough = 0.0 if form.rough is None else now.weight * (own @ form.rough @ own)
-                J = np.concatenate([self.J, np.einsum("okt,k->ot", F, own)[:, None]], axis=1)
-                held, pull = np.r_[self.precision, rough], np.r_[self.pull, 0.0]
-                noise, _, _ = fit_noise(self.D, self.r, now.noise, unit, J, held, pull, caps=caps)
-                now = self.found(F, noise, form)
-            found.append(now)
-        return max(found, key=lambda one: one.value)
+        now = self.found(F, start, form)
+        for _ in range(TURNS):
+            own = now.theta[k:]
+            rough = 0.0 if form.rough is None else now.weight * (own @ form.rough @ own)
+            J = np.concatenate([self.J, np.einsum("okt,k->ot", F, own)[:, None]], axis=1)
+            held, pull = np.r_[self.precision, rough], np.r_[self.pull, 0.0]
+            noise, _, _ = fit_noise(self.D, self.r, now.noise, unit, J, held, pull, caps=caps)
+            now = self.found(F, noise, form)
+        return now
 
     def found(self, F: np.ndarray, noise: Noise, form: Form) -> _Found:
         """A form under one noise."""

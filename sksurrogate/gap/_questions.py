@@ -158,7 +158,7 @@ class Questions:
         if named not in found.rivals and self.complete and search.null is not None:
             rival, x = (final, final.fit.x) if named else (search.null, search.x)
             x = x[: len(self.problem.plant.states)]
-            found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates))
+            found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates), search.apart)
         return found.rivals.get(named)
 
     def imitation(self) -> LawRival | None:
