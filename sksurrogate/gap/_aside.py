@@ -12,13 +12,14 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from functools import cache
 from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["Aside", "can_fork", "side_by_side"]
+__all__ = ["Aside", "can_fork", "one_thread", "side_by_side"]
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -147,6 +148,11 @@ def _tell(question: Callable[[], T], pipe: Connection) -> None:
         pipe.send((answer, [warning.message for warning in heard]))
     finally:
         os._exit(0)
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """Linear algebra in one thread: two processes share the cores, and no sum depends on which of them adds it up."""
+    return libraries().limit(limits=1, user_api="blas")
 
 
 @cache

@@ -16,6 +16,7 @@ from sklearn.utils import check_random_state
 from sksurrogate._columns import by_name
 from sksurrogate.effects._catalogue import build_effects, kinematic_states
 from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.gap._aside import one_thread
 from sksurrogate.gap._excerpt import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._questions import Questions
@@ -167,7 +168,7 @@ class GapDiagnoser(BaseEstimator):
         search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
         questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
         try:
-            with np.errstate(all="ignore"):  # rivals that run away are met everywhere with finite checks
+            with np.errstate(all="ignore"), one_thread():  # rivals that run away are met everywhere with finite checks
                 search.fit_null()
                 questions.begin()
                 search.run()
@@ -179,7 +180,7 @@ class GapDiagnoser(BaseEstimator):
                 stacklevel=2,
             )
             questions.complete = False
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), one_thread():
             self.report_ = questions.answer(time.perf_counter() - begun)
         self.augmented_ = questions.augmented()
         self.initial_states_ = np.full((len(runs), len(plant.states)), np.nan)

@@ -7,8 +7,9 @@ import threading
 import time
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from sksurrogate.gap._aside import Aside, can_fork, side_by_side
+from sksurrogate.gap._aside import Aside, can_fork, one_thread, side_by_side
 
 #: In a process of its own: test runners have threads, beside which no second process is made.
 forks = "import os\nfrom sksurrogate.gap._aside import Aside, can_fork, side_by_side\nassert can_fork()\n"
@@ -106,6 +107,16 @@ def test_here_every_item_is_asked_once_and_stays_in_its_place():
     assert side_by_side(lambda k: asked.append(k) or k**2, range(5), apart=False) == [0, 1, 4, 9, 16]
     assert sorted(asked) == list(range(5))
     assert side_by_side(lambda k: k, [], apart=True) == []
+
+
+def test_linear_algebra_keeps_to_one_thread_and_has_its_own_back_afterwards():
+    def threads():
+        return [row["num_threads"] for row in threadpool_info() if row["user_api"] == "blas"]
+
+    with threadpool_limits(2, user_api="blas"):
+        with one_thread():
+            assert set(threads()) == {1}
+        assert set(threads()) == {2}
 
 
 DIAGNOSIS = """
