@@ -14,6 +14,8 @@ from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, output_error
 
 __all__ = [
+    "NEAR",
+    "arrived",
     "bar",
     "columns",
     "estimate_noise",
@@ -34,6 +36,8 @@ REACH = 1.0
 FORCES = (1e-3, 1e-2, 1e-1)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0
+#: Free-run error over the noise of a set of effects that is at the noise: no other is looked for beside it.
+NEAR = 1.02
 
 
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
@@ -222,3 +226,8 @@ def left(rival: Rival, most: np.ndarray | float = np.inf, least: np.ndarray | fl
     r = rival.model.record.y - rival.fit.y
     sigma = np.maximum(np.minimum(rival.noise.sigma, most), least)
     return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))
+
+
+def arrived(rival: Rival, before: Rival) -> bool:
+    """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
+    return rival.noise is not None and left(rival) < NEAR and before.fit.cost > NEAR**2 * rival.fit.cost

@@ -69,7 +69,8 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
         if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
             found = rival
     if found is not None and found.fit.cost < 3.0 * best:
-        found = scanned(problem, found)
+        for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
+            found = scanned(problem, found, i)
     return found
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
 from sksurrogate.gap._problem import Rival
 
-__all__ = ["STEPS", "Rounding", "unnamed_rounding"]
+__all__ = ["STEPS", "Rounding", "names_steps", "unnamed_rounding"]
 
 #: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
 #: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
@@ -40,6 +40,16 @@ class Rounding:
     sensor: str
     step: float
     share: float
+
+
+def names_steps(rival: Rival) -> bool:
+    """Whether an effect of a rival is a rounding whose steps the readings show."""
+    outputs = rival.model.plant.outputs
+    return any(
+        effect.name == "sensor_quantization"
+        and bool(shows_steps(rival.model.record.y[outputs.index(str(effect.location))], rival.theta_of(i)[0])[0])
+        for i, effect in enumerate(rival.effects)
+    )
 
 
 def unnamed_rounding(rival: Rival) -> Rounding | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sksurrogate.gap._aside import side_by_side
-from sksurrogate.gap._evidence import bar, estimate_noise, follow_null, left, quick_likelihood, told
+from sksurrogate.gap._evidence import NEAR, arrived, bar, estimate_noise, follow_null, left, quick_likelihood, told
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap._folded import folded
@@ -18,6 +18,7 @@ from sksurrogate.gap._plausible import plausible
 from sksurrogate.gap._prior import prior_cost, retuning_cost
 from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
+from sksurrogate.gap._rounding import names_steps
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._stack import grows_in_vain
 
@@ -29,8 +30,6 @@ EXTRA = 10.0
 SMALLEST_SHARE = 1e-3
 #: Free runs that stay within this many times the noise need no further effect where none passed.
 FAR = 5.0
-#: Where a set of effects comes this near (free-run error over the noise), no other is looked for beside it.
-NEAR = 1.02
 #: Where no further effect passes none is looked for of sets that leave less than the first times the noise, up to the second pairs.
 NO_MORE, PAIRS_UP_TO = 1.15, 1.5
 #: Near the noise the screen expects of a rival nearly what its fit gains: with less than this share of what it must gain
@@ -132,7 +131,7 @@ class Search(Expander):
             return null
         if self.gain(self.first_round[0]) > self.bar(self.first_round[0].n_parameters):
             self.final = self.first_round[0]  # what an interrupt leaves
-        best = self.simplify(self.best_polished(self.first_round))
+        best = self.simplify(self.first_choice(self.first_round))
         if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
             follow_null(
                 self.problem, null, best.noise, self.apart
@@ -323,6 +322,11 @@ class Search(Expander):
         rivals.sort(key=self.order(rivals), reverse=True)
         return rivals
 
+    def first_choice(self, singles: Sequence[Rival]) -> Rival:
+        """The best single effect; the steps on which readings stand, where these are the likeliest: nothing else makes them."""
+        likeliest = max(singles, key=self.score)
+        return self.polish(likeliest) if names_steps(likeliest) else self.best_polished(singles)
+
     def best_polished(self, rivals: Sequence[Rival], most: int = 4) -> Rival:
         """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them."""
         least = min(rival.fit.cost for rival in rivals[:most])
@@ -413,8 +417,3 @@ class Search(Expander):
             return 2.0 * (self.size_score(rich) - self.size_score(simple)) < EQUAL
         hardly = simple.fit.cost < rich.fit.cost + NESTED_SHARE * (self.null.fit.cost - self.n_values)
         return hardly and not arrived(rich, simple)
-
-
-def arrived(rival: Rival, before: Rival) -> bool:
-    """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
-    return rival.noise is not None and left(rival) < NEAR and before.fit.cost > NEAR**2 * rival.fit.cost

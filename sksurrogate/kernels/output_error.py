@@ -22,6 +22,8 @@ __all__ = ["Fit", "Linearised", "approached", "free_run", "linearise", "output_e
 
 #: Slopes of a point nearby end a descent only where they promise this share of what would do otherwise.
 _STRICTER = 1e-2
+#: Open steps went astray where they lead so many times further (squared error) from the data than the trajectory to fall back on.
+ASTRAY = 4.0
 #: Open steps end where parameters and trajectory move by less than this share of their size.
 SETTLED = 1e-3
 
@@ -152,8 +154,8 @@ def output_error(
     fit_start : bool
         Whether initial states are fitted.
     fallback : ndarray (n_states, n_samples), optional
-        A closed trajectory near the start, used where the open steps go astray; by default one is made by a loop over
-        time.
+        A closed trajectory near the start, used where the open steps go astray (to no free run, or to one much further from
+        the data); by default one is made by a loop over time.
     reach : float
         A step moves a parameter by at most as many times its size.
     settled : float
@@ -286,12 +288,15 @@ class _OutputError:
         lin = end.lin if end.moved < self.near else None
         theta = end.theta
         x, y, cost = self.closed(theta, end.x, None if lin is None else lin.band)
-        if not np.isfinite(cost):
+        if not np.isfinite(cost) or self.astray(cost, first[0], fallback):
             # The open steps went astray: closed steps from the start.
+            opened = theta, x, y, cost, lin
             theta, lin = first[0], None
             near = first[1] if fallback is None else fallback
             if fallback is not None:
                 x, y, cost = self.closed(theta, fallback, None)
+            if opened[3] < cost:
+                theta, x, y, cost, lin = opened
             if not np.isfinite(cost):  # no trajectory near leads to the free run (a hard limit): step by step
                 x = free_run(self.model, theta, near[:, self.record.starts])
                 if np.all(np.isfinite(x)):
@@ -300,6 +305,13 @@ class _OutputError:
         if not np.isfinite(cost):
             return None
         return self.descend(theta, x, y, cost, max_steps, best, lin)
+
+    def astray(self, cost: float, theta: np.ndarray, fallback: np.ndarray | None) -> bool:
+        """Whether a free run is much further from the data than the trajectory to fall back on."""
+        if fallback is None:
+            return False
+        y = self.model.bind(theta[:, None]).outputs(fallback[:, None])[:, 0]
+        return cost > ASTRAY * self.cost(y, theta)
 
     def descend(
         self,

@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.effects._sensor import SensorQuantization
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._rounding import is_rounded, unnamed_rounding
+from sksurrogate.gap._rounding import is_rounded, names_steps, unnamed_rounding
 from sksurrogate.physics import ODESimulator
 
 
@@ -53,6 +53,13 @@ def test_the_step_and_the_error_of_the_rounding_are_found(noise):
 @pytest.mark.parametrize(("step", "noise"), [(0.0, 0.01), (0.3, 0.15)])
 def test_smooth_readings_and_steps_below_the_noise_stand_on_no_grid(step, noise):
     assert unnamed_rounding(free_run(step, noise)) is None
+
+
+@pytest.mark.parametrize(("step", "named", "shown"), [(0.3, 0.3, True), (0.3, 0.25, False), (0.0, 0.3, False)])
+def test_a_rounding_is_seen_in_readings_that_stand_on_its_steps(step, named, shown):
+    rival = free_run(step, 0.01, effects=(SensorQuantization("level"),))
+    rival.theta_of = lambda i: np.array([named])
+    assert names_steps(rival) is shown
 
 
 def test_a_slow_disturbance_that_shifts_the_free_run_hides_no_grid():

@@ -1,0 +1,52 @@
+"""Open steps that lead to a free run far from the data are taken back: a limited rate of a fast sine is found from above."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._fits import fit_last
+from sksurrogate.gap._problem import build_problem
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+DT, N, RUNS, LIMIT = 0.02, 400, 3, 6.3
+
+
+def spring(t, x, u, p):
+    return x[1], u[0] - p["stiffness"] * x[0] - p["damping"] * x[1]
+
+
+def limited(u):
+    """The input, following its command at LIMIT per unit of time at most."""
+    out = u.copy()
+    for k in range(1, len(u)):
+        out[k] = out[k - 1] + np.clip(u[k] - out[k - 1], -LIMIT * DT, LIMIT * DT)
+    return out
+
+
+@pytest.fixture(scope="module", params=[0.1, 0.5])
+def problem(request):
+    plant = ODESimulator(
+        spring, dt=DT, states=["place", "speed"], inputs=["force"], outputs=["place", "speed"],
+        params={"stiffness": 4.0, "damping": request.param},
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    U = [(rng.uniform(1.0, 2.0) * np.sin(6.0 * DT * np.arange(N) + rng.uniform(0, 6.3)))[:, None] for _ in range(RUNS)]
+    Y = [plant.simulate(limited(u)) for u in U]
+    Y = [y + 0.005 * y.std(axis=0) * rng.normal(size=y.shape) for y in Y]
+    described = describe(plant, n_inputs=1, n_outputs=2, dt=DT)
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    return build_problem(described, PlantModel(described), record, (), ("place", "speed"))
+
+
+@pytest.mark.parametrize("factor", [1.2, 1.5, 2.0])
+def test_a_limited_rate_is_found_from_above(problem, factor):
+    problem, smoothed = problem
+    null = problem.fit((), np.zeros(0), smoothed.x)
+    effect = CATALOGUE["rate_limit"]("force")
+    found = fit_last(problem, (effect,), np.array([factor * LIMIT]), smoothed.x, null.fit, null.fit.cost)
+    # The recorded staircase of the input lags the sine by half a sample; the limit of the smooth sine is a little larger.
+    assert found.fit.theta[0] == pytest.approx(LIMIT, rel=0.05)
+    assert found.fit.cost < 0.02 * null.fit.cost
