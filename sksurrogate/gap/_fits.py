@@ -14,7 +14,7 @@ from sksurrogate.gap._problem import Problem, Rival, nominal_run
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Start
 from sksurrogate.gap._sticking import sticks_in
-from sksurrogate.kernels.output_error import Fit, free_run, settle_hidden
+from sksurrogate.kernels.output_error import Fit, run_near, settle_hidden
 
 __all__ = [
     "best_starts",
@@ -118,7 +118,7 @@ def fit_limit(
     if near or problem.run is None or model.n_states > len(problem.run):
         return found
     with np.errstate(all="ignore"):
-        own = free_run(model, theta, problem.run[:, problem.record.starts])
+        own = run_near(model, theta, problem.run)
     other = problem.fit(effects, theta, own, open_steps=0) if np.isfinite(own).all() else None
     return cheapest([found, other])
 

@@ -12,7 +12,15 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
-from sksurrogate.kernels.output_error import Fit, Linearised, free_run, linearise, output_error, settle_hidden
+from sksurrogate.kernels.output_error import (
+    Fit,
+    Linearised,
+    free_run,
+    linearise,
+    output_error,
+    run_near,
+    settle_hidden,
+)
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_jacobian, smooth
 from sksurrogate.physics._model import PlantModel
@@ -283,12 +291,12 @@ def nominal_run(problem: Problem) -> np.ndarray:
 
 def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
     """States (n_states, n_samples) of the simulator alone, measured ones begun at their first readings."""
-    start = np.repeat(plant.x0[:, None], len(record.starts), axis=1)
+    near = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
     for j, i in enumerate(plant.output_states or ()):
-        start[i] = record.y[j, record.starts]
-    nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=np.ones(len(plant.states)))
+        near[i] = record.y[j]
+    nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=sizes(near))
     with np.errstate(all="ignore"):
-        return free_run(nominal, np.zeros(0), start)
+        return run_near(nominal, np.zeros(0), near)
 
 
 def measured_guess(plant: Plant, record: Record, run: np.ndarray) -> np.ndarray:

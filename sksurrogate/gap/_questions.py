@@ -12,7 +12,6 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._accused import accused, told_by, told_by_law
 from sksurrogate.gap._answer import note_on_none, sentence_of
-from sksurrogate.gap._aside import Aside
 from sksurrogate.gap._channel import missing_term, where_and_when
 from sksurrogate.gap._chosen import names_by_fold
 from sksurrogate.gap._curve_shapes import CERTAIN
@@ -26,7 +25,7 @@ from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._probability import probabilities
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._ranking import ranking_of
-from sksurrogate.gap._remains import CLOSED, NOTHING_LEFT, Remains, gap_and_places, law_left
+from sksurrogate.gap._remains import NOTHING_LEFT, Remaining, law_left
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._reported import reported
 from sksurrogate.gap._retuned import retuned_table, value_of
@@ -112,8 +111,7 @@ class Questions:
     def ask(self) -> None:
         say, problem, search = self.say, self.problem, self.search
         final, found = self.final, self.found
-        closed = left(final) < CLOSED
-        gap = Aside(lambda: gap_and_places(problem, self.null, closed), search.apart)
+        remaining = Remaining(search, self.null, final, self.seed)
         found.curve = free_curve(search.at(final), final)
         few = 0 < len(final.effects) < STACK
         if few and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
@@ -130,9 +128,7 @@ class Questions:
         found.experiment = next_experiment(problem, final, found.slots)
         self.imitation()
         say("what is left")
-        latent, law = law_left(search.at(final), final, self.seed)
-        force, accusable = gap.answer()
-        found.remains = Remains(latent, law, accusable, force)
+        found.remains = remaining.of(final)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
         if final.effects and not certified(found.shrink, left(final)):
             self.say_uncertified()

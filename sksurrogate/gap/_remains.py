@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sksurrogate.gap._aside import Aside
 from sksurrogate.gap._channel import places_by_law
 from sksurrogate.gap._evidence import NEARLY_WHITE, left
+from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
 from sksurrogate.gap._verdict import FAR
 
-__all__ = ["CLOSED", "NOTHING_LEFT", "Remains", "gap_and_places", "law_left"]
+__all__ = ["CLOSED", "NOTHING_LEFT", "Remaining", "Remains", "law_left"]
 
 #: Named effects that leave less over the noise leave no law.
 NOTHING_LEFT = 1.02
@@ -42,6 +44,40 @@ class Remains:
     law: np.ndarray
     places: list[Place]
     gap: LatentForce
+
+
+class Remaining:
+    """What remains, worked out while other questions are asked.
+
+    Parameters
+    ----------
+    search : Expander
+        Its numerics, and whether it wants a second process.
+    null, first : Rival
+        No effect, and the names that stand at the beginning.
+    seed : int
+    """
+
+    def __init__(self, search: Expander, null: Rival, first: Rival, seed: int):
+        self.search, self.first, self.seed = search, first, seed
+        self.closed = closed = left(first) < CLOSED
+
+        def question() -> tuple[tuple[LatentForce, list[Place]], tuple[LatentForce, np.ndarray] | None]:
+            gap = gap_and_places(search.problem, null, closed)
+            # Where the gap is still open its places take long: what is left is not asked behind them.
+            return gap, law_left(search.at(first), first, seed) if closed else None
+
+        self._aside = Aside(question, search.apart)
+
+    def of(self, final: Rival) -> Remains:
+        """Of the names that stand at the end."""
+        here = final is not self.first or not self.closed
+        own = law_left(self.search.at(final), final, self.seed) if here else None
+        (force, accusable), beside = self._aside.answer()
+        told = own or beside
+        assert told is not None
+        latent, law = told
+        return Remains(latent, law, accusable, force)
 
 
 def gap_and_places(problem: Problem, null: Rival, closed: bool) -> tuple[LatentForce, list[Place]]:

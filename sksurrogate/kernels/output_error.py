@@ -18,12 +18,23 @@ from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.integrate import DIFFERENCE, close
 from sksurrogate.kernels.linearised import Linearised, linearise
 
-__all__ = ["Fit", "Linearised", "approached", "free_run", "linearise", "output_error", "settle_hidden"]
+__all__ = [
+    "Fit",
+    "Linearised",
+    "approached",
+    "free_run",
+    "linearise",
+    "output_error",
+    "run_near",
+    "settle_hidden",
+]
 
 #: Slopes of a point nearby end a descent only where they promise this share of what would do otherwise.
 _STRICTER = 1e-2
 #: Open steps went astray where they lead so many times further (squared error) from the data than the trajectory to fall back on.
 ASTRAY = 4.0
+#: Correction, over the size of each state, at which a run by Newton in time counts as closed.
+CLOSED = 1e-9
 #: Open steps end where parameters and trajectory move by less than this share of their size.
 SETTLED = 1e-3
 
@@ -98,6 +109,13 @@ def free_run(model: Any, theta: np.ndarray, x0: np.ndarray) -> np.ndarray:
         out[:, rows[alive]] = x[:, 0][:, alive]
         x = bound(x, rows)
     return out
+
+
+def run_near(model: Any, theta: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Free run from the first rows of a trajectory (n_states, n_samples): by Newton in time from there, else by a loop over time."""
+    starts = model.record.starts
+    x, closed, _ = close(model.bind(theta[:, None]), near, starts, model.scale, CLOSED)
+    return x if closed else free_run(model, theta, near[:, starts])
 
 
 def approached(

@@ -1,4 +1,4 @@
-"""Open steps that lead to a free run far from the data are taken back: a limited rate of a fast sine is found from above."""
+"""Fits that go astray: open steps to a free run far from the data are taken back, and a run that Newton cannot close is looped."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._fits import fit_last
 from sksurrogate.gap._problem import build_problem
+from sksurrogate.kernels import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -50,3 +51,16 @@ def test_a_limited_rate_is_found_from_above(problem, factor):
     # The recorded staircase of the input lags the sine by half a sample; the limit of the smooth sine is a little larger.
     assert found.fit.theta[0] == pytest.approx(LIMIT, rel=0.05)
     assert found.fit.cost < 0.02 * null.fit.cost
+
+
+@pytest.mark.parametrize("limit", [None, 0.3])
+def test_a_run_near_a_trajectory_is_the_run_by_a_loop_over_time(problem, monkeypatch, limit):
+    problem, _ = problem
+    model = problem.augmented(() if limit is None else (CATALOGUE["state_saturation"]("place"),))
+    theta, loop, loops = np.array([] if limit is None else [limit]), output_error.free_run, []
+    monkeypatch.setattr(output_error, "free_run", lambda *args: loops.append(1) or loop(*args))
+    with np.errstate(all="ignore"):
+        run = output_error.run_near(model, theta, problem.run)
+        wanted = loop(model, theta, problem.run[:, problem.record.starts])
+    np.testing.assert_allclose(run, wanted, rtol=0, atol=1e-9 * model.scale.max())
+    assert limit is not None or not loops, "where nothing is cut off Newton needs no loop"

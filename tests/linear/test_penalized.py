@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import LinAlgWarning
-from scipy.optimize import LinearConstraint, lsq_linear, minimize
+from scipy.optimize import LinearConstraint, lsq_linear, minimize, nnls
 from sklearn.base import clone
 from sklearn.linear_model import LinearRegression, RidgeCV
 from sklearn.linear_model import Ridge as SklearnRidge
@@ -317,8 +317,13 @@ def test_inequalities_and_penalties_equal_a_general_solver():
         options={"ftol": 1e-14, "maxiter": 1000},
     )
     np.testing.assert_allclose(model.coef_, reference.x, atol=1e-6)
-    loss = np.sum((y - X @ model.coef_) ** 2) + 3 * model.coef_ @ model.coef_
-    assert loss <= reference.fun * (1 + 1e-10)
+    # Sufficient for the minimum: within the constraints, and the slope of the loss is pressed against those that hold.
+    rows, room = np.vstack([M, -np.eye(5)]), np.r_[np.full(4, 0.1), np.full(5, 0.5)]
+    left = room - rows @ model.coef_
+    assert left.min() > -1e-9
+    slope = 2 * X.T @ (X @ model.coef_ - y) + 6 * model.coef_
+    _, unexplained = nnls(rows[left < 1e-7].T, -slope)
+    assert unexplained < 1e-7 * np.linalg.norm(slope)
 
 
 @pytest.mark.parametrize("increasing", [True, False])
