@@ -60,18 +60,19 @@ class Remaining:
 
     def __init__(self, search: Expander, null: Rival, first: Rival, seed: int):
         self.search, self.first, self.seed = search, first, seed
-        self.closed = closed = left(first) < CLOSED
+        closed = left(first) < CLOSED
+        # An open gap takes long to be placed, and without names there is nothing else to be asked meanwhile.
+        self.both = both = closed and bool(first.effects)
 
         def question() -> tuple[tuple[LatentForce, list[Place]], tuple[LatentForce, np.ndarray] | None]:
             gap = gap_and_places(search.problem, null, closed)
-            # Where the gap is still open its places take long: what is left is not asked behind them.
-            return gap, law_left(search.at(first), first, seed) if closed else None
+            return gap, law_left(search.at(first), first, seed) if both else None
 
         self._aside = Aside(question, search.apart)
 
     def of(self, final: Rival) -> Remains:
         """Of the names that stand at the end."""
-        here = final is not self.first or not self.closed
+        here = final is not self.first or not self.both
         own = law_left(self.search.at(final), final, self.seed) if here else None
         (force, accusable), beside = self._aside.answer()
         told = own or beside
