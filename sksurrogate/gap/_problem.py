@@ -26,7 +26,7 @@ from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PRIOR", "Problem", "Rival", "build_problem", "nominal_run"]
+__all__ = ["LARGEST_DISTURBANCE", "PRIOR", "Problem", "Rival", "build_problem", "nominal_run"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10

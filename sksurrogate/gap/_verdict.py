@@ -13,7 +13,7 @@ from sksurrogate.gap._evidence import left
 from sksurrogate.gap._folded import opposed
 from sksurrogate.gap._free_curve import FreeCurve
 from sksurrogate.gap._law_rival import LawRival
-from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._problem import LARGEST_DISTURBANCE, Problem, Rival
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._report import EffectEstimate, Shrink, Table
 from sksurrogate.gap._rounding import Rounding
@@ -71,7 +71,7 @@ ROUNDING = 0.01
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
 
 #: Free runs beyond both (error over the output's deviation, over the noise) are wrong by more than a disturbance is called.
-LARGE_ERROR, LEFT_OF_LARGE = 0.2, 2.0
+LARGE_ERROR, LEFT_OF_LARGE = LARGEST_DISTURBANCE, 2.0
 
 #: Share of the gap (amplitude) that named effects must close on runs left out.
 CERTIFICATE = 0.15

@@ -179,3 +179,5 @@ def test_a_simulator_that_is_wrong_by_a_third_is_not_right_though_nothing_lawful
     disturbed = replace(gate, error=0.03, force=0.02)
     assert decide(disturbed) == "none"
     assert decide(replace(gate, left=1.02)) == "none"  # noise of a third
+    reactor = replace(gate, error=0.189, left=2.62)  # another gate, beside noise of 2 %
+    assert decide(reactor) == "unknown"
