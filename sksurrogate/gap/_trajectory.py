@@ -26,7 +26,7 @@ from sksurrogate.gap._retuned import retuned_table
 from sksurrogate.gap._shape import shape_of
 from sksurrogate.gap._shrink import notes_on_names, traces
 from sksurrogate.gap._tied import name_of, when_they_part
-from sksurrogate.gap._verdict import Facts, decide, parameter_errors, share_left
+from sksurrogate.gap._verdict import Facts, decide, needless, parameter_errors, share_left
 from sksurrogate.gap._where import by_frequency, by_location, by_output, named_places, regions, times
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
@@ -86,6 +86,7 @@ class _Answers(AroundQuestions):
                 error=float(shrink.before) if np.isfinite(shrink.before) else np.inf,
                 n_samples=self.around.record.n_samples,
                 same_names=shrink.same_names if np.isfinite(shrink.same_names) else 1.0,
+                needless=needless(shrink, len(final.effects)),
             )
         )
 

@@ -120,6 +120,8 @@ class Facts:
         Share of the folds whose other runs choose the same names.
     opposed : bool
         Whether two static laws of one variable in one balance nearly cancel.
+    needless : bool
+        Whether what needs no name closes as much of the gap, held out (`needless`).
     """
 
     accepted: bool
@@ -141,6 +143,7 @@ class Facts:
     rival: float = -np.inf
     same_names: float = 1.0
     opposed: bool = False
+    needless: bool = False
 
 
 def decide(facts: Facts) -> str:
@@ -153,7 +156,8 @@ def decide(facts: Facts) -> str:
         within = facts.left < WITHIN
         hidden = unnamed_curve(facts, CURVE_MOVED_WITHIN if within else CURVE_MOVED)
         hidden = hidden and facts.curve_share > (CURVE_SHARE_WITHIN if within else CURVE_SHARE)
-        most = facts.accepted and facts.share_left > most_left(facts) and facts.left > LEFT_FOR_MOST
+        leaves = facts.share_left > (SHARE if facts.needless else most_left(facts))
+        most = facts.accepted and leaves and facts.left > LEFT_FOR_MOST
         if facts.left > FAR:
             lawful_stack = facts.names >= MOST_EFFECTS and facts.law > CLEAR_LAW and facts.share_left > SHARE_LAWFUL
             stack = lawful_stack or (facts.names >= STACK and facts.share_left > SHARE)
@@ -189,6 +193,15 @@ def most_left(facts: Facts) -> float:
         return MOST_LEFT_BY_SEVERAL
     lawless = facts.law <= 0.0 and facts.curve < 0.0 and facts.force < FORCE
     return MOST_LEFT_LAWLESS if lawless else MOST_LEFT
+
+
+def needless(shrink: Shrink, names: int) -> bool:
+    """Whether a learned correction closes as much on runs left out as the names; beside one name, also re-tuning.
+
+    Of several names one may be an error of a parameter, which re-tuning finds as well.
+    """
+    without = [shrink.fraction_correction, *([shrink.fraction_retuning] if names == 1 else [])]
+    return any(fraction >= shrink.fraction for fraction in without)
 
 
 def unnamed_curve(facts: Facts, moved: float) -> bool:
@@ -236,6 +249,7 @@ def facts_of(
         rival.gain if rival is not None else -np.inf,
         shrink.same_names if np.isfinite(shrink.same_names) else 1.0,
         opposed(problem, final),
+        needless(shrink, len(final.effects)),
     )
 
 

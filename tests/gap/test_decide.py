@@ -6,7 +6,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._report import Shrink
-from sksurrogate.gap._verdict import Facts, certified, curves_in_parts, decide, share_left
+from sksurrogate.gap._verdict import Facts, certified, curves_in_parts, decide, needless, share_left
 
 
 def test_a_stack_of_names_with_a_clear_law_left_is_unknown_and_a_useful_one_is_not():
@@ -70,6 +70,19 @@ def test_names_that_leave_more_than_they_close_explain_nothing():
     assert decide(facts) == "unknown"
     assert decide(replace(facts, share_left=0.4)) == "explained"  # a disturbance leaves as much of a small gap
     assert decide(replace(facts, left=1.2)) == "explained"
+
+
+def test_a_name_that_closes_no_more_than_what_needs_no_name_explains_nothing():
+    """A hysteresis in a pendulum, which a hidden mode follows to 63 % beside a disturbance, and re-tuning to 68 %."""
+    nan = float("nan")
+    shrink = Shrink(0.0614, 0.0231, 0.0051, 0.631, (0.60, 0.65), fraction_retuning=0.677, fraction_correction=0.530)
+    facts = Facts(True, share_left(shrink), 4.55, 0.1023, 0.01, False, 1, 0.0614, 1600, moved=0.022)
+    assert decide(facts) == "explained"
+    assert decide(replace(facts, needless=needless(shrink, names=1))) == "unknown"
+    assert decide(replace(facts, needless=True, share_left=0.19)) == "explained"  # both at what a disturbance leaves
+    assert not needless(shrink, names=2)  # one of them may be an error of a parameter
+    assert needless(replace(shrink, fraction_correction=0.7), names=2)
+    assert not needless(replace(shrink, fraction_retuning=nan, fraction_correction=nan), names=1)
 
 
 def test_a_gap_within_the_noise_is_not_closed_by_what_makes_it_larger():
