@@ -206,8 +206,8 @@ def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise
     return others
 
 
-def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray) -> Fit | None:
-    """Free run at fixed parameters with the initial states fitted."""
+def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray, *, near: bool = False) -> Fit | None:
+    """Free run at fixed parameters with the initial states fitted; ``near`` that of the rival, to which it falls back."""
     return output_error(
         rival.model,
         theta,
@@ -217,6 +217,7 @@ def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray) -> Fit | None:
         bounds=(theta, theta),
         open_steps=1,
         max_steps=6,
+        fallback=rival.fit.x if near else None,
     )
 
 

@@ -242,7 +242,8 @@ def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:
 
 def numerics_matter(finer: Problem, rival: Rival) -> bool:
     """Whether shorter steps and sharper kinks move the free run by a share of the noise, or far from the data of what is left."""
-    shifted = frozen_fit(finer, Rival(rival.effects, finer.augmented(rival.effects), rival.fit), rival.fit.theta)
+    as_it_is = Rival(rival.effects, finer.augmented(rival.effects), rival.fit)
+    shifted = frozen_fit(finer, as_it_is, rival.fit.theta, near=True)
     if shifted is None:
         return False
     change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))

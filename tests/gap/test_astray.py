@@ -1,4 +1,5 @@
-"""Fits that go astray: open steps to a free run far from the data are taken back, and a run that Newton cannot close is looped."""
+"""Fits that go astray: open steps to a free run far from the data are taken back, held-out runs behind a limit too, and a run that
+Newton cannot close is looped."""
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._fits import fit_last
 from sksurrogate.gap._problem import build_problem
+from sksurrogate.gap._shrink import held_out, without_names
 from sksurrogate.kernels import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -51,6 +53,33 @@ def test_a_limited_rate_is_found_from_above(problem, factor):
     # The recorded staircase of the input lags the sine by half a sample; the limit of the smooth sine is a little larger.
     assert found.fit.theta[0] == pytest.approx(LIMIT, rel=0.05)
     assert found.fit.cost < 0.02 * null.fit.cost
+
+
+def cell(t, x, u, p):
+    return -u[0] / p["capacity"], u[0] / 600.0 - x[1] / 12.0, u[0] / 4000.0 - x[2] / 120.0
+
+
+def voltage(t, x, u, p):
+    return (3.4 + 0.6 * x[0] + 0.12 * np.tanh(6.0 * (x[0] - 0.5)) - 0.03 * u[0] - x[1] - x[2],)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_trajectory_of_its_rival(seed):
+    """A battery whose voltmeter stands at its limit at first: no reading shows where its three states began."""
+    states = ["charge", "fast", "slow"]
+    common = {"dt": 2.0, "states": states, "inputs": ["load"], "x0": [0.8, 0.0, 0.0], "params": {"capacity": 2500.0}}
+    plant = ODESimulator(cell, output=voltage, outputs=["voltage"], **common)
+    rng, limit, noise = np.random.default_rng(seed), 3.69, 0.002
+    U = [np.repeat(rng.uniform(-1.0, 4.0, 15), 20)[:, None] for _ in range(4)]
+    truth = [np.minimum(plant.simulate(u), limit) for u in U]
+    Y = [y + noise * rng.normal(size=y.shape) for y in truth]
+    described = describe(plant, n_inputs=1, n_outputs=1, dt=2.0)
+    record = Record.from_runs(U, Y, [2.0 * np.arange(300)] * 4, 2.0)
+    problem, smoothed = build_problem(described, PlantModel(described), record, (), states)
+    x = np.concatenate([ODESimulator(cell, outputs=states, **common).simulate(u) for u in U]).T
+    rival = problem.fit((CATALOGUE["sensor_saturation"]("voltage"),), np.array([limit]), x)
+    held = held_out(problem, [rival] * 4, without_names(problem, problem.fit((), np.zeros(0), smoothed.x)))
+    assert np.sqrt(np.mean((held.after - np.concatenate(truth).T) ** 2)) < 0.5 * noise
 
 
 @pytest.mark.parametrize("limit", [None, 0.3])
