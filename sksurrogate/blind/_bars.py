@@ -27,6 +27,8 @@ Row = Mapping[str, Any]
 #: Arms whose intervals are counted, and arms whose right answer is "unknown".
 NAMED = ("effect", "two", "weak", "sizes", "detuned", "effect_disturbed", "region", "time")
 UNKNOWN = ("outside", "novel", "outside_disturbed")
+#: Arms in which the true effect and its twins are taken out of the catalogue; the others are asked with the whole of it.
+PART = ("outside", "outside_disturbed")
 #: Edges of the bins of gap / noise.
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, math.inf)
 
@@ -172,14 +174,17 @@ def _size_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     against = [r["shrink"] / r["oracle"] for r in one if (r.get("oracle") or 0) > 0.1]
     timed = [r for r in _answered(_of(by, *by)) if r["n_runs"] == 6 and r.get("n_states", 2) >= 2]
     timed = [r for r in timed if r.get("abreast") == 1] or timed  # one diagnosis at a time has the machine's cores
-    seconds = [r["seconds"] for r in timed if r["seconds"] is not None]
-    busy = [r["processor_seconds"] for r in timed if r.get("processor_seconds") is not None]
+    timed = [r for r in timed if r["seconds"] is not None]
+    whole = [r for r in timed if r["arm"] not in PART]
+    part = [r["seconds"] for r in timed if r["arm"] in PART]
+    busy = [r["processor_seconds"] for r in whole if r.get("processor_seconds") is not None]
     return [
         inside,
         _median("shrink on runs nobody fitted (the true effect with its true parameters: 1)", [r["shrink"] for r in one], 0.98),
         _median("shrink over that of the true effect refitted", against, 0.98),
-        _median("seconds, 2 to 4 states, 6 x 300 samples", seconds, 3.0, at_most=True),
-        _median("processor seconds, the same", busy, 3.0, at_most=True),
+        _median("seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue", [r["seconds"] for r in whole], 3.0, at_most=True),
+        _median("processor seconds of two cores, the same", busy, 6.0, at_most=True),
+        _median("seconds where the true effect is taken out of the catalogue", part, 3.0, at_most=True),
     ]  # fmt: skip
 
 

@@ -51,7 +51,7 @@ def test_bars_say_whether_they_are_cleared_and_whether_more_cases_would_tell():
     assert found["no effect, white noise: false names"]["cleared"] == "yes, open"  # said nothing false, in 5 cases
     assert found["90 % intervals that hold the truth"]["cleared"] == "yes"
     assert found["shrink over that of the true effect refitted"]["figure"] == pytest.approx(0.99 / 0.995)
-    assert found["seconds, 2 to 4 states, 6 x 300 samples"]["figure"] == 2.0
+    assert found["seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"]["figure"] == 2.0
     assert "two effects: both named, nothing else" not in found  # not asked
 
 
@@ -147,8 +147,19 @@ def test_figures_are_drawn_from_rows(tmp_path):
 
 
 def test_seconds_are_those_of_diagnoses_that_had_the_machine_alone_where_there_are_any():
-    question = "seconds, 2 to 4 states, 6 x 300 samples"
+    question = "seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"
     together = [made("effect", seed=k, seconds=5.0, abreast=2) for k in range(5)]
     alone = [made("effect", seed=9 + k, seconds=2.5, abreast=1) for k in range(3)]
     figures = [{line["question"]: line for line in bars(rows)}[question] for rows in (together, together + alone)]
     assert [(line["figure"], line["cases"]) for line in figures] == [(5.0, 5), (2.5, 3)]
+
+
+def test_seconds_are_told_apart_where_the_catalogue_is_not_whole():
+    rows = [made("effect", seed=k, processor_seconds=5.0) for k in range(3)]
+    rows += [made("novel", seed=7, seconds=9.0), made("outside", seed=8, seconds=20.0)]
+    found = {line["question"]: line for line in bars(rows)}
+    whole = found["seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"]
+    assert (whole["figure"], whole["cases"]) == (2.0, 4)
+    assert found["processor seconds of two cores, the same"]["cleared"].startswith("yes")
+    part = found["seconds where the true effect is taken out of the catalogue"]
+    assert (part["figure"], part["cases"]) == (20.0, 1) and part["cleared"].startswith("no")
