@@ -33,6 +33,8 @@ __all__ = [
 _STRICTER = 1e-2
 #: Open steps went astray where they lead so many times further (squared error) from the data than the trajectory to fall back on.
 ASTRAY = 4.0
+#: A step moves the initial states of a run by at most so many times their sizes: those that no output shows would go anywhere.
+FARTHEST = 10.0
 #: Correction, over the size of each state, at which a run by Newton in time counts as closed.
 CLOSED = 1e-9
 #: Open steps end where parameters and trajectory move by less than this share of their size.
@@ -254,10 +256,12 @@ class _OutputError:
     def moved(
         self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Parameters within their bounds, and the trajectory that the sensitivities predict."""
+        """Parameters within their bounds, and the trajectory that the sensitivities predict, of initial states not too far off."""
         new = np.clip(theta + dt, self.low, self.high)
         x = lin.x + np.einsum("ikt,k->it", lin.Z_theta, new - theta)
         if self.free.any():
+            far = np.max(np.abs(dx) / self.model.scale[self.free, None], axis=0)
+            dx = dx * np.minimum(1.0, FARTHEST / np.maximum(far, FARTHEST))
             x = x + np.einsum("ijt,jt->it", lin.Z_x[:, self.free], np.repeat(dx, self.record.lengths, axis=1))
         return new, x
 
