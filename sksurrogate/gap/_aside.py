@@ -26,6 +26,8 @@ T = TypeVar("T")
 #: Seconds that are waited for an answer, and how many times what has passed since the question was asked: after that it is
 #: worked out here.
 PATIENCE, TIMES = 30.0, 3.0
+#: Niceness of a process whose answer is wanted later: where cores are wanted it takes a tenth of one.
+LATER = 10
 
 
 def can_fork() -> bool:
@@ -47,6 +49,8 @@ class Aside(Generic[T]):
         Its answer can be pickled.
     apart : bool
         Whether a second process is wanted.
+    later : bool, default=False
+        Whether the answer is wanted much later: until then it takes mostly time that no other process wants.
 
     Examples
     --------
@@ -55,8 +59,9 @@ class Aside(Generic[T]):
     6
     """
 
-    def __init__(self, question: Callable[[], T], apart: bool = True):
+    def __init__(self, question: Callable[[], T], apart: bool = True, later: bool = False):
         self._question = question
+        self._nice = LATER if later else 0
         self._begun = time.monotonic()
         self._pipe: Connection | None = None
         self._process: Any = None
@@ -94,7 +99,7 @@ class Aside(Generic[T]):
         libraries()
         fork = multiprocessing.get_context("fork")
         here, there = fork.Pipe(duplex=False)
-        process = fork.Process(target=_tell, args=(self._question, there), daemon=True)
+        process = fork.Process(target=_tell, args=(self._question, there, self._nice), daemon=True)
         with warnings.catch_warnings():
             # From Python 3.12 on a fork warns of the threads of numerical libraries; these are made again or not used there.
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -138,8 +143,9 @@ def side_by_side(function: Callable[[S], T], items: Sequence[S], apart: bool) ->
     return [both[k] for k in range(len(items))]
 
 
-def _tell(question: Callable[[], T], pipe: Connection) -> None:
+def _tell(question: Callable[[], T], pipe: Connection, nice: int) -> None:
     """Answer in the second process; silence is the sign that it could not."""
+    os.nice(nice)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt is told by the first one
     gc.disable()  # a collection would touch, and so copy, all that both processes share
     try:

@@ -68,7 +68,7 @@ class Remaining:
             gap = gap_and_places(search.problem, null, closed)
             return gap, law_left(search.at(first), first, seed) if both else None
 
-        self._aside = Aside(question, search.apart)
+        self._aside = Aside(question, search.apart, later=True)
 
     def of(self, final: Rival) -> Remains:
         """Of the names that stand at the end."""

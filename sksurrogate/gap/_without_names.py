@@ -43,7 +43,7 @@ class WithoutNames:
             held = without_names(problem, null)
             return held if early is None else corrected(held, early)
 
-        self._held = Aside(question, apart)
+        self._held = Aside(question, apart, later=True)
 
     def gap_to_learn(self) -> bool:
         """Whether the simulator misses anything."""

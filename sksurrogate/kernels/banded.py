@@ -17,7 +17,11 @@ __all__ = [
     "solve_adjoint",
     "solve_blocks",
     "solve_recursion",
+    "solved_squares",
 ]
+
+#: Samples whose solutions are squared at once: more, of hundreds of columns, would leave the processor's cache.
+AT_ONCE = 16
 
 
 def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -161,14 +165,37 @@ def solve_blocks(step: np.ndarray, b: np.ndarray) -> np.ndarray:
     >>> solve_blocks(block_steps(factor, np.ones((2, 1, 1))), np.array([[[2.0]], [[5.0]]])).ravel()
     array([1., 1.])
     """
+    out = np.empty((*step.shape[:2], b.shape[2]))
+    _walk(step, b, out, np.zeros((step.shape[2], b.shape[2])))
+    return out
+
+
+def solved_squares(step: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Sums of squares of what :func:`solve_blocks` gives, column by column, (n_columns,): none of it is kept.
+
+    Examples
+    --------
+    >>> factor = np.array([[2.0, 4.0], [1.0, 0.0]])
+    >>> float(solved_squares(block_steps(factor, np.ones((2, 1, 1))), np.array([[[2.0]], [[5.0]]]))[0])
+    2.0
+    """
     n_samples, n, _ = step.shape
-    out = np.empty((n_samples, n, b.shape[2]))
-    both = np.zeros((n + b.shape[1], b.shape[2]))
-    for k in range(n_samples):
+    total, some = np.zeros(b.shape[2]), np.empty((AT_ONCE, n, b.shape[2]))
+    both = np.zeros((step.shape[2], b.shape[2]))
+    for a in range(0, n_samples, AT_ONCE):
+        out = some[: n_samples - a]
+        _walk(step[a : a + AT_ONCE], b[a : a + AT_ONCE], out, both)
+        total += np.einsum("tik,tik->k", out, out)
+    return total
+
+
+def _walk(step: np.ndarray, b: np.ndarray, out: np.ndarray, both: np.ndarray) -> None:
+    """The recursion of :func:`block_steps`; ``both`` holds the last solution above the right-hand side."""
+    n = step.shape[1]
+    for k in range(len(step)):
         both[n:] = b[k]
         np.matmul(step[k], both, out=out[k])
         both[:n] = out[k]
-    return out
 
 
 class BlockTridiagonal:

@@ -18,7 +18,14 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
-from sksurrogate.kernels.banded import block_steps, first_order_scan, recursion_band, solve_blocks, solve_recursion
+from sksurrogate.kernels.banded import (
+    block_steps,
+    first_order_scan,
+    recursion_band,
+    solve_blocks,
+    solve_recursion,
+    solved_squares,
+)
 
 __all__ = ["Disturbance", "Noise"]
 
@@ -147,16 +154,19 @@ class Disturbance:
         A, B, C = (part.transpose(1, 2, 0) for part in (self.A, self.B, self.C))
         return Disturbance(A, B, C, starts, self.start_sd, self.slack)
 
-    def _chains(self, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def chains(self, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Size, memory over a sample and precision of the steps of every coloured noise, forces first."""
         spread = np.concatenate([noise.force, noise.coloured])
         a = np.exp(-1.0 / np.repeat([noise.tau, noise.tau_sensor], [self.b, self.m]))
         return spread, a, 1.0 / (spread**2 * (1 - a**2))
 
-    def _factor(self, noise: Noise) -> np.ndarray:
-        """Banded Cholesky factor of the posterior precision."""
+    def precision(self, noise: Noise) -> np.ndarray:
+        """Lower band of the posterior precision of states, forces and coloured noise (n_samples, size, size + n_states).
+
+        Entry ``[t, j, d]`` belongs to component j at sample t and to what stands d behind it, samples one behind the other.
+        """
         n, size, top = self.n, self.size, self.n + self.b
-        _, a, q = self._chains(noise)
+        _, a, q = self.chains(noise)
         band = self.constant.copy()
         # Chains of first order: q (1 + a^2) on the diagonal, q where a run starts and where it ends, -q a beside it.
         band[:, n:, 0] += q * (1 + a**2)
@@ -171,7 +181,11 @@ class Disturbance:
                 for k in seen[seen <= i]:
                     band[:, k, i - k] += weighted * self.C[:, j, k]
                 band[:, i, top + j - i] += weighted
-        factor, info = dpbtrf(band.reshape(self.n_samples * size, size + n).T, lower=1, overwrite_ab=1)
+        return band
+
+    def factor(self, noise: Noise) -> np.ndarray:
+        """Banded Cholesky factor of the posterior precision (size + n_states, n_samples * size)."""
+        factor, info = dpbtrf(self.precision(noise).reshape(-1, self.size + self.n).T, lower=1, overwrite_ab=1)
         if info != 0:
             raise np.linalg.LinAlgError("the posterior precision is not positive definite")
         return factor
@@ -189,22 +203,22 @@ class Disturbance:
 
     def _log_det(self, factor: np.ndarray, noise: Noise) -> np.ndarray:
         """log det S of every run: posterior precision over prior precision, times the white noise."""
-        spread, _, q = self._chains(noise)
+        spread, _, q = self.chains(noise)
         lengths = self.ends + 1 - self.starts
         posterior = 2.0 * np.add.reduceat(np.log(factor[0]), self.starts * self.size)
         prior = (lengths - 1) * (np.sum(np.log(q)) - 2 * np.sum(np.log(self.slack)))
         prior = prior - 2 * (np.sum(np.log(self.start_sd)) + np.sum(np.log(spread)))
         return posterior - prior + 2.0 * lengths * np.sum(np.log(noise.sigma))
 
-    def gram(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, float]:
+    def gram(self, r: np.ndarray, noise: Noise, factor: np.ndarray | None = None) -> tuple[np.ndarray, float]:
         """``r' S^-1 r`` of columns r (n_outputs, n_columns, n_samples) with S the covariance of the residual, and log det S."""
-        factor = self._factor(noise)
+        factor = self.factor(noise) if factor is None else factor
         flat, half = self._whitened(factor, r, noise)
         return flat @ flat.T - half @ half.T, float(np.sum(self._log_det(factor, noise)))
 
     def gram_each(self, r: np.ndarray, blocks: Iterable[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
         """The matrix of :meth:`gram` of columns r with each block of further columns beside them, from one factor."""
-        steps = self._steps(self._factor(noise), noise)
+        steps = self._steps(self.factor(noise), noise)
 
         def product(a: tuple[np.ndarray, ...], b: tuple[np.ndarray, ...]) -> np.ndarray:
             return a[0].T @ b[0] - a[1].T @ b[1]
@@ -239,7 +253,7 @@ class Disturbance:
 
     def gram_by_run(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
         """The matrix of :meth:`gram` run by run, (n_runs, n_columns, n_columns), and its log determinants; they add up to it."""
-        factor = self._factor(noise)
+        factor = self.factor(noise)
         half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
         flat = r / noise.sigma[:, None, None]
         out = []
@@ -256,7 +270,7 @@ class Disturbance:
 
         Columns (n_columns, n_outputs, n_samples) lie one behind the other here, each over the ``unit`` of its output.
         """
-        factor = self._factor(noise)
+        factor = self.factor(noise)
         steps, unit = self._steps(factor, noise), np.broadcast_to(unit, self.m)[:, None, None]
         first = r[:n_rows].transpose(1, 0, 2) * unit
         solved, _ = dpbtrs(factor, self._load(first, noise), lower=1)
@@ -264,10 +278,11 @@ class Disturbance:
         shown = self._shown(solved.T.reshape(n_rows, self.n_samples, self.size))
         weights = (first - shown) * unit / noise.sigma[:, None, None] ** 2
         rows = weights.transpose(1, 0, 2).reshape(n_rows, -1) @ r.reshape(len(r), -1).T
-        diagonal = np.empty(len(r))
+        diagonal, weight = np.empty(len(r)), unit[:, 0] / noise.sigma[:, None]
         for a in range(0, len(r), MOST_ABREAST):
-            flat, half = self._abreast(steps, r[a : a + MOST_ABREAST].transpose(1, 0, 2) * unit, noise)
-            diagonal[a : a + MOST_ABREAST] = np.einsum("ik,ik->k", flat, flat) - np.einsum("ik,ik->k", half, half)
+            whitened = (r[a : a + MOST_ABREAST] * weight).transpose(2, 1, 0).copy()
+            white = np.einsum("tok,tok->k", whitened, whitened)
+            diagonal[a : a + MOST_ABREAST] = white - solved_squares(steps, whitened)
         return rows, diagonal
 
     def _shown(self, states: np.ndarray) -> np.ndarray:
@@ -309,7 +324,10 @@ class Disturbance:
 
     def states(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Posterior mean of dx (n_states, n_samples), of the forces (n_balances, n_samples), of coloured sensor noise."""
-        factor = self._factor(noise)
-        solved, _ = dpbtrs(factor, np.asfortranarray(self._load(r[:, None, :], noise)), lower=1)
-        s = solved[:, 0].reshape(self.n_samples, self.size).T
+        s = self.mean(r, noise, self.factor(noise))
         return s[: self.n], s[self.n : self.n + self.b], s[self.n + self.b :]
+
+    def mean(self, r: np.ndarray, noise: Noise, factor: np.ndarray) -> np.ndarray:
+        """Posterior mean of dx, forces and coloured noise (size, n_samples) given a residual (n_outputs, n_samples)."""
+        solved, _ = dpbtrs(factor, np.asfortranarray(self._load(r[:, None, :], noise)), lower=1)
+        return solved[:, 0].reshape(self.n_samples, self.size).T

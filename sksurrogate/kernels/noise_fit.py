@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_slopes import noise_slopes
 
 __all__ = ["fit_noise"]
 
@@ -26,6 +27,13 @@ def _log_prior(noise: Noise, sigma_unit: np.ndarray) -> float:
     """Weak log-normal priors on the correlation times; they keep flat directions in place."""
     prior = -0.5 * (np.log(noise.tau / 10.0)) ** 2 - 0.5 * (np.log(noise.tau_sensor / 10.0)) ** 2
     return float(prior - 0.005 * np.sum(np.log(noise.coloured / sigma_unit) ** 2))
+
+
+def _prior_slopes(noise: Noise, sigma_unit: np.ndarray) -> np.ndarray:
+    """Slopes of the prior in :meth:`Noise.pack`."""
+    coloured = -0.01 * np.log(noise.coloured / sigma_unit)
+    taus = -np.log(noise.tau / 10.0), -np.log(noise.tau_sensor / 10.0)
+    return np.r_[np.zeros(len(noise.sigma) + len(noise.force)), taus[0], coloured, taus[1]]
 
 
 def _noise_bounds(
@@ -106,16 +114,16 @@ def fit_noise(
 
 
 class _Value(NamedTuple):
-    """Negative log likelihood at the best parameters of the model, these, its value with them frozen, and the mean square
-    of the whitened residual."""
+    """Negative log likelihood at the best parameters of the model, these, the mean square of the whitened residual, and the
+    factor of the posterior precision."""
 
     best: float
     theta: np.ndarray
-    frozen: float
     square: float
+    factor: np.ndarray
 
 
-LOST = _Value(np.inf, np.zeros(0), np.inf, np.nan)
+LOST = _Value(np.inf, np.zeros(0), np.nan, np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +142,8 @@ class _Likelihood:
     def __call__(self, eta: np.ndarray) -> _Value:
         noise = self.start.unpack(eta)
         try:
-            G, logdet = self.model.gram(self.columns, noise)
+            factor = self.model.factor(noise)
+            G, logdet = self.model.gram(self.columns, noise, factor)
         except np.linalg.LinAlgError:
             return LOST
         if not np.all(np.isfinite(G)):
@@ -151,28 +160,14 @@ class _Likelihood:
             return LOST
         weights = np.r_[1.0, -theta / scale]  # of the columns in the residual that is left
         square = float(weights @ G @ weights)
-        return _Value(float(value), theta / scale, 0.5 * (square + logdet), square / self.columns[:, 0].size)
-
-    def frozen(self, eta: np.ndarray, residual: np.ndarray) -> float:
-        """Of one residual."""
-        noise = self.start.unpack(eta)
-        try:
-            G, logdet = self.model.gram(residual, noise)
-        except np.linalg.LinAlgError:
-            return np.inf
-        value = 0.5 * (G[0, 0] + logdet) - _log_prior(noise, self.start.sigma)
-        return float(value) if np.isfinite(value) else np.inf
+        return _Value(float(value), theta / scale, square / self.columns[:, 0].size, factor)
 
     def gradient(self, eta: np.ndarray, at: _Value) -> np.ndarray:
-        """Forward differences with the parameters frozen at their best (envelope theorem)."""
-        residual = self.columns[:, :1] - np.einsum("okt,k->ot", self.columns[:, 1:], at.theta)[:, None]
-        out, step = np.zeros(len(eta)), 1e-3
-        for i in np.flatnonzero(self.low < self.high):
-            h = step if eta[i] + step <= self.high[i] else -step
-            shifted = eta.copy()
-            shifted[i] += h
-            out[i] = (self.frozen(shifted, residual) - at.frozen) / h
-        return out
+        """Slopes with the parameters of the model frozen at their best (envelope theorem)."""
+        noise = self.start.unpack(eta)
+        residual = self.columns[:, 0] - np.einsum("okt,k->ot", self.columns[:, 1:], at.theta)
+        out = noise_slopes(self.model, residual, noise, at.factor) - _prior_slopes(noise, self.start.sigma)
+        return np.where(self.low < self.high, out, 0.0)
 
     def resized(self, eta: np.ndarray) -> tuple[np.ndarray, _Value]:
         """All noises in their best common size where they are far from it: it has a closed form, but for bounds and prior."""

@@ -31,6 +31,10 @@ def test_the_question_is_answered_in_another_process_and_the_answer_comes_back()
     assert told(
         "a = Aside(os.getpid); print(a.answer() == os.getpid(), Aside(os.getpid, False).answer() == os.getpid())"
     ) == ("False True")
+    assert (
+        told("print([Aside(lambda: os.nice(0), later=later).answer() - os.nice(0) for later in (False, True)])")
+        == "[0, 10]"
+    )
     slow = "def slow(k):\n    time.sleep(0.3)\n    return k, os.getpid() == here\n"
     found = "found = side_by_side(slow, list(range(6)), True)\n"
     script = "import time\nhere = os.getpid()\n" + slow + found

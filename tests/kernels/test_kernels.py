@@ -12,6 +12,7 @@ from sksurrogate.kernels.banded import (
     recursion_band,
     solve_blocks,
     solve_recursion,
+    solved_squares,
 )
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import close, march, rk4
@@ -69,6 +70,12 @@ def test_sample_by_sample_equals_dense_triangles(width):
     H, b = RNG.normal(size=(n_samples, n, 2)), RNG.normal(size=(n_samples, 2, 4))
     expected = np.linalg.solve(L, (H @ b).reshape(rows, 4)).reshape(n_samples, n, 4)
     np.testing.assert_allclose(solve_blocks(block_steps(factor, H), b), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("n_samples", [5, 16, 37])  # fewer than are squared at once, as many, more
+def test_squares_of_solutions_equal_those_of_kept_ones(n_samples):
+    steps, b = 0.3 * RNG.normal(size=(n_samples, 3, 5)), RNG.normal(size=(n_samples, 2, 4))
+    np.testing.assert_allclose(solved_squares(steps, b), np.sum(solve_blocks(steps, b) ** 2, axis=(0, 1)))
 
 
 def test_runge_kutta_has_order_four():
