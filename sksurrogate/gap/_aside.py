@@ -6,6 +6,7 @@ import gc
 import mmap
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -14,6 +15,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
+from itertools import accumulate
 from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
@@ -26,6 +28,8 @@ T = TypeVar("T")
 #: Seconds that are waited for an answer, and how many times what has passed since the question was asked: after that it is
 #: worked out here.
 PATIENCE, TIMES = 30.0, 3.0
+#: Bytes of which the place of an array that travels is a multiple.
+ALIGNED = 64
 #: Niceness of a process whose answer is wanted later: where cores are wanted it takes a tenth of one.
 LATER = 10
 
@@ -64,6 +68,7 @@ class Aside(Generic[T]):
         self._nice = LATER if later else 0
         self._begun = time.monotonic()
         self._pipe: Connection | None = None
+        self._memory = -1
         self._process: Any = None
         self._owner = os.getpid()
         if apart and can_fork():
@@ -75,7 +80,7 @@ class Aside(Generic[T]):
             pipe, self._pipe = self._pipe, None
             try:
                 if pipe.poll(PATIENCE + TIMES * (time.monotonic() - self._begun)):
-                    answer, heard = pipe.recv()
+                    answer, heard = _heard(pipe, self._memory)
                     for warning in heard:
                         warnings.warn(warning, stacklevel=2)
                     return answer
@@ -91,6 +96,7 @@ class Aside(Generic[T]):
             self._process.kill()
             multiprocessing.active_children()  # those that have ended are let go; this one may take a moment
             self._process = None
+            os.close(self._memory)
 
     def __del__(self) -> None:
         self.leave()
@@ -99,16 +105,18 @@ class Aside(Generic[T]):
         libraries()
         fork = multiprocessing.get_context("fork")
         here, there = fork.Pipe(duplex=False)
-        process = fork.Process(target=_tell, args=(self._question, there, self._nice), daemon=True)
+        memory = os.memfd_create("answer")
+        process = fork.Process(target=_tell, args=(self._question, there, memory, self._nice), daemon=True)
         with warnings.catch_warnings():
             # From Python 3.12 on a fork warns of the threads of numerical libraries; these are made again or not used there.
             warnings.simplefilter("ignore", DeprecationWarning)
             try:
                 process.start()
             except OSError:  # no more processes are allowed
+                os.close(memory)
                 return
         there.close()
-        self._pipe, self._process = here, process
+        self._pipe, self._process, self._memory = here, process, memory
 
 
 def side_by_side(function: Callable[[S], T], items: Sequence[S], apart: bool) -> list[T]:
@@ -143,7 +151,7 @@ def side_by_side(function: Callable[[S], T], items: Sequence[S], apart: bool) ->
     return [both[k] for k in range(len(items))]
 
 
-def _tell(question: Callable[[], T], pipe: Connection, nice: int) -> None:
+def _tell(question: Callable[[], T], pipe: Connection, memory: int, nice: int) -> None:
     """Answer in the second process; silence is the sign that it could not."""
     os.nice(nice)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt is told by the first one
@@ -151,9 +159,32 @@ def _tell(question: Callable[[], T], pipe: Connection, nice: int) -> None:
     try:
         with libraries().limit(limits=1), warnings.catch_warnings(record=True) as heard:
             answer = question()
-        pipe.send((answer, [warning.message for warning in heard]))
+        arrays: list[pickle.PickleBuffer] = []
+        told = pickle.dumps((answer, [warning.message for warning in heard]), 5, buffer_callback=arrays.append)
+        raw = [array.raw() for array in arrays]
+        for one in raw:
+            _write(memory, one)
+        pipe.send((told, [one.nbytes for one in raw]))
     finally:
         os._exit(0)
+
+
+def _write(memory: int, one: memoryview) -> None:
+    """Behind what is there, so that the next begins at a multiple of :data:`ALIGNED`."""
+    done = 0
+    while done < one.nbytes:
+        done += os.write(memory, one[done:])
+    os.write(memory, bytes(-done % ALIGNED))
+
+
+def _heard(pipe: Connection, memory: int) -> Any:
+    """What the second process told; its arrays lie where it wrote them, changes stay here."""
+    told, sizes = pipe.recv()
+    ends = list(accumulate(size + -size % ALIGNED for size in sizes))
+    if not ends or not ends[-1]:
+        return pickle.loads(told, buffers=[bytearray() for _ in sizes])
+    whole = memoryview(mmap.mmap(memory, ends[-1], flags=mmap.MAP_PRIVATE))
+    return pickle.loads(told, buffers=[whole[a : a + size] for a, size in zip([0, *ends], sizes)])
 
 
 def one_thread() -> AbstractContextManager[Any]:

@@ -101,11 +101,11 @@ class _AtStarts:
         theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
         out, paths = s.columns(effect, theta)
         size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
-        n = len(s.smoothed.x)
+        columns, n = np.ascontiguousarray(out.transpose(1, 0, 2)), len(s.smoothed.x)
         return [
             (
                 theta[:, k],
-                out[:, k],
+                columns[k],
                 paths[k][n:] if len(paths[k]) > n else None,
                 bool(k < n_evident) and not self.shape,
                 self.unseen.through(effect, theta[:, k]),
