@@ -19,6 +19,7 @@ from itertools import accumulate
 from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
 __all__ = ["Aside", "can_fork", "one_thread", "side_by_side"]
@@ -119,17 +120,23 @@ class Aside(Generic[T]):
         self._pipe, self._process, self._memory = here, process, memory
 
 
-def side_by_side(function: Callable[[S], T], items: Sequence[S], apart: bool) -> list[T]:
+def side_by_side(
+    function: Callable[[S], T], items: Sequence[S], apart: bool, effort: Callable[[S], float] | None = None
+) -> list[T]:
     """The function of every item, begun at both ends: from the front here, from the back in a second process.
 
     Each takes the next item when it is done with one, until they meet. Where both begin the last item at once it is worked
-    out twice.
+    out twice. Items of most ``effort`` stand at the ends, so that they meet at short ones.
 
     Examples
     --------
     >>> side_by_side(lambda x: x**2, [1, 2, 3], apart=False)
     [1, 4, 9]
     """
+    order = list(range(len(items)))
+    if effort is not None:
+        order.sort(key=lambda k: -effort(items[k]))
+        order = order[::2] + order[1::2][::-1]
     met = memoryview(mmap.mmap(-1, 16)).cast("q")  # how many are begun here, the first that is begun there
     met[1] = len(items)
 
@@ -139,16 +146,16 @@ def side_by_side(function: Callable[[S], T], items: Sequence[S], apart: bool) ->
             if k < met[0]:
                 break
             met[1] = k
-            out[k] = function(items[k])
+            out[k] = function(items[order[k]])
         return out
 
     beside = Aside(from_the_back, apart and len(items) > 1)
     here: dict[int, T] = {}
     while len(here) < met[1]:
         met[0] = len(here) + 1
-        here[len(here)] = function(items[len(here)])
+        here[len(here)] = function(items[order[len(here)]])
     both = {**beside.answer(), **here}
-    return [both[k] for k in range(len(items))]
+    return [both[k] for k in np.argsort(order)]
 
 
 def _tell(question: Callable[[], T], pipe: Connection, memory: int, nice: int) -> None:

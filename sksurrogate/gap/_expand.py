@@ -28,6 +28,8 @@ SHORTLIST = 100.0
 SAME_BASE = 1e-3
 #: Screens that are kept beside that of the null.
 MOST_SCREENS = 4
+#: Effort of the search for a jump, in parameters that are fitted.
+SEARCHED = 12
 #: Other places and variables of the nearest effect that are fitted from its shape.
 MOST_SIBLINGS = 8
 
@@ -231,7 +233,7 @@ class Expander:
             first = fit_added(problem, base, chosen[0], best) if chosen else None
             best = min(best, first.fit.cost) if first is not None else best
             others = side_by_side(
-                lambda starts: shipped(fit_added(problem, base, starts, best)), chosen[1:], self.apart
+                lambda starts: shipped(fit_added(problem, base, starts, best)), chosen[1:], self.apart, effort
             )
             found = [first, *(landed(problem, base, starts, s) for starts, s in zip(chosen[1:], others))]
             return [rival for rival in found if rival is not None]
@@ -239,6 +241,13 @@ class Expander:
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
         parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, best) for chunk in chunks)
         return [rival for part in parts for rival in part if rival is not None]
+
+
+def effort(starts: Sequence[Start]) -> float:
+    """About how long the fits of one effect take: hidden states and parameters are more columns, jumps are searched for."""
+    effect, theta = starts[0].effect, starts[0].theta
+    hidden = effect.n_hidden if isinstance(effect, HiddenEffect) else 0
+    return len(starts) * len(theta) * (1 + hidden) + (SEARCHED if effect.scan(tuple(theta)) else 0)
 
 
 def shipped(rival: Rival | None) -> tuple[Fit, int, float] | None:

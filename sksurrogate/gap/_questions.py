@@ -12,6 +12,7 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._accused import accused, told_by, told_by_law
 from sksurrogate.gap._answer import note_on_none, sentence_of
+from sksurrogate.gap._aside import Aside
 from sksurrogate.gap._channel import missing_term, where_and_when
 from sksurrogate.gap._chosen import names_by_fold
 from sksurrogate.gap._curve_shapes import CERTAIN
@@ -121,12 +122,13 @@ class Questions:
         say("what these data cannot tell apart")
         found.slots = equivalents(search, final)
         say("how far the gap shrinks on runs left out")
+        experiment = Aside(lambda: next_experiment(problem, final, found.slots), search.apart)
         found.finals = names_by_fold(search, final, found.slots)
         found.held = held_out(
             problem, found.finals, self.without.held(bool(final.effects)), same_names(found.finals, final)
         )
-        found.experiment = next_experiment(problem, final, found.slots)
         self.imitation()
+        found.experiment = experiment.answer()
         say("what is left")
         found.remains = remaining.of(final)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)

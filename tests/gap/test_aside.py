@@ -35,10 +35,15 @@ def test_the_question_is_answered_in_another_process_and_the_answer_comes_back()
         told("print([Aside(lambda: os.nice(0), later=later).answer() - os.nice(0) for later in (False, True)])")
         == "[0, 10]"
     )
+    arrays = "[np.arange(7.0), np.zeros((2, 0)), np.arange(12).reshape(3, 4).T, 'end']"
+    changed = "a[0][:] = 1.0\nprint(a[0].sum(), a[1].shape, a[2][3, 2], a[3])"  # what comes back can be written to
+    assert told(f"import numpy as np\na = Aside(lambda: {arrays}).answer()\n{changed}") == "7.0 (2, 0) 11 end"
     slow = "def slow(k):\n    time.sleep(0.3)\n    return k, os.getpid() == here\n"
     found = "found = side_by_side(slow, list(range(6)), True)\n"
     script = "import time\nhere = os.getpid()\n" + slow + found
     assert told(script + "print([k for k, _ in found], found[0][1], found[5][1])") == "[0, 1, 2, 3, 4, 5] True False"
+    script = script.replace("True)", "True, lambda k: k in (2, 3))")  # the long ones stand at the ends
+    assert told(script + "print([k for k, _ in found], found[2][1], found[3][1])") == "[0, 1, 2, 3, 4, 5] True False"
 
 
 @needs_fork
