@@ -15,7 +15,7 @@ from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap._diverged import divergence
-from sksurrogate.gap._evidence import profile
+from sksurrogate.gap._evidence import NEARLY_WHITE, profile
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._retuned import value_of
 from sksurrogate.gap._stand_in import StandIn, learn
@@ -386,7 +386,7 @@ class Around:
         noise, _, _ = fit_noise(
             self.disturbance(),
             columns[:, 0],
-            start or self.first_noise(),
+            self.begun(trial, start or self.first_noise()),
             np.ones(len(self.stand_in.A)),
             columns[:, 1:],
             precision,
@@ -395,6 +395,18 @@ class Around:
             caps=self.stand_in.caps(self.record.y),
         )
         return replace(trial, noise=noise, log_likelihood=self.likelihood(trial, noise))
+
+    def begun(self, trial: Trial, start: Noise) -> Noise:
+        """A noise to start from, or near the data white noise of the size of the residual where that is likelier.
+
+        What explains a gap that was coloured before must not start from that colour.
+        """
+        rms = np.sqrt(np.mean(self.columns(trial)[0][:, 0] ** 2, axis=1))
+        if not np.all(rms < NEARLY_WHITE * self.sd):
+            return start
+        quiet = np.minimum(start.force, 1e-3 * self.first_noise().force)
+        white = replace(start, sigma=rms, force=quiet, coloured=np.minimum(start.coloured, 0.05 * rms))
+        return max([start, white], key=lambda noise: self.likelihood(trial, noise))
 
     def likelihood(self, trial: Trial, noise: Noise) -> float:
         """Under given noise, at the best parameters to first order."""

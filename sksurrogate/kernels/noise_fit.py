@@ -160,6 +160,8 @@ class _Likelihood:
             return LOST
         weights = np.r_[1.0, -theta / scale]  # of the columns in the residual that is left
         square = float(weights @ G @ weights)
+        if not square > 0:  # a sum of squares that its roundings have eaten up
+            return LOST
         return _Value(float(value), theta / scale, square / self.columns[:, 0].size, factor)
 
     def gradient(self, eta: np.ndarray, at: _Value) -> np.ndarray:
