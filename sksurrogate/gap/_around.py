@@ -15,7 +15,7 @@ from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap._diverged import divergence
-from sksurrogate.gap._evidence import NEARLY_WHITE, profile
+from sksurrogate.gap._evidence import LIKELIER, NEARLY_WHITE, as_white, profile
 from sksurrogate.gap._project import project_starts
 from sksurrogate.gap._retuned import value_of
 from sksurrogate.gap._stand_in import StandIn, learn
@@ -376,17 +376,21 @@ class Around:
     def columns(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
         """Residual with its sensitivities (n_outputs, 1 + n_theta, n_samples), and the precision of the prior."""
         y = self.settled(trial.y) if self.free_starts else trial.y
-        return np.concatenate([(self.record.y - y)[:, None], trial.J], axis=1), self.precision(
-            trial.effects, trial.theta
-        )
+        columns = np.concatenate([(self.record.y - y)[:, None], trial.J], axis=1)
+        return columns, self.precision(trial.effects, trial.theta)
 
     def estimate(self, trial: Trial, start: Noise | None = None, iterations: int = 15) -> Trial:
         """Fill in the noise and the likelihood of a trial."""
+        tops = [self.followed(trial, one, iterations) for one in self.beginnings(trial, start or self.first_noise())]
+        return max(tops, key=lambda top: top.log_likelihood)
+
+    def followed(self, trial: Trial, start: Noise, iterations: int) -> Trial:
+        """A trial with the noise that is reached from one start."""
         columns, precision = self.columns(trial)
         noise, _, _ = fit_noise(
             self.disturbance(),
             columns[:, 0],
-            self.begun(trial, start or self.first_noise()),
+            start,
             np.ones(len(self.stand_in.A)),
             columns[:, 1:],
             precision,
@@ -396,17 +400,13 @@ class Around:
         )
         return replace(trial, noise=noise, log_likelihood=self.likelihood(trial, noise))
 
-    def begun(self, trial: Trial, start: Noise) -> Noise:
-        """A noise to start from, or near the data white noise of the size of the residual where that is likelier.
-
-        What explains a gap that was coloured before must not start from that colour.
-        """
+    def beginnings(self, trial: Trial, start: Noise) -> list[Noise]:
+        """From a given noise, near the data from white noise too where that is likelier: a fit does not find out of a colour."""
         rms = np.sqrt(np.mean(self.columns(trial)[0][:, 0] ** 2, axis=1))
-        if not np.all(rms < NEARLY_WHITE * self.sd):
-            return start
-        quiet = np.minimum(start.force, 1e-3 * self.first_noise().force)
-        white = replace(start, sigma=rms, force=quiet, coloured=np.minimum(start.coloured, 0.05 * rms))
-        return max([start, white], key=lambda noise: self.likelihood(trial, noise))
+        white = as_white(start, rms, 1e-3 * self.first_noise().force)
+        near = np.all(rms < NEARLY_WHITE * self.sd)
+        likelier = near and self.likelihood(trial, white) > self.likelihood(trial, start) + LIKELIER
+        return [start, white] if likelier else [start]
 
     def likelihood(self, trial: Trial, noise: Noise) -> float:
         """Under given noise, at the best parameters to first order."""

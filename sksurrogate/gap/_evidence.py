@@ -16,6 +16,7 @@ from sksurrogate.kernels.output_error import Fit, output_error
 __all__ = [
     "NEAR",
     "arrived",
+    "as_white",
     "bar",
     "columns",
     "estimate_noise",
@@ -201,9 +202,14 @@ def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise
     quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
     others = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
     if np.all(rms < NEARLY_WHITE * problem.sd):
-        small = np.minimum(start.force, problem.quiet_force())
-        others.append(replace(start, sigma=rms, force=small, coloured=np.minimum(start.coloured, 0.05 * start.sigma)))
+        others.append(as_white(start, rms, problem.quiet_force()))
     return others
+
+
+def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:
+    """White noise of the size of a residual, in the place of a noise that may be coloured."""
+    coloured = np.minimum(start.coloured, 0.05 * start.sigma)
+    return replace(start, sigma=rms, force=np.minimum(start.force, quiet), coloured=coloured)
 
 
 def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray, *, near: bool = False) -> Fit | None:
