@@ -165,10 +165,15 @@ class _Likelihood:
         return _Value(float(value), theta / scale, square / self.columns[:, 0].size, factor)
 
     def gradient(self, eta: np.ndarray, at: _Value) -> np.ndarray:
-        """Slopes with the parameters of the model frozen at their best (envelope theorem)."""
+        """Slopes with the parameters of the model frozen at their best (envelope theorem); nan where they cannot be had."""
         noise = self.start.unpack(eta)
         residual = self.columns[:, 0] - np.einsum("okt,k->ot", self.columns[:, 1:], at.theta)
-        out = noise_slopes(self.model, residual, noise, at.factor) - _prior_slopes(noise, self.start.sigma)
+        try:
+            with np.errstate(all="ignore"):
+                slopes = noise_slopes(self.model, residual, noise, at.factor)
+        except np.linalg.LinAlgError:  # from its end the precision rounds to one that is not positive definite
+            return np.full(len(eta), np.nan)
+        out = slopes - _prior_slopes(noise, self.start.sigma)
         return np.where(self.low < self.high, out, 0.0)
 
     def resized(self, eta: np.ndarray) -> tuple[np.ndarray, _Value]:

@@ -43,3 +43,14 @@ def test_a_start_of_another_size_leads_to_the_same_top(factor):
     far = replace(PLANTED, sigma=factor * PLANTED.sigma, force=factor**2 * PLANTED.force)
     _, value, _ = fit_noise(model, r, far, np.array([1.0]), max_iterations=12)
     assert value == pytest.approx(best, abs=1.0)
+
+
+def test_a_fit_without_slopes_ends_where_it_stands(monkeypatch):
+    def lost(*_):
+        raise np.linalg.LinAlgError("not positive definite from its end")
+
+    model, r = first_order(0)
+    monkeypatch.setattr("sksurrogate.kernels.noise_fit.noise_slopes", lost)
+    noise, value, _ = fit_noise(model, r, PLANTED, np.array([1.0]))
+    np.testing.assert_allclose(noise.pack(), PLANTED.pack())
+    assert value == pytest.approx(model.log_likelihood(r, PLANTED))
