@@ -1,4 +1,4 @@
-"""A question answered in a second process while this one goes on with others."""
+"""Questions answered in a second process while this one goes on with others."""
 
 from __future__ import annotations
 
@@ -6,32 +6,29 @@ import gc
 import mmap
 import multiprocessing
 import os
-import pickle
 import signal
+import socket
 import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
-from functools import cache
-from itertools import accumulate
-from multiprocessing.connection import Connection
-from typing import Any, Generic, TypeVar
+from functools import cache, partial
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["Aside", "can_fork", "one_thread", "side_by_side"]
+from sksurrogate.gap._freight import receive, send
 
-S = TypeVar("S")
+__all__ = ["Aside", "Second", "can_fork", "one_thread"]
+
 T = TypeVar("T")
 #: Seconds that are waited for an answer, and how many times what has passed since the question was asked: after that it is
 #: worked out here.
 PATIENCE, TIMES = 30.0, 3.0
-#: Bytes of which the place of an array that travels is a multiple.
-ALIGNED = 64
-#: Niceness of a process whose answer is wanted later: where cores are wanted it takes a tenth of one.
+#: Niceness of a process whose answers are wanted later: where cores are wanted it takes a tenth of one.
 LATER = 10
 
 
@@ -42,156 +39,181 @@ def can_fork() -> bool:
     return sys.platform == "linux" and alone and len(os.sched_getaffinity(0)) > 1
 
 
-class Aside(Generic[T]):
-    """An answer that is worked out beside.
+class _Answer(NamedTuple):
+    """Of one question; ``told`` is False where there is none."""
 
-    The second process is a fork: it sees everything that this one knows at that moment, so that nothing but the answer has
-    to travel, and what it changes is lost. Where it cannot be made, or brings no answer, the question is answered here.
+    told: bool
+    value: Any = None
+    heard: tuple[Any, ...] = ()
+
+
+class Second:
+    """A second process, which answers one question after the other until it is left.
+
+    It is a fork, made at the first question; what it is asked travels to it, but for what is ``known`` from the beginning.
+    Where it cannot be made, a question cannot travel, or no answer comes, the question is answered here.
 
     Parameters
     ----------
-    question : callable () -> answer
-        Its answer can be pickled.
-    apart : bool
+    known : iterable of object
+        What does not change, such as a simulator: it need not be such that it can be pickled.
+    apart : bool, default=True
         Whether a second process is wanted.
     later : bool, default=False
-        Whether the answer is wanted much later: until then it takes mostly time that no other process wants.
+        Whether its answers are wanted much later: until then it takes mostly time that no other process wants.
 
     Examples
     --------
-    >>> six = Aside(lambda: 2 * 3)
-    >>> six.answer()
+    >>> with Second() as second:
+    ...     six = second.ask(lambda: 2 * 3)
+    ...     six.answer()
     6
     """
 
-    def __init__(self, question: Callable[[], T], apart: bool = True, later: bool = False):
-        self._question = question
-        self._nice = LATER if later else 0
-        self._begun = time.monotonic()
-        self._pipe: Connection | None = None
-        self._memory = -1
+    def __init__(self, known: Iterable[object] = (), apart: bool = True, later: bool = False):
+        self.apart, self._nice = apart, LATER if later else 0
+        #: Whole numbers that both processes see.
+        self.shared = memoryview(mmap.mmap(-1, 16)).cast("q") if apart else memoryview(bytearray(16)).cast("q")
+        self._known = [self.shared, *known]
+        self._places = {id(one): place for place, one in enumerate(self._known)}
+        self._line: socket.socket | None = None
         self._process: Any = None
         self._owner = os.getpid()
-        if apart and can_fork():
-            self._fork()
+        self._asked = self._lost = 0
+        self._answers: dict[int, _Answer] = {}
 
-    def answer(self) -> T:
-        """What the question gives."""
-        if self._pipe is not None:
-            pipe, self._pipe = self._pipe, None
+    def ask(self, question: Callable[[], T]) -> Aside[T]:
+        """The answer, worked out beside."""
+        if self._line is None and self.apart and can_fork():
+            self._fork()
+        if self._line is None or self._owner != os.getpid():
+            return Aside(question)
+        self._asked += 1
+        try:
+            send(self._line, (self._asked, np.geterr(), question), self._places)
+        except OSError:  # it died
+            self._give_up()
+        except Exception:  # it cannot travel
+            return Aside(question)
+        return Aside(question, self, self._asked)
+
+    def wait(self, number: int, patience: float) -> _Answer:
+        """The answer to a question; without one for so many seconds the process is left."""
+        until = time.monotonic() + patience
+        while number not in self._answers and number > self._lost and self._line is not None:
             try:
-                if pipe.poll(PATIENCE + TIMES * (time.monotonic() - self._begun)):
-                    answer, heard = _heard(pipe, self._memory)
-                    for warning in heard:
-                        warnings.warn(warning, stacklevel=2)
-                    return answer
-            except (EOFError, OSError):
-                pass  # it raised, or could not be sent: here it raises where it is seen
-            finally:
-                self.leave()
-        return self._question()
+                self._line.settimeout(max(until - time.monotonic(), 1e-3))
+                one, answer = receive(self._line, self._known)
+                self._answers[one] = answer
+            except (EOFError, OSError):  # it died, or was not in time
+                self._give_up()
+        return self._answers.pop(number, _Answer(False))
 
     def leave(self) -> None:
-        """End the second process: its answer is here, or not wanted any more."""
+        """End the second process: its answers are here, or not wanted any more."""
         if self._process is not None and self._owner == os.getpid():
             self._process.kill()
             multiprocessing.active_children()  # those that have ended are let go; this one may take a moment
-            self._process = None
-            os.close(self._memory)
+        self._process, self._lost = None, self._asked
+        if self._line is not None:
+            self._line.close()
+            self._line = None
 
-    def __del__(self) -> None:
+    def _give_up(self) -> None:
+        """All is answered here from now on."""
         self.leave()
+        self.apart = False
 
     def _fork(self) -> None:
         libraries()
         fork = multiprocessing.get_context("fork")
-        here, there = fork.Pipe(duplex=False)
-        memory = os.memfd_create("answer")
-        process = fork.Process(target=_tell, args=(self._question, there, memory, self._nice), daemon=True)
         with warnings.catch_warnings():
             # From Python 3.12 on a fork warns of the threads of numerical libraries; these are made again or not used there.
             warnings.simplefilter("ignore", DeprecationWarning)
             try:
+                here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            except OSError:  # no more files are allowed
+                return
+            process = fork.Process(
+                target=_serve, args=(here, there, self._known, self._places, self._nice), daemon=True
+            )
+            try:
                 process.start()
             except OSError:  # no more processes are allowed
-                os.close(memory)
+                here.close()
                 return
-        there.close()
-        self._pipe, self._process, self._memory = here, process, memory
+            finally:
+                there.close()
+        self._line, self._process = here, process
+
+    def __enter__(self) -> Second:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.leave()
+
+    def __del__(self) -> None:
+        self.leave()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(Second, apart=False), ()  # no process of the second one
 
 
-def side_by_side(
-    function: Callable[[S], T], items: Sequence[S], apart: bool, effort: Callable[[S], float] | None = None
-) -> list[T]:
-    """The function of every item, begun at both ends: from the front here, from the back in a second process.
+class Aside(Generic[T]):
+    """The answer to a question: of the second process that was asked, or of this one.
 
-    Each takes the next item when it is done with one, until they meet. Where both begin the last item at once it is worked
-    out twice. Items of most ``effort`` stand at the ends, so that they meet at short ones.
-
-    Examples
-    --------
-    >>> side_by_side(lambda x: x**2, [1, 2, 3], apart=False)
-    [1, 4, 9]
+    Parameters
+    ----------
+    question : callable () -> answer
+    second : Second, optional
+    number : int, default=0
+        Of the question among those that were asked there.
     """
-    order = list(range(len(items)))
-    if effort is not None:
-        order.sort(key=lambda k: -effort(items[k]))
-        order = order[::2] + order[1::2][::-1]
-    met = memoryview(mmap.mmap(-1, 16)).cast("q")  # how many are begun here, the first that is begun there
-    met[1] = len(items)
 
-    def from_the_back() -> dict[int, T]:
-        out = {}
-        for k in reversed(range(len(items))):
-            if k < met[0]:
-                break
-            met[1] = k
-            out[k] = function(items[order[k]])
-        return out
+    def __init__(self, question: Callable[[], T], second: Second | None = None, number: int = 0):
+        self._question, self._second, self._number = question, second, number
+        self._begun = time.monotonic()
 
-    beside = Aside(from_the_back, apart and len(items) > 1)
-    here: dict[int, T] = {}
-    while len(here) < met[1]:
-        met[0] = len(here) + 1
-        here[len(here)] = function(items[order[len(here)]])
-    both = {**beside.answer(), **here}
-    return [both[k] for k in np.argsort(order)]
+    def answer(self) -> T:
+        """What the question gives."""
+        if self._second is not None:
+            second, self._second = self._second, None
+            found = second.wait(self._number, PATIENCE + TIMES * (time.monotonic() - self._begun))
+            if found.told:
+                for warning in found.heard:
+                    warnings.warn(warning, stacklevel=2)
+                return found.value
+        return self._question()  # what raised there raises here, where it is seen
 
 
-def _tell(question: Callable[[], T], pipe: Connection, memory: int, nice: int) -> None:
-    """Answer in the second process; silence is the sign that it could not."""
+def _serve(here: socket.socket, line: socket.socket, known: list[object], places: dict[int, int], nice: int) -> None:
+    """Answer in the second process, until the first one is gone."""
+    here.close()
     os.nice(nice)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt is told by the first one
-    gc.disable()  # a collection would touch, and so copy, all that both processes share
+    gc.freeze()  # a collection would touch, and so copy, all that both processes share
     try:
-        with libraries().limit(limits=1), warnings.catch_warnings(record=True) as heard:
-            answer = question()
-        arrays: list[pickle.PickleBuffer] = []
-        told = pickle.dumps((answer, [warning.message for warning in heard]), 5, buffer_callback=arrays.append)
-        raw = [array.raw() for array in arrays]
-        for one in raw:
-            _write(memory, one)
-        pipe.send((told, [one.nbytes for one in raw]))
+        with libraries().limit(limits=1):
+            while True:
+                number, errors, question = receive(line, known)
+                answer = _answered(errors, question)
+                try:
+                    send(line, (number, answer), places)
+                except Exception:  # it cannot travel
+                    send(line, (number, _Answer(False)), places)
+                del question, answer
     finally:
         os._exit(0)
 
 
-def _write(memory: int, one: memoryview) -> None:
-    """Behind what is there, so that the next begins at a multiple of :data:`ALIGNED`."""
-    done = 0
-    while done < one.nbytes:
-        done += os.write(memory, one[done:])
-    os.write(memory, bytes(-done % ALIGNED))
-
-
-def _heard(pipe: Connection, memory: int) -> Any:
-    """What the second process told; its arrays lie where it wrote them, changes stay here."""
-    told, sizes = pipe.recv()
-    ends = list(accumulate(size + -size % ALIGNED for size in sizes))
-    if not ends or not ends[-1]:
-        return pickle.loads(told, buffers=[bytearray() for _ in sizes])
-    whole = memoryview(mmap.mmap(memory, ends[-1], flags=mmap.MAP_PRIVATE))
-    return pickle.loads(told, buffers=[whole[a : a + size] for a, size in zip([0, *ends], sizes)])
+def _answered(errors: dict[str, Any], question: Callable[[], object]) -> _Answer:
+    """With the warnings that were given; none where the question raises."""
+    try:
+        with np.errstate(**errors), warnings.catch_warnings(record=True) as heard:
+            value = question()
+    except Exception:
+        return _Answer(False)
+    return _Answer(True, value, tuple(warning.message for warning in heard))
 
 
 def one_thread() -> AbstractContextManager[Any]:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap._aside import side_by_side
+from sksurrogate.gap._aside import Second
 from sksurrogate.gap._probe import probe_of
 from sksurrogate.gap._responses import Responses
 from sksurrogate.gap._shortlist import Shortlist
+from sksurrogate.gap._side_by_side import side_by_side
 from sksurrogate.gap._slopes import Slopes
 from sksurrogate.gap._unseen import Unseen
 
@@ -52,7 +53,7 @@ def candidate_columns(
     candidates: Sequence[BaseEffect],
     shape: tuple[float, ...],
     chosen: Shortlist | None,
-    apart: bool = False,
+    second: Second | None = None,
 ) -> list[Column]:
     """All candidates at all their starting values, those with one shape, or those of a short list.
 
@@ -65,11 +66,11 @@ def candidate_columns(
         Second and further parameters, where they are known, instead of those of the starting values.
     chosen : Shortlist or None
         Starting values by the effect's key.
-    apart : bool, default=False
-        Whether a second process is wanted.
+    second : Second, optional
+        Another process.
     """
     at_starts = _AtStarts(s, shape, chosen, Unseen(s), Slopes(s))
-    found = side_by_side(at_starts.of, candidates, apart)
+    found = side_by_side(at_starts.of, candidates, second)
     path = s.smoothed.x
     return [
         Column(effect, theta, column, path if hidden is None else np.concatenate([path, hidden]), evident, through)

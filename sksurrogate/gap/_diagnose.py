@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from numbers import Integral
 from typing import Any
 
@@ -16,7 +17,7 @@ from sklearn.utils import check_random_state
 from sksurrogate._columns import by_name
 from sksurrogate.effects._catalogue import build_effects, kinematic_states
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.gap._aside import one_thread
+from sksurrogate.gap._aside import Second, one_thread
 from sksurrogate.gap._excerpt import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._questions import Questions
@@ -165,23 +166,25 @@ class GapDiagnoser(BaseEstimator):
         candidates = list(build_effects(plant, balances, self.effects))
         problem, smoothed = build_problem(plant, model, record, free, balances)
         self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
-        search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say)
-        questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
-        try:
-            with np.errstate(all="ignore"), one_thread():  # rivals that run away are met everywhere with finite checks
-                search.fit_null()
-                questions.begin()
-                search.run()
-                questions.ask()
-        except KeyboardInterrupt:
-            warnings.warn(
-                "interrupted: the report holds what was known by then (report_.complete is False)",
-                UserWarning,
-                stacklevel=2,
-            )
-            questions.complete = False
-        with np.errstate(all="ignore"), one_thread():
-            self.report_ = questions.answer(time.perf_counter() - begun)
+        fixed, apart = (self.simulator, plant, model, record, *candidates), self.n_jobs is None
+        with Second(fixed, apart) as second, Second(fixed, apart, later=True) as later:
+            search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say, second, later)
+            questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
+            try:
+                with quiet():
+                    search.fit_null()
+                    questions.begin()
+                    search.run()
+                    questions.ask()
+            except KeyboardInterrupt:
+                warnings.warn(
+                    "interrupted: the report holds what was known by then (report_.complete is False)",
+                    UserWarning,
+                    stacklevel=2,
+                )
+                questions.complete = False
+            with quiet():
+                self.report_ = questions.answer(time.perf_counter() - begun)
         self.augmented_ = questions.augmented()
         self.initial_states_ = np.full((len(runs), len(plant.states)), np.nan)
         known = np.isin(rows[record.starts], whole.starts)
@@ -193,6 +196,13 @@ class GapDiagnoser(BaseEstimator):
         """Progress."""
         if self.verbose:
             print(f"[gap] {message}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Linear algebra in one thread; rivals that run away are met everywhere with finite checks."""
+    with np.errstate(all="ignore"), one_thread():
+        yield
 
 
 def _free(free_params: Any, params: Any) -> tuple[str, ...]:

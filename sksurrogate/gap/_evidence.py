@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap._aside import side_by_side
+from sksurrogate.gap._aside import Second
 from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._side_by_side import side_by_side
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, output_error
@@ -177,7 +178,7 @@ def follow_noise(
     return rival
 
 
-def follow_null(problem: Problem, null: Rival, start: Noise, apart: bool = False) -> None:
+def follow_null(problem: Problem, null: Rival, start: Noise, second: Second | None = None) -> None:
     """Noise of the null: what it misses there would count for every rival.
 
     The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed, side by
@@ -187,7 +188,7 @@ def follow_null(problem: Problem, null: Rival, start: Noise, apart: bool = False
     force = replace(start, coloured=0.05 * start.sigma, force=10.0 * start.force)
     starts = [likeliest(problem, null, k) for k in (sensors, [force, *forces_and_white(problem, null, start)])]
     known = told(null)
-    tops = side_by_side(lambda first: told(follow_noise(problem, null, first, max_iterations=25)), starts, apart)
+    tops = side_by_side(lambda first: told(follow_noise(problem, null, first, max_iterations=25)), starts, second)
     null.log_likelihood, null.noise, null.curvature = max([known, *tops], key=lambda top: top[0])
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
-from sksurrogate.gap._aside import side_by_side
+from sksurrogate.gap._aside import Second
 from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, nominal
 from sksurrogate.gap._pairs import best_pairs
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Screen, Start, screen
+from sksurrogate.gap._side_by_side import side_by_side
 from sksurrogate.gap._stack import remembers_enough
 from sksurrogate.kernels.output_error import Fit
 
@@ -47,6 +49,8 @@ class Expander:
     n_jobs : int or None
     report : callable (message) -> None
         Progress.
+    second, later : Second
+        Processes for what is wanted at once, and for what is wanted later.
     fitted : dict
         Every rival fitted so far, by its keys.
     screens : dict
@@ -60,14 +64,11 @@ class Expander:
     x: np.ndarray
     n_jobs: int | None = None
     report: Callable[[str], None] = lambda message: None
+    second: Second = field(default_factory=partial(Second, apart=False))
+    later: Second = field(default_factory=partial(Second, apart=False))
     fitted: dict = field(default_factory=dict)
     screens: dict = field(default_factory=dict)
     first_screen: Screen | None = None
-
-    @property
-    def apart(self) -> bool:
-        """Whether a second process is wanted: where workers are asked for there are others."""
-        return self.n_jobs is None
 
     @property
     def n_values(self) -> int:
@@ -126,7 +127,7 @@ class Expander:
     def anew(self, problem: Problem, base: Rival, n_white: int, n_forced: int, best: float = np.inf) -> list[Rival]:
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
         candidates = [e for e in self.candidates if e.key not in set(base.keys)]
-        starts = screen(problem, candidates, base, self.guess(base), base.noise, apart=self.apart).starts
+        starts = screen(problem, candidates, base, self.guess(base), base.noise, second=self.second).starts
         rivals = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
         self.remember(rivals)
         return rivals
@@ -176,13 +177,13 @@ class Expander:
     ) -> list[Start]:
         """The screen of a base; one of all candidates is made once."""
         if not whole:
-            return screen(problem, candidates, base, guess, base.noise, apart=self.apart).starts
+            return screen(problem, candidates, base, guess, base.noise, second=self.second).starts
         near = bool(base.effects) and (base.fit.cost < SHORTLIST * self.n_values or not thorough)
         key = (base.keys, problem.n_sub, problem.sharpness, base.noise is None, near)
         cost, known = self.screens.get(key, (np.inf, None))
         if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
             first = self.first_screen if near else None
-            known = screen(problem, candidates, base, guess, base.noise, first=first, apart=self.apart)
+            known = screen(problem, candidates, base, guess, base.noise, first=first, second=self.second)
             self.screens[key] = base.fit.cost, known
             for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
                 del self.screens[old]
@@ -233,7 +234,7 @@ class Expander:
             first = fit_added(problem, base, chosen[0], best) if chosen else None
             best = min(best, first.fit.cost) if first is not None else best
             others = side_by_side(
-                lambda starts: shipped(fit_added(problem, base, starts, best)), chosen[1:], self.apart, effort
+                lambda starts: shipped(fit_added(problem, base, starts, best)), chosen[1:], self.second, effort
             )
             found = [first, *(landed(problem, base, starts, s) for starts, s in zip(chosen[1:], others))]
             return [rival for rival in found if rival is not None]

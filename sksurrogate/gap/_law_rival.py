@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap._aside import side_by_side
+from sksurrogate.gap._aside import Second
 from sksurrogate.gap._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap._evidence import columns, follow_noise
 from sksurrogate.gap._law_shapes import PAST, Form, Law, laws, of_time, over_sample, staircases, surfaces
 from sksurrogate.gap._problem import Problem, Rival
+from sksurrogate.gap._side_by_side import side_by_side
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
@@ -55,7 +56,9 @@ class LawRival:
     parameters: float
 
 
-def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int, apart: bool = False) -> LawRival | None:
+def law_rival(
+    problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int, second: Second | None = None
+) -> LawRival | None:
     """The likeliest law in the place of a rival's effects; None where none can be judged.
 
     Parameters
@@ -67,8 +70,8 @@ def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int, apar
         Path near the measured one: that of the rival where it comes near to the data.
     n_rivals : int
         Number of effects that the first name was chosen from.
-    apart : bool, default=False
-        Whether a second process is wanted.
+    second : Second, optional
+        Another process.
     """
     noise = rival.noise
     base, r = without_names(problem, rival, x)
@@ -84,9 +87,9 @@ def law_rival(problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int, apar
         return None
     starts = noise, problem.quiet(noise)
     try:
-        likeliest = set(side_by_side(lambda one: fit.likeliest(candidates, one), starts, apart))
+        likeliest = set(side_by_side(lambda one: fit.likeliest(candidates, one), starts, second))
         asked = [(k, f, start) for k, f in sorted(likeliest) for start in starts]
-        found = side_by_side(lambda one: fit.refined(candidates[one[0]], *one[1:]), asked, apart)
+        found = side_by_side(lambda one: fit.refined(candidates[one[0]], *one[1:]), asked, second)
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
     (k, _, _), best = max(zip(asked, found, strict=True), key=lambda one: one[1].value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap import _where
 from sksurrogate.gap._accused import accused, told_by, told_by_law
 from sksurrogate.gap._answer import note_on_none, sentence_of
-from sksurrogate.gap._aside import Aside
 from sksurrogate.gap._channel import missing_term, where_and_when
 from sksurrogate.gap._chosen import names_by_fold
 from sksurrogate.gap._curve_shapes import CERTAIN
@@ -107,7 +107,7 @@ class Questions:
 
     def begin(self) -> None:
         """Ask what needs no name, while names are looked for."""
-        self.without = WithoutNames(self.problem, self.null, self.correction, self.search.apart)
+        self.without = WithoutNames(self.problem, self.null, self.correction, self.search.later)
 
     def ask(self) -> None:
         say, problem, search = self.say, self.problem, self.search
@@ -122,7 +122,7 @@ class Questions:
         say("what these data cannot tell apart")
         found.slots = equivalents(search, final)
         say("how far the gap shrinks on runs left out")
-        experiment = Aside(lambda: next_experiment(problem, final, found.slots), search.apart)
+        experiment = search.second.ask(partial(next_experiment, problem, final, found.slots))
         found.finals = names_by_fold(search, final, found.slots)
         found.held = held_out(
             problem, found.finals, self.without.held(bool(final.effects)), same_names(found.finals, final)
@@ -156,7 +156,7 @@ class Questions:
         if named not in found.rivals and self.complete and search.null is not None:
             rival, x = (final, final.fit.x) if named else (search.null, search.x)
             x = x[: len(self.problem.plant.states)]
-            found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates), search.apart)
+            found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates), search.second)
         return found.rivals.get(named)
 
     def imitation(self) -> LawRival | None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.gap._aside import Aside
 from sksurrogate.gap._channel import places_by_law
 from sksurrogate.gap._evidence import NEARLY_WHITE, left
 from sksurrogate.gap._expand import Expander
@@ -64,11 +63,13 @@ class Remaining:
         # An open gap takes long to be placed, and without names there is nothing else to be asked meanwhile.
         self.both = both = closed and bool(first.effects)
 
-        def question() -> tuple[tuple[LatentForce, list[Place]], tuple[LatentForce, np.ndarray] | None]:
-            gap = gap_and_places(search.problem, null, closed)
-            return gap, law_left(search.at(first), first, seed) if both else None
+        problem, at = search.problem, search.at(first)
 
-        self._aside = Aside(question, search.apart, later=True)
+        def question() -> tuple[tuple[LatentForce, list[Place]], tuple[LatentForce, np.ndarray] | None]:
+            gap = gap_and_places(problem, null, closed)
+            return gap, law_left(at, first, seed) if both else None
+
+        self._aside = search.later.ask(question)
 
     def of(self, final: Rival) -> Remains:
         """Of the names that stand at the end."""

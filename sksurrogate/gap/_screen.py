@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap._aside import Second
 from sksurrogate.gap._candidate_columns import Column, candidate_columns
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
@@ -124,7 +125,7 @@ def screen(
     noise: Noise | None,
     shape: tuple[float, ...] = (),
     first: Screen | None = None,
-    apart: bool = False,
+    second: Second | None = None,
 ) -> Screen:
     """Score every candidate, added to a base, at all its starting values.
 
@@ -142,8 +143,8 @@ def screen(
         Second and further parameters, where they are known, instead of those of the starting values.
     first : Screen, optional
         That of the null: with its columns only the candidates are linearised again that may explain what a base leaves.
-    apart : bool, default=False
-        Whether a second process is wanted.
+    second : Second, optional
+        Another process.
 
     Returns
     -------
@@ -157,7 +158,7 @@ def screen(
         if first is not None and first.columns is not None:
             thetas = [start.effect for start in first.starts], first.raw
             chosen = shortlist(*thetas, first.columns, first.low, first.high, problem, base, s.lin)
-        found = _screen(s, candidate_columns(s, candidates, shape, chosen, apart), noise)
+        found = _screen(s, candidate_columns(s, candidates, shape, chosen, second), noise)
         return found if shape else _with_nearby(s, found, noise)
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sksurrogate.gap._aside import side_by_side
 from sksurrogate.gap._evidence import NEAR, arrived, bar, estimate_noise, follow_null, left, quick_likelihood, told
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
@@ -20,6 +19,7 @@ from sksurrogate.gap._problem import Rival
 from sksurrogate.gap._revive import revived
 from sksurrogate.gap._rounding import names_steps
 from sksurrogate.gap._scan import scanned
+from sksurrogate.gap._side_by_side import side_by_side
 from sksurrogate.gap._stack import grows_in_vain
 
 __all__ = ["EQUAL", "Search"]
@@ -119,7 +119,7 @@ class Search(Expander):
         if not found:
             found = [open_null(problem, theta, self.x)]
         self.null = min(found, key=lambda rival: rival.fit.cost)
-        follow_null(problem, self.null, problem.first_noise(), self.apart)
+        follow_null(problem, self.null, problem.first_noise(), self.second)
         self.final = self.null
         return self.null
 
@@ -134,7 +134,7 @@ class Search(Expander):
         best = self.simplify(self.first_choice(self.first_round))
         if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
             follow_null(
-                self.problem, null, best.noise, self.apart
+                self.problem, null, best.noise, self.second
             )  # a weak gain must not be what the null's noise fit left on the table
         passed = self.gain(best) > self.bar(best.n_parameters) and not may_follow_noise(self.at(best), best, null)
         if passed:
@@ -315,7 +315,7 @@ class Search(Expander):
         near = [r for r in rivals[1:6] if self.score(r) > self.score(rivals[0]) - 30.0 and r.noise is None]
         start, curvature = cheapest.noise, cheapest.curvature
         tops = side_by_side(
-            lambda r: told(estimate_noise(problem, r, start, curvature, max_iterations=8)), near, self.apart
+            lambda r: told(estimate_noise(problem, r, start, curvature, max_iterations=8)), near, self.second
         )
         for rival, top in zip(near, tops):
             rival.log_likelihood, rival.noise, rival.curvature = top

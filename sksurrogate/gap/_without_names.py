@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap._aside import Aside
+from sksurrogate.gap._aside import Second
 from sksurrogate.gap._correction import generic_correction, known_runs
 from sksurrogate.gap._evidence import left
 from sksurrogate.gap._problem import Problem, Rival
@@ -31,11 +31,11 @@ class WithoutNames:
         With its noise.
     correction : estimator or None
         Generic learner; None for the default one, which may be fitted in a second process.
-    apart : bool
-        Whether a second process is wanted.
+    later : Second
+        Process for what is wanted later.
     """
 
-    def __init__(self, problem: Problem, null: Rival, correction: Any, apart: bool):
+    def __init__(self, problem: Problem, null: Rival, correction: Any, later: Second):
         self.problem, self.null, self.correction = problem, null, correction
         early = self.learned() if correction is None and self.gap_to_learn() else None
 
@@ -43,7 +43,7 @@ class WithoutNames:
             held = without_names(problem, null)
             return held if early is None else corrected(held, early)
 
-        self._held = Aside(question, apart, later=True)
+        self._held = later.ask(question)
 
     def gap_to_learn(self) -> bool:
         """Whether the simulator misses anything."""
