@@ -113,7 +113,7 @@ class Expander:
         starts = [start for start in starts if start.evident or max(start.white, start.forced) >= least]
         chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
-        again = [rival for c in chosen if (rival := self.known(problem, base, c)) is not None]
+        again = self.known(problem, base, [c[0].effect for c in chosen])
         have = {rival.effects[-1].key for rival in again}
         rivals = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
         self.remember(rivals)
@@ -156,10 +156,14 @@ class Expander:
         others = [e for e in self.candidates if e.name == effect.name and e.key not in have]
         if len(theta) < 2 or not others:
             return []
-        return self.shaped(base, others, tuple(float(v) for v in theta[1:]))
+        again = self.known(self.searching(base), base, others)
+        new = {e.key for e in others}.difference(rival.keys[-1] for rival in again)
+        return again + self.shaped(base, [e for e in others if e.key in new], tuple(float(v) for v in theta[1:]))
 
     def shaped(self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...]) -> list[Rival]:
         """Effects of one shape (all parameters but the first), added to a base."""
+        if not effects:
+            return []
         problem = self.searching(base)
         starts = screen(problem, effects, base, self.guess(base), None, shape).starts
         found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values))
@@ -212,15 +216,15 @@ class Expander:
         self.remember(found)
         return found
 
-    def known(self, problem: Problem, base: Rival, starts: list[Start]) -> Rival | None:
-        """A base with this effect, where it was fitted before with the same numerics; not far from the data, where another
-        start may lead elsewhere."""
+    def known(self, problem: Problem, base: Rival, effects: Sequence[BaseEffect]) -> list[Rival]:
+        """A base with each of these effects, where it was fitted before with the same numerics; not far from the data, where
+        another start may lead elsewhere."""
         if base.effects and base.fit.cost > SHORTLIST * self.n_values:
-            return None
-        keys = (*base.keys, starts[0].effect.key)
-        rival = self.fitted.get(frozenset(keys))
-        same = rival is not None and (rival.model.n_sub, rival.model.sharpness) == (problem.n_sub, problem.sharpness)
-        return rival if rival is not None and same and rival.keys == keys else None
+            return []
+        all_keys = [(*base.keys, effect.key) for effect in effects]
+        found = [(keys, self.fitted[frozenset(keys)]) for keys in all_keys if frozenset(keys) in self.fitted]
+        numerics = problem.n_sub, problem.sharpness
+        return [r for keys, r in found if r.keys == keys and (r.model.n_sub, r.model.sharpness) == numerics]
 
     def fit_all(
         self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float = np.inf

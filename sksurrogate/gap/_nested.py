@@ -6,7 +6,12 @@ from collections.abc import Sequence
 
 from sksurrogate.effects._effect import BaseEffect
 
-__all__ = ["NESTED", "related", "simpler"]
+__all__ = ["NESTED", "UNPOLISHED", "hardly_more", "related", "simpler"]
+
+#: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
+SHARE = 5e-4
+#: A form that leaves so many times more than is allowed before it is polished leaves too much afterwards.
+UNPOLISHED = 10.0
 
 #: Forms that contain a simpler one.
 NESTED = {
@@ -21,6 +26,11 @@ NESTED = {
     "step_disturbance": ("constant_bias",),
     "hidden_relaxation": ("linear_loss",),
 }
+
+
+def hardly_more(cost: float, gap: float) -> float:
+    """The cost that leaves hardly more than this one of a gap's power."""
+    return cost + SHARE * gap
 
 
 def simpler(effect: BaseEffect, name: str, candidates: Sequence[BaseEffect]) -> list[BaseEffect]:

@@ -12,7 +12,7 @@ from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap._folded import folded
 from sksurrogate.gap._loop import may_follow_noise
-from sksurrogate.gap._nested import NESTED, related, simpler
+from sksurrogate.gap._nested import NESTED, UNPOLISHED, hardly_more, related, simpler
 from sksurrogate.gap._plausible import plausible
 from sksurrogate.gap._prior import prior_cost, retuning_cost
 from sksurrogate.gap._problem import Rival
@@ -39,8 +39,6 @@ SCREENED = 0.4
 RUNNERS = 3
 #: Pairs that are fitted because the screen expects most of them.
 MOST_PAIRS = 10
-#: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
-NESTED_SHARE = 5e-4
 #: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
 #: Re-tuning that costs this much (-2 log of the prior) may imitate an effect.
@@ -133,9 +131,8 @@ class Search(Expander):
             self.final = self.first_round[0]  # what an interrupt leaves
         best = self.simplify(self.first_choice(self.first_round))
         if best.noise is not None and self.gain(best) < 20.0 * self.bar(best.n_parameters):
-            follow_null(
-                self.problem, null, best.noise, self.second
-            )  # a weak gain must not be what the null's noise fit left on the table
+            # A weak gain must not be what the null's noise fit left on the table.
+            follow_null(self.problem, null, best.noise, self.second)
         passed = self.gain(best) > self.bar(best.n_parameters) and not may_follow_noise(self.at(best), best, null)
         if passed:
             self.final = best
@@ -373,7 +370,8 @@ class Search(Expander):
                 if base is None:
                     continue
                 others = self.shaped(base, simple, shapes[name]) if name in shapes else self.expand(base, 2, 0, simple)
-                for other in self.ranked(others, base)[:1]:
+                near = [other for other in others if other.fit.cost < UNPOLISHED * self.most_left(rival)]
+                for other in self.ranked(near, base)[:1]:
                     fitted = self.polish(other)
                     if self.as_good(fitted, rival):
                         self.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)
@@ -410,10 +408,13 @@ class Search(Expander):
                         return self.merge(fitted)
         return rival
 
+    def most_left(self, rich: Rival) -> float:
+        """Cost up to which a simpler form leaves hardly more of the gap."""
+        assert self.null is not None
+        return hardly_more(rich.fit.cost, self.null.fit.cost - self.n_values)
+
     def as_good(self, simple: Rival, rich: Rival) -> bool:
         """Whether a simpler form does as well: hardly more gap left, or far from the data no evidence by size."""
-        assert self.null is not None
         if self.is_far(rich):
             return 2.0 * (self.size_score(rich) - self.size_score(simple)) < EQUAL
-        hardly = simple.fit.cost < rich.fit.cost + NESTED_SHARE * (self.null.fit.cost - self.n_values)
-        return hardly and not arrived(rich, simple)
+        return simple.fit.cost < self.most_left(rich) and not arrived(rich, simple)
