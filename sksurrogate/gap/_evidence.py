@@ -16,6 +16,7 @@ from sksurrogate.kernels.output_error import Fit, output_error
 
 __all__ = [
     "NEAR",
+    "NOTHING_LEFT",
     "arrived",
     "as_white",
     "bar",
@@ -32,6 +33,8 @@ __all__ = [
 
 #: A residual below this many times the sensor noise may be white.
 NEARLY_WHITE = 1.5
+#: Named effects that leave less over the noise leave no law.
+NOTHING_LEFT = 1.02
 #: Steps of an effect's parameters, over their size, that slopes are good for.
 REACH = 1.0
 #: Forces that a noise fit may start from, over the RMS of dx/dt.

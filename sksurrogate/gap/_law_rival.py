@@ -16,7 +16,7 @@ import numpy as np
 
 from sksurrogate.gap._aside import Second
 from sksurrogate.gap._curve_shapes import Curve, channel, reading, response
-from sksurrogate.gap._evidence import columns, follow_noise
+from sksurrogate.gap._evidence import NOTHING_LEFT, columns, follow_noise, left
 from sksurrogate.gap._law_shapes import PAST, Form, Law, laws, of_time, over_sample, staircases, surfaces
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._side_by_side import side_by_side
@@ -30,6 +30,10 @@ __all__ = ["LawRival", "law_rival"]
 SMOOTH = 10.0 ** np.arange(-9.0, 3.0)
 #: Turns of noise and law.
 TURNS = 2
+#: Laws that are judged abreast.
+ABREAST = 12
+#: Gain under the names' own noise below which no other noise makes a law as likely as names that leave nothing.
+BEYOND_NOISE = -60.0
 #: Nats by which a law of a later place must be likelier: an input and the balance that it alone pushes differ by rounding.
 TIE = 1.0
 
@@ -85,22 +89,28 @@ def law_rival(
     fit = _Fit(problem, D, r, J, precision, pull, float(pull @ base.fit.theta[n:]))
     if not candidates:
         return None
-    starts = noise, problem.quiet(noise)
+    chosen_from = sum(len(law.forms) for _, law, _ in candidates)
+    cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
+
+    def judged(k: int, law: _Found, named: float) -> LawRival:
+        gain = 2.0 * (law.value - np.log(chosen_from) + cost - named)
+        curve, _, kind = candidates[k]
+        return LawRival(curve.location, kind, curve.variable, float(gain), law.parameters)
+
     try:
-        likeliest = set(side_by_side(lambda one: fit.likeliest(candidates, one), starts, second))
+        k, f, law = fit.likeliest(candidates, noise, second)
+        at_once = judged(k, law, rival.log_likelihood)
+        if rival.effects and left(rival) < NOTHING_LEFT and at_once.gain < BEYOND_NOISE:
+            return at_once
+        starts = noise, problem.quiet(noise)
+        likeliest = {(k, f), fit.likeliest(candidates, starts[1], second)[:2]}
         asked = [(k, f, start) for k, f in sorted(likeliest) for start in starts]
         found = side_by_side(lambda one: fit.refined(candidates[one[0]], *one[1:]), asked, second)
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
     (k, _, _), best = max(zip(asked, found, strict=True), key=lambda one: one[1].value)
-    chosen_from = sum(len(law.forms) for _, law, _ in candidates)
-    cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
     named = named_along(problem, rival, x, (noise, best.noise))
-    if not np.isfinite(named):
-        return None
-    gain = 2.0 * (best.value - np.log(chosen_from) + cost - named)
-    curve, _, kind = candidates[k]
-    return LawRival(curve.location, kind, curve.variable, float(gain), best.parameters)
+    return judged(k, best, named) if np.isfinite(named) else None
 
 
 def without_names(problem: Problem, rival: Rival, x: np.ndarray) -> tuple[Rival, np.ndarray]:
@@ -189,19 +199,33 @@ class _Fit:
     pull: np.ndarray
     prior: float
 
-    def likeliest(self, candidates: list[tuple[Curve, Law, str]], noise: Noise) -> tuple[int, int]:
-        """Law and form that are likeliest under one noise."""
+    def likeliest(
+        self, candidates: list[tuple[Curve, Law, str]], noise: Noise, second: Second | None
+    ) -> tuple[int, int, _Found]:
+        """Law and form that are likeliest under one noise, and what was found of it."""
+        parts = [candidates[a : a + ABREAST] for a in range(0, len(candidates), ABREAST)]
+        found = [laws for part in side_by_side(lambda some: self.each(some, noise), parts, second) for laws in part]
+        c, f = 0, 0
+        for i, forms in enumerate(found):
+            for j, one in enumerate(forms):
+                if one.value > found[c][f].value + TIE:
+                    c, f = i, j
+        return c, f, found[c][f]
+
+    def each(self, candidates: list[tuple[Curve, Law, str]], noise: Noise) -> list[list[_Found]]:
+        """Every form of every law under one noise."""
         known = np.concatenate([self.r[:, None], self.J], axis=1)
         _, logdet = self.D.gram(known, noise)
-        k, best, where = 1 + len(self.precision), -np.inf, (0, 0)
+        k = np.arange(1 + len(self.precision))
         grams = self.D.gram_each(known, (curve.moved() for curve, _, _ in candidates), noise)
-        for c, G in enumerate(grams):
-            for f, form in enumerate(candidates[c][1].forms):
-                own = np.r_[np.arange(k), k + form.functions]
-                value = self.smoothed(G[np.ix_(own, own)], logdet, form, noise).value
-                if value > best + TIE:
-                    best, where = value, (c, f)
-        return where
+        return [
+            [
+                self.smoothed(G[np.ix_(own, own)], logdet, form, noise)
+                for form in law.forms
+                for own in [np.r_[k, len(k) + form.functions]]
+            ]
+            for G, (_, law, _) in zip(grams, candidates, strict=True)
+        ]
 
     def refined(self, candidate: tuple[Curve, Law, str], f: int, start: Noise) -> _Found:
         """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""

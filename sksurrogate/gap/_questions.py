@@ -16,7 +16,7 @@ from sksurrogate.gap._answer import note_on_none, sentence_of
 from sksurrogate.gap._channel import missing_term, where_and_when
 from sksurrogate.gap._chosen import names_by_fold
 from sksurrogate.gap._curve_shapes import CERTAIN
-from sksurrogate.gap._evidence import NEARLY_WHITE, estimate_noise, left
+from sksurrogate.gap._evidence import NEARLY_WHITE, NOTHING_LEFT, estimate_noise, left
 from sksurrogate.gap._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap._found import Found
 from sksurrogate.gap._free_curve import SUSPICIOUS, free_curve
@@ -26,7 +26,7 @@ from sksurrogate.gap._loop import LOOP, closed_loop
 from sksurrogate.gap._probability import probabilities
 from sksurrogate.gap._problem import Problem, Rival, build_problem
 from sksurrogate.gap._ranking import ranking_of
-from sksurrogate.gap._remains import NOTHING_LEFT, Remaining, law_left
+from sksurrogate.gap._remains import Remaining, law_left
 from sksurrogate.gap._report import EffectEstimate, GapReport, Shrink, Table, Where
 from sksurrogate.gap._reported import reported
 from sksurrogate.gap._retuned import retuned_table, value_of

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.gap._channel import places_by_law
-from sksurrogate.gap._evidence import NEARLY_WHITE, left
+from sksurrogate.gap._evidence import NEARLY_WHITE, NOTHING_LEFT, left
 from sksurrogate.gap._expand import Expander
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._unknown import LatentForce, Place, latent_force, law_of, places
 from sksurrogate.gap._verdict import FAR
 
-__all__ = ["CLOSED", "NOTHING_LEFT", "Remaining", "Remains", "law_left"]
+__all__ = ["CLOSED", "Remaining", "Remains", "law_left"]
 
-#: Named effects that leave less over the noise leave no law.
-NOTHING_LEFT = 1.02
 #: Within so many times the noise nothing is left to place: a rough look at the places will do.
 CLOSED = 1.2
 #: Free runs of the simulator from which the places are told apart by the law that fits there.
