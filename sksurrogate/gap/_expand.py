@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap._aside import Second
-from sksurrogate.gap._fits import best_starts, fit_added, fit_chunk, nominal
+from sksurrogate.gap._fits import best_starts, cheapest, fit_added, fit_chunk, nominal
 from sksurrogate.gap._pairs import best_pairs
 from sksurrogate.gap._problem import Problem, Rival
 from sksurrogate.gap._scan import scanned
@@ -30,6 +31,8 @@ SHORTLIST = 100.0
 SAME_BASE = 1e-3
 #: Screens that are kept beside that of the null.
 MOST_SCREENS = 4
+#: Effects of which the fits from each start are made apart, where there are no more of them.
+FEW = 2
 #: Effort of the search for a jump, in parameters that are fitted.
 SEARCHED = 12
 #: Other places and variables of the nearest effect that are fitted from its shape.
@@ -158,15 +161,26 @@ class Expander:
             return []
         again = self.known(self.searching(base), base, others)
         new = {e.key for e in others}.difference(rival.keys[-1] for rival in again)
-        return again + self.shaped(base, [e for e in others if e.key in new], tuple(float(v) for v in theta[1:]))
+        unknown, shape = [e for e in others if e.key in new], tuple(float(v) for v in theta[1:])
+        return again + self.shaped(base, unknown, shape, nearest.fit.cost)
 
-    def shaped(self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...]) -> list[Rival]:
+    def formed(
+        self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float
+    ) -> list[Rival]:
+        """Effects of one form, added to a base: of its shape where that is known."""
+        if shape is None:
+            return self.expand(base, 2, 0, effects, best=best)
+        return self.shaped(base, effects, shape, best)
+
+    def shaped(
+        self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
+    ) -> list[Rival]:
         """Effects of one shape (all parameters but the first), added to a base."""
         if not effects:
             return []
         problem = self.searching(base)
         starts = screen(problem, effects, base, self.guess(base), None, shape).starts
-        found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values))
+        found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values), best)
         self.remember(found)
         return found
 
@@ -235,17 +249,27 @@ class Expander:
         """
         if effective_n_jobs(self.n_jobs) == 1:
             best = min(base.fit.cost, best)
-            first = fit_added(problem, base, chosen[0], best) if chosen else None
-            best = min(best, first.fit.cost) if first is not None else best
-            others = side_by_side(
-                lambda starts: shipped(fit_added(problem, base, starts, best)), chosen[1:], self.second, effort
-            )
-            found = [first, *(landed(problem, base, starts, s) for starts, s in zip(chosen[1:], others))]
+            if len(chosen) <= FEW:
+                tries = iter(self.fit_apart(problem, base, [[one] for starts in chosen for one in starts], best))
+                found = [cheapest(list(islice(tries, len(starts)))) for starts in chosen]
+            else:
+                first = fit_added(problem, base, chosen[0], best)
+                best = min(best, first.fit.cost) if first is not None else best
+                found = [first, *self.fit_apart(problem, base, chosen[1:], best)]
             return [rival for rival in found if rival is not None]
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
         parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, best) for chunk in chunks)
         return [rival for part in parts for rival in part if rival is not None]
+
+    def fit_apart(
+        self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float
+    ) -> list[Rival | None]:
+        """Fits that know nothing of each other, in two processes."""
+        found = side_by_side(
+            lambda starts: shipped(fit_added(problem, base, starts, best)), chosen, self.second, effort
+        )
+        return [landed(problem, base, starts, freight) for starts, freight in zip(chosen, found)]
 
 
 def effort(starts: Sequence[Start]) -> float:

@@ -18,6 +18,7 @@ from sksurrogate.kernels.output_error import Fit, run_near, settle_hidden
 
 __all__ = [
     "best_starts",
+    "cheapest",
     "distinct",
     "first_places",
     "fit_added",

@@ -128,7 +128,6 @@ class Questions:
             problem, found.finals, self.without.held(bool(final.effects)), same_names(found.finals, final)
         )
         self.imitation()
-        found.experiment = experiment.answer()
         say("what is left")
         found.remains = remaining.of(final)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
@@ -140,6 +139,8 @@ class Questions:
         if final.effects or problem.free:
             larger, found.fitted = self.fitted(final)
             found.bounds = intervals(larger, found.fitted)
+        if not self.uncertified:
+            found.experiment = experiment.answer()
 
     def name_what_is_seen(self) -> None:
         """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""

@@ -369,7 +369,7 @@ class Search(Expander):
                 base = self.without(rival, i) if simple else None
                 if base is None:
                     continue
-                others = self.shaped(base, simple, shapes[name]) if name in shapes else self.expand(base, 2, 0, simple)
+                others = self.formed(base, simple, shapes.get(name), rival.fit.cost)
                 near = [other for other in others if other.fit.cost < UNPOLISHED * self.most_left(rival)]
                 for other in self.ranked(near, base)[:1]:
                     fitted = self.polish(other)
