@@ -12,10 +12,9 @@ from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap._aside import Second
-from sksurrogate.gap._fits import best_starts, cheapest, fit_added, fit_chunk, nominal
+from sksurrogate.gap._fits import best_starts, cheapest, fit_added, fit_chunk, fit_pair, nominal
 from sksurrogate.gap._pairs import best_pairs
 from sksurrogate.gap._problem import Problem, Rival
-from sksurrogate.gap._scan import scanned
 from sksurrogate.gap._screen import Screen, Start, screen
 from sksurrogate.gap._side_by_side import side_by_side
 from sksurrogate.gap._stack import remembers_enough
@@ -209,24 +208,19 @@ class Expander:
             self.first_screen = known
         return known.starts
 
-    def pairs(self, base: Rival, most: int) -> list[Rival]:
+    def pairs(self, base: Rival, most: int, best: float) -> list[Rival]:
         """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
         if self.first_screen is None:
             return []
-        problem = self.searching(base)
-        found = []
-        for first, second in best_pairs(self.first_screen, most):
-            key = frozenset((first.effect.key, second.effect.key))
-            if key in self.fitted:
-                continue
-            theta = np.concatenate([first.theta, second.theta, base.fit.theta])
-            x = np.concatenate([self.x, first.x[len(self.x) :], second.x[len(self.x) :]])
-            try:
-                rival = problem.fit((first.effect, second.effect), theta, x)
-            except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
-                continue
-            if rival is not None:
-                found.append(scanned(problem, rival))
+        problem, x = self.searching(base), self.x
+        pairs = best_pairs(self.first_screen, most)
+        new = [pair for pair in pairs if frozenset(start.effect.key for start in pair) not in self.fitted]
+        tries = side_by_side(lambda pair: shipped(fit_pair(problem, base, pair, x, best)), new, self.second)
+        found = [
+            rival
+            for pair, freight in zip(new, tries)
+            if (rival := landed(problem, base, [start.effect for start in pair], freight)) is not None
+        ]
         self.remember(found)
         return found
 
@@ -249,13 +243,11 @@ class Expander:
         """
         if effective_n_jobs(self.n_jobs) == 1:
             best = min(base.fit.cost, best)
-            if len(chosen) <= FEW:
-                tries = iter(self.fit_apart(problem, base, [[one] for starts in chosen for one in starts], best))
-                found = [cheapest(list(islice(tries, len(starts)))) for starts in chosen]
-            else:
-                first = fit_added(problem, base, chosen[0], best)
-                best = min(best, first.fit.cost) if first is not None else best
-                found = [first, *self.fit_apart(problem, base, chosen[1:], best)]
+            n = len(chosen) if len(chosen) <= FEW else 1
+            tries = iter(self.fit_apart(problem, base, [[one] for starts in chosen[:n] for one in starts], best))
+            first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
+            best = min([best, *(rival.fit.cost for rival in first if rival is not None)])
+            found = [*first, *self.fit_apart(problem, base, chosen[n:], best)]
             return [rival for rival in found if rival is not None]
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
@@ -269,7 +261,7 @@ class Expander:
         found = side_by_side(
             lambda starts: shipped(fit_added(problem, base, starts, best)), chosen, self.second, effort
         )
-        return [landed(problem, base, starts, freight) for starts, freight in zip(chosen, found)]
+        return [landed(problem, base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
 
 
 def effort(starts: Sequence[Start]) -> float:
@@ -284,10 +276,12 @@ def shipped(rival: Rival | None) -> tuple[Fit, int, float] | None:
     return None if rival is None else (rival.fit, rival.model.n_sub, rival.model.sharpness)
 
 
-def landed(problem: Problem, base: Rival, starts: list[Start], freight: tuple[Fit, int, float] | None) -> Rival | None:
-    """A base with the effect of these starts, as it was shipped."""
+def landed(
+    problem: Problem, base: Rival, added: Sequence[BaseEffect], freight: tuple[Fit, int, float] | None
+) -> Rival | None:
+    """A base with these effects added, as it was shipped."""
     if freight is None:
         return None
     fit, n_sub, sharpness = freight
-    effects = (*base.effects, starts[0].effect)
+    effects = (*base.effects, *added)
     return Rival(effects, replace(problem, n_sub=n_sub, sharpness=sharpness).augmented(effects), fit)

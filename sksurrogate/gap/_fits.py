@@ -23,6 +23,7 @@ __all__ = [
     "first_places",
     "fit_added",
     "fit_chunk",
+    "fit_pair",
     "mean_start",
     "nominal",
     "numerics_matter",
@@ -73,6 +74,18 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
         for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
             found = scanned(problem, found, i)
     return found
+
+
+def fit_pair(problem: Problem, base: Rival, pair: tuple[Start, Start], x: np.ndarray, best: float) -> Rival | None:
+    """Fit a base without effects with two at once, from a smoothed trajectory."""
+    first, second = pair
+    theta = np.concatenate([first.theta, second.theta, base.fit.theta])
+    whole = np.concatenate([x, first.x[len(x) :], second.x[len(x) :]])
+    try:
+        rival = problem.fit((first.effect, second.effect), theta, whole, best=best)
+    except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+        return None
+    return rival and scanned(problem, rival)
 
 
 def fit_last(

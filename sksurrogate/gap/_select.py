@@ -189,7 +189,7 @@ class Search(Expander):
         if settled and left(best) < NO_MORE:
             return None
         if len(best.effects) == 1:
-            trial.extend(self.ranked(self.pairs(self.null, MOST_PAIRS), best))
+            trial.extend(self.ranked(self.pairs(self.null, MOST_PAIRS, best.fit.cost), best))
         nearest = max(trial, key=self.score, default=None)
         near = nearest is not None and nearest.noise is not None and left(nearest) < NEAR
         for base in () if near or settled else self.beam(best):
