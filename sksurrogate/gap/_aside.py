@@ -105,7 +105,7 @@ class Second:
                 self._line.settimeout(max(until - time.monotonic(), 1e-3))
                 one, answer = receive(self._line, self._known)
                 self._answers[one] = answer
-            except (EOFError, OSError):  # it died, or was not in time
+            except Exception:  # it died, was not in time, or told what cannot be read
                 self._give_up()
         return self._answers.pop(number, _Answer(False))
 

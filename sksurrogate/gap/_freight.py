@@ -12,8 +12,12 @@ from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
-import cloudpickle
 import numpy as np
+
+try:
+    import cloudpickle
+except ImportError:  # an older joblib brings its own
+    from joblib.externals import cloudpickle
 
 __all__ = ["receive", "send"]
 

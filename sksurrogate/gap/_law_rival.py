@@ -99,9 +99,11 @@ def law_rival(
 
     try:
         k, f, law = fit.likeliest(candidates, noise, second)
-        at_once = judged(k, law, rival.log_likelihood)
-        if rival.effects and left(rival) < NOTHING_LEFT and at_once.gain < BEYOND_NOISE:
-            return at_once
+        if rival.effects and left(rival) < NOTHING_LEFT:
+            own = np.array_equal(x, rival.fit.x)
+            at_once = judged(k, law, rival.log_likelihood if own else named_along(problem, rival, x, (noise,)))
+            if at_once.gain < BEYOND_NOISE:
+                return at_once
         starts = noise, problem.quiet(noise)
         likeliest = {(k, f), fit.likeliest(candidates, starts[1], second)[:2]}
         asked = [(k, f, start) for k, f in sorted(likeliest) for start in starts]

@@ -58,5 +58,18 @@ def start_cost(problem: Problem, rival: Rival) -> float:
         J, own = slopes[:, :, a:b].transpose(1, 0, 2).reshape(n, -1), moved[:, k]
         H = J @ J.T
         if np.isfinite(H).all() and np.isfinite(own).all():
-            cost += float(own @ (np.eye(n) - np.linalg.inv(H + np.eye(n))) @ own)
+            cost += shown(H, own)
     return cost
+
+
+def shown(H: np.ndarray, x: np.ndarray) -> float:
+    """``min_z (z - x)' H (z - x) + z' z``, which is ``x' H (H + 1)^-1 x``, for an H of any size and rank.
+
+    Examples
+    --------
+    >>> float(shown(np.diag([3.0, 0.0]), np.array([2.0, 7.0])))
+    3.0
+    """
+    size, axes = np.linalg.eigh(H)
+    size = np.maximum(size, 0.0)
+    return float(np.sum(size / (1.0 + size) * (axes.T @ x) ** 2))

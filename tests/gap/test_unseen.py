@@ -7,7 +7,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._prior import start_cost
+from sksurrogate.gap._prior import shown, start_cost
 from sksurrogate.gap._problem import build_problem
 from sksurrogate.gap._responses import Responses
 from sksurrogate.gap._screen import screen
@@ -102,3 +102,10 @@ def test_a_start_that_outputs_show_costs_what_its_distance_does():
     away = (fitted.fit.x[:, starts] - problem.run[:, starts]) / (10.0 * problem.scale[:, None])
     assert start_cost(problem, fitted) == pytest.approx(np.sum(away**2), rel=0.02)
     assert np.sum(away**2) > 1.0
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e26])
+def test_what_is_shown_of_a_start_whatever_the_size_of_the_slopes(size):
+    """A diagnosis had ended where a free run bursts: two states seen as one, with slopes beyond all digits."""
+    H, x = size * np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([3.0, 1.0])
+    assert shown(H, x) == pytest.approx(2.0 * size / (1.0 + 2.0 * size) * 2.0)
