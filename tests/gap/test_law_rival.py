@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.gap import _law_rival
 from sksurrogate.gap._evidence import estimate_noise
 from sksurrogate.gap._law_rival import law_rival, without_names
 from sksurrogate.gap._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
@@ -29,10 +30,10 @@ def simulator(law=nothing, outputs=("q",), force=0.0):
     )  # fmt: skip
 
 
-def problem_of(law, free=(), outputs=("q",), read=lambda y: y, force=0.0):
-    rng = np.random.default_rng(3)
+def problem_of(law, free=(), outputs=("q",), read=lambda y: y, force=0.0, real=None):
+    rng, real = np.random.default_rng(3), real or simulator(law, outputs, force)
     U = [np.repeat(rng.uniform(-1.5, 1.5, N // 10), 10)[:, None] for _ in range(RUNS)]
-    Y = [read(simulator(law, outputs, force).simulate(u, x0=np.zeros(2)).reshape(N, -1)) for u in U]
+    Y = [read(real.simulate(u, x0=np.zeros(2)).reshape(N, -1)) for u in U]
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(simulator(outputs=outputs), n_inputs=1, n_outputs=len(outputs), dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
@@ -75,6 +76,24 @@ def test_two_true_names_are_not_beaten():
     problem, smoothed = problem_of(lambda q, f: 0.3 * q**3 + 0.2 * q)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.2), effect("linear_loss", 0.1))
     assert law_rival(problem, names, names.fit.x, 50).gain < 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "theta"),
+    [("hidden_mode", (2.0, 3.0, 0.05)), ("hidden_relaxation", (1.0, 2.0)), ("hysteresis", (0.6, 0.3))],
+)
+def test_a_law_far_behind_a_true_name_is_behind_it_under_every_noise(monkeypatch, name, theta):
+    """Judged at once under the names' noise, and with the noise fitted beside the law."""
+    memory = CATALOGUE[name]("v", "q")
+    values = dict(zip([p.name for p in memory.parameters], theta))
+    problem, smoothed = problem_of(nothing, real=AugmentedSimulator(simulator(), [memory], [values]))
+    x = np.concatenate([smoothed.x, np.zeros((memory.n_hidden, RUNS * N))])
+    named = fitted(problem, x, (memory, np.array(theta)))
+    at_once = law_rival(problem, named, named.fit.x[:2], 50)
+    monkeypatch.setattr(_law_rival, "BEYOND_NOISE", -np.inf)
+    whole = law_rival(problem, named, named.fit.x[:2], 50)
+    assert at_once.gain < -60.0 and whole.gain < -60.0
+    assert at_once.gain != whole.gain  # two ways to one answer
 
 
 def test_a_law_of_two_signals_is_told_in_its_balance():

@@ -1,0 +1,61 @@
+"""Which fits are made, and which are known already."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._expand import Expander
+
+PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), n_sub=1, sharpness=50.0)
+BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0))
+
+
+def lag(variable):
+    return CATALOGUE["hidden_relaxation"]("v", variable)
+
+
+def rival(effect, cost, n_sub=1):
+    return SimpleNamespace(
+        effects=(effect,), keys=(effect.key,), fit=SimpleNamespace(cost=cost),
+        model=SimpleNamespace(n_sub=n_sub, sharpness=50.0), theta_of=lambda i: np.array([1.0, 2.0]),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def expander(monkeypatch):
+    monkeypatch.setattr(Expander, "searching", lambda self, base: PROBLEM)
+    return Expander(
+        PROBLEM, [lag("q"), lag("v"), lag("f"), lag("w"), CATALOGUE["linear_loss"]("v", "v")], np.zeros((2, 10))
+    )
+
+
+def test_siblings_that_were_fitted_with_these_numerics_are_not_fitted_again(monkeypatch, expander):
+    asked = []
+    monkeypatch.setattr(Expander, "shaped", lambda self, *given: asked.append(given) or [])
+    known, coarse = rival(lag("v"), 300.0), rival(lag("f"), 400.0, n_sub=2)
+    expander.remember([known, coarse])
+    found = expander.siblings([rival(lag("q"), 20.0)], BASE)
+    assert found == [known]
+    ((_, others, shape, best),) = asked
+    assert [e.variable for e in others] == ["f", "w"]
+    assert (shape, best) == ((2.0,), 20.0)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_every_effect_has_the_cheapest_of_its_starts_and_the_first_is_what_others_must_come_near_to(monkeypatch, n):
+    """Of few effects, and of the first of many, every start is fitted apart."""
+    asked = []
+
+    def fit_apart(self, problem, base, chosen, best):
+        asked.extend((len(starts), best) for starts in chosen)
+        return [rival(starts[0].effect, min(start.cost for start in starts)) for starts in chosen]
+
+    monkeypatch.setattr(Expander, "fit_apart", fit_apart)
+    effects = [lag(f"x{k}") for k in range(n)]
+    chosen = [[SimpleNamespace(effect=e, cost=10.0 * k + c) for c in (3, 1, 2)] for k, e in enumerate(effects)]
+    found = Expander(PROBLEM, effects, np.zeros((2, 10))).fit_all(PROBLEM, BASE, chosen)
+    assert [(r.effects[0], r.fit.cost) for r in found] == [(e, 10.0 * k + 1.0) for k, e in enumerate(effects)]
+    apart = 3 * (n if n <= 2 else 1)
+    assert asked == [(1, 1000.0)] * apart + [(3, 1.0)] * (n - apart // 3)
