@@ -121,7 +121,7 @@ def test_the_page_of_the_command_line_has_every_option():
 
 @pytest.mark.skipif(not PAGES, reason="the pages are not beside the tests (installed package)")
 def test_the_bars_of_the_verdict_are_those_of_the_code():
-    from sksurrogate.gap import _verdict
+    from sksurrogate.gap.decide import _verdict
 
     page = (DOCS / "diagnosing.md").read_text(encoding="utf-8")
     told = set(re.findall(r"\d+(?:\.\d+)?", page.split("## The bars of the verdict")[1].split("\n## ")[0]))

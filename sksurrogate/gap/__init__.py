@@ -1,7 +1,8 @@
 """The diagnosis of the sim-to-real gap."""
 
 from sksurrogate.gap._diagnose import GapDiagnoser
-from sksurrogate.gap._display import GapDisplay
-from sksurrogate.gap._report import EffectEstimate, GapReport
+from sksurrogate.gap.render._display import GapDisplay
+from sksurrogate.gap.render._report import GapReport
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
 
 __all__ = ["EffectEstimate", "GapDiagnoser", "GapDisplay", "GapReport"]

@@ -15,14 +15,14 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 
 from sksurrogate._columns import by_name
+from sksurrogate._parallel._second import Second, one_thread
 from sksurrogate.effects._catalogue import build_effects, kinematic_states
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.gap._aside import Second, one_thread
-from sksurrogate.gap._excerpt import SEARCHED_SAMPLES, excerpt
-from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._questions import Questions
-from sksurrogate.gap._select import Search
-from sksurrogate.gap._trajectory import diagnose_trajectory
+from sksurrogate.gap._pipeline import Questions
+from sksurrogate.gap._trajectory_report import diagnose_trajectory
+from sksurrogate.gap.fit._excerpt import SEARCHED_SAMPLES, excerpt
+from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe

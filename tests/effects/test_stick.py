@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap._problem import build_problem
+from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from sksurrogate.gap._accused import accused, told_by_law
-from sksurrogate.gap._law_rival import LawRival
-from sksurrogate.gap._unknown import Place
+from sksurrogate.gap.unnamed._latent_force import Place
+from sksurrogate.gap.unnamed._law_rival import LawRival
+from sksurrogate.gap.unnamed._location import accused, told_by_law
 
 #: Log likelihoods of the balance and the input; R2 of the force from the input alone and from everything; who did it.
 CASES = [

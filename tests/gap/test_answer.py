@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
-from sksurrogate.gap._answer import note_on_none, sentence_of
-from sksurrogate.gap._verdict import PRACTICAL
+from sksurrogate.gap.decide._verdict import PRACTICAL
+from sksurrogate.gap.render._sentences import note_on_none, sentence_of
 
 
 def shrink(before, measurable=True):

@@ -9,16 +9,16 @@ import time
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from sksurrogate.gap._aside import Second, can_fork, one_thread
-from sksurrogate.gap._side_by_side import side_by_side
+from sksurrogate._parallel._parallel_map import side_by_side
+from sksurrogate._parallel._second import Second, can_fork, one_thread
 
 #: In a process of its own: test runners have threads, beside which no second process is made.
 forks = """
 import os
 import time
 import numpy as np
-from sksurrogate.gap._aside import Second, can_fork
-from sksurrogate.gap._side_by_side import side_by_side
+from sksurrogate._parallel._second import Second, can_fork
+from sksurrogate._parallel._parallel_map import side_by_side
 assert can_fork()
 here = os.getpid()
 """
@@ -153,7 +153,7 @@ except ZeroDivisionError as error:
 @pytest.mark.parametrize(
     "refused",
     ["def refused(*given): raise BlockingIOError('no more processes')\nos.fork = refused\n",
-     "import resource\nfrom sksurrogate.gap._aside import libraries\nlibraries()\nresource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))\n"],
+     "import resource\nfrom sksurrogate._parallel._second import libraries\nlibraries()\nresource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))\n"],
     ids=["no process", "no file"],
 )  # fmt: skip
 def test_where_no_process_may_be_made_the_question_is_answered_here(refused):
@@ -176,7 +176,7 @@ print('there' if multiprocessing.active_children() else 'gone')
 
 @needs_fork
 def test_processes_whose_first_one_is_gone_end():
-    code = "import os, time\nfrom sksurrogate.gap._aside import Second\none, other = Second(), Second(later=True)\n"
+    code = "import os, time\nfrom sksurrogate._parallel._second import Second\none, other = Second(), Second(later=True)\n"
     code += "print(one.ask(os.getpid).answer(), other.ask(os.getpid).answer(), flush=True)\ntime.sleep(120)\n"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as first:
         pids = first.stdout.readline().split()
@@ -205,7 +205,7 @@ def test_items_of_a_process_that_died_are_asked_here():
 
 @needs_fork
 def test_one_that_does_not_answer_in_time_is_not_waited_for():
-    script = "from sksurrogate.gap import _aside\n_aside.PATIENCE = 0.2\n_aside.TIMES = 0.0\n"
+    script = "from sksurrogate._parallel import _second\n_second.PATIENCE = 0.2\n_second.TIMES = 0.0\n"
     question = "lambda: 1 if os.getpid() == here else time.sleep(60)"
     begun = time.monotonic()
     assert told(script + f"print(Second().ask({question}).answer())") == "1"
@@ -244,7 +244,7 @@ def test_linear_algebra_keeps_to_one_thread_and_has_its_own_back_afterwards():
 
 DIAGNOSIS = """
 import warnings
-from sksurrogate.gap._aside import Second
+from sksurrogate._parallel._second import Second
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.gap import GapDiagnoser
 count = []

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap._fits import fit_last
-from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._shrink import held_out, without_names
+from sksurrogate.gap.decide._held_out import held_out, without_names
+from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.search._fits import fit_last
 from sksurrogate.kernels import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

@@ -5,11 +5,11 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._chosen import ByRun, by_run, chosen_without
-from sksurrogate.gap._evidence import quick_likelihood
-from sksurrogate.gap._prior import prior_cost
-from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._shrink import held_out, notes_on_names, same_names, without_names
+from sksurrogate.gap.decide._choice_by_fold import ByRun, by_run, chosen_without
+from sksurrogate.gap.decide._held_out import held_out, notes_on_names, same_names, without_names
+from sksurrogate.gap.fit._evidence import quick_likelihood
+from sksurrogate.gap.fit._prior import prior_cost
+from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import CallableSimulator, ODESimulator

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap._report import Shrink
-from sksurrogate.gap._verdict import Facts, certified, curves_in_parts, decide, needless, share_left
+from sksurrogate.gap.decide._verdict import Facts, certified, curves_in_parts, decide, needless, share_left
+from sksurrogate.gap.results._shrink import Shrink
 
 
 def test_a_stack_of_names_with_a_clear_law_left_is_unknown_and_a_useful_one_is_not():

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDisplay
-from sksurrogate.gap._report import Curve, GapReport, MissingTerm, Shrink, Table, Trace, Where
+from sksurrogate.gap.render._report import GapReport
+from sksurrogate.gap.results._missing_term import Curve, MissingTerm
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._trace import Trace
+from sksurrogate.gap.results._where import Where
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

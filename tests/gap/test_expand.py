@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap._expand import Expander
+from sksurrogate.gap.search._expander import Expander
 
 PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), n_sub=1, sharpness=50.0)
 BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0))

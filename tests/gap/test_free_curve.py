@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sksurrogate.gap._curve_shapes import shapes
-from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._free_curve import free_curve
-from sksurrogate.gap._problem import build_problem
+from sksurrogate.gap.fit._evidence import estimate_noise
+from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.unnamed._curve_shapes import shapes
+from sksurrogate.gap.unnamed._free_curve import free_curve
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

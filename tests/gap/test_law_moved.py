@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._unknown import LatentForce, law_of, moved_by
+from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.unnamed._latent_force import LatentForce, law_of, moved_by
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

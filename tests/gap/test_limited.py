@@ -5,10 +5,10 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._project import project_starts
-from sksurrogate.gap._responses import Responses
+from sksurrogate.gap.fit._evidence import estimate_noise
+from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._loop import closed_loop
+from sksurrogate.gap.fit._closed_loop import closed_loop
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 

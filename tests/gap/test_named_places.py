@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sksurrogate.gap._report import EffectEstimate
-from sksurrogate.gap._unknown import Place
-from sksurrogate.gap._where import by_location, named_places
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.unnamed._latent_force import Place
+from sksurrogate.gap.unnamed._where import by_location, named_places
 
 #: A force in the velocity is likeliest at the input, which pushes it.
 FOUND = [Place("force", "input", 120.0), Place("velocity", "state", 118.0), Place("position", "output", 20.0)]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap._evidence import REACH, columns, estimate_noise
-from sksurrogate.gap._fits import APART, apart
-from sksurrogate.gap._problem import QUIET, build_problem
-from sksurrogate.gap._screen import Start
-from sksurrogate.gap._select import arrived
+from sksurrogate.gap.fit._evidence import REACH, columns, estimate_noise
+from sksurrogate.gap.fit._problem import QUIET, build_problem
+from sksurrogate.gap.screen._screen import Start
+from sksurrogate.gap.search._fits import APART, apart
+from sksurrogate.gap.search._search import arrived
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

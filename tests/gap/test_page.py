@@ -9,9 +9,14 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import EffectEstimate, GapReport
-from sksurrogate.gap._page import html_fragment, html_page, terminal_page
-from sksurrogate.gap._report import Curve, MissingTerm, NextExperiment, Shrink, Table, Trace, Where
-from sksurrogate.gap._svg import Line, bars, chart, limits, ticks
+from sksurrogate.gap.render._page import html_fragment, html_page, terminal_page
+from sksurrogate.gap.render._svg import Line, bars, chart, limits, ticks
+from sksurrogate.gap.results._missing_term import Curve, MissingTerm
+from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._trace import Trace
+from sksurrogate.gap.results._where import Where
 
 EVIL = '<script>alert("x")</script>\x1b[31m&'
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects._balance import ConstantBias, LinearLoss
-from sksurrogate.gap._probability import probabilities
-from sksurrogate.gap._select import EQUAL
+from sksurrogate.gap.decide._probability import probabilities
+from sksurrogate.gap.search._search import EQUAL
 
 
 def rival(*effects, value):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._problem import build_problem
-from sksurrogate.gap._responses import Responses
+from sksurrogate.gap.fit._evidence import estimate_noise
+from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

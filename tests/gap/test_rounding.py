@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.effects._sensor import SensorQuantization
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._rounding import is_rounded, names_steps, unnamed_rounding
+from sksurrogate.gap.fit._rounding import is_rounded, names_steps, unnamed_rounding
 from sksurrogate.physics import ODESimulator
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, BalanceEffect, Parameter
-from sksurrogate.gap._evidence import estimate_noise
-from sksurrogate.gap._problem import Rival, build_problem
-from sksurrogate.gap._screen import screen
-from sksurrogate.gap._select import Search
+from sksurrogate.gap.fit._evidence import estimate_noise
+from sksurrogate.gap.fit._problem import Rival, build_problem
+from sksurrogate.gap.screen._screen import screen
+from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -91,5 +91,5 @@ def test_a_base_without_a_linearisation_has_no_screen_however_short_its_list(pro
         lin = linearise(*given)
         return replace(lin, J_theta=np.full_like(lin.J_theta, 1e200))
 
-    monkeypatch.setattr("sksurrogate.gap._responses.linearise", burst)
+    monkeypatch.setattr("sksurrogate.gap.screen._responses.linearise", burst)
     assert screen(problem, effects("quadratic_drag"), base, smoothed.x, None, first=first).starts == []

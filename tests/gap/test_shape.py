@@ -5,11 +5,11 @@ import pytest
 
 from sksurrogate.effects import LawEffect
 from sksurrogate.effects._law import SHAPES, Term
-from sksurrogate.gap._laws import library, sparse_laws
-from sksurrogate.gap._loop import closed_loop
-from sksurrogate.gap._shape import Channel, shape_of
-from sksurrogate.gap._stand_in import learn
-from sksurrogate.gap._where import regions, times
+from sksurrogate.gap.fit._closed_loop import closed_loop
+from sksurrogate.gap.fit._linear_surrogate import learn
+from sksurrogate.gap.unnamed._shape import Channel, shape_of
+from sksurrogate.gap.unnamed._symbolic_laws import library, sparse_laws
+from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap._expand import Expander
-from sksurrogate.gap._stack import grows_in_vain, is_stack
+from sksurrogate.gap.search._expander import Expander
+from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
 
 
 def of_cost(cost):

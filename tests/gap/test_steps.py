@@ -5,9 +5,9 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._evidence import estimate_noise, frozen_fit, quick_likelihood
-from sksurrogate.gap._problem import Rival, build_problem
-from sksurrogate.gap._scan import promising
+from sksurrogate.gap.fit._evidence import estimate_noise, frozen_fit, quick_likelihood
+from sksurrogate.gap.fit._problem import Rival, build_problem
+from sksurrogate.gap.search._line_search import promising
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

@@ -5,9 +5,9 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._folded import together
-from sksurrogate.gap._problem import Rival, build_problem
-from sksurrogate.gap._screen import screen
+from sksurrogate.gap.fit._problem import Rival, build_problem
+from sksurrogate.gap.screen._screen import screen
+from sksurrogate.gap.search._merged_pair import together
 from sksurrogate.kernels.output_error import Fit, free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
-from sksurrogate.gap._expand import Expander
-from sksurrogate.gap._fits import taken_out
-from sksurrogate.gap._problem import build_problem
+from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.search._expander import Expander
+from sksurrogate.gap.search._fits import taken_out
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

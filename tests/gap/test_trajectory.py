@@ -6,8 +6,8 @@ import pytest
 from sksurrogate.effects import BalanceEffect, LawEffect, Parameter
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._around_questions import AroundQuestions
-from sksurrogate.gap._verdict import decide
+from sksurrogate.gap._trajectory_pipeline import AroundQuestions
+from sksurrogate.gap.decide._verdict import decide
 
 
 class FirstOrder:
@@ -243,7 +243,7 @@ def test_the_verdict_knows_how_many_effects_are_named(monkeypatch):
         asked.append(facts)
         return decide(facts)
 
-    monkeypatch.setattr("sksurrogate.gap._trajectory.decide", spy)
+    monkeypatch.setattr("sksurrogate.gap._trajectory_report.decide", spy)
     X, y, groups = seen_as(lambda y: 1.3 * y + 0.4)
     diagnoser = GapDiagnoser(FirstOrder(), effects=["sensor_gain", "sensor_bias"], random_state=0)
     report = diagnoser.fit(X, y, groups=groups).report_

@@ -19,7 +19,7 @@ def test_joblibs_setting_spreads_the_fits_and_changes_no_answer(monkeypatch):
         asked.append(joblib.effective_n_jobs(options["n_jobs"]))
         return joblib.Parallel(**options)
 
-    monkeypatch.setattr("sksurrogate.gap._expand.Parallel", spy)
+    monkeypatch.setattr("sksurrogate.gap.search._expander.Parallel", spy)
     assert str(diagnoser.fit(X, y, groups=groups).report_) == here and not asked
     with joblib.parallel_config("threading", n_jobs=2):
         assert str(diagnoser.fit(X, y, groups=groups).report_) == here

@@ -65,7 +65,7 @@ def test_a_diagnosis_on_the_cluster(client, monkeypatch):
         workers.append(joblib.effective_n_jobs(options["n_jobs"]))
         return joblib.Parallel(**options)
 
-    monkeypatch.setattr("sksurrogate.gap._expand.Parallel", spy)
+    monkeypatch.setattr("sksurrogate.gap.search._expander.Parallel", spy)
     with joblib.parallel_config("dask"):
         there = GapDiagnoser(make_reactor(second=80.0), effects=names, random_state=0).fit(X, y, groups=groups).report_
     assert str(here) == str(there)

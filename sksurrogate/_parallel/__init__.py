@@ -1,0 +1,1 @@
+"""A second process for questions that do not wait for each other."""

@@ -1,0 +1,65 @@
+"""One function of many items, in two processes that meet in the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from sksurrogate._parallel._second import Second
+
+__all__ = ["side_by_side"]
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+def side_by_side(
+    function: Callable[[S], T],
+    items: Sequence[S],
+    second: Second | None,
+    effort: Callable[[S], float] | None = None,
+) -> list[T]:
+    """The function of every item, begun at both ends: from the front here, from the back in a second process.
+
+    Each takes the next item when it is done with one, until they meet. Where both begin the last item at once it is worked
+    out twice. Items of most ``effort`` stand at the ends, so that they meet at short ones.
+
+    Examples
+    --------
+    >>> side_by_side(lambda x: x**2, [1, 2, 3], None)
+    [1, 4, 9]
+    """
+    if second is None or not second.apart or len(items) < 2:
+        return [function(one) for one in items]
+    order = list(range(len(items)))
+    if effort is not None:
+        order.sort(key=lambda k: -effort(items[k]))
+        order = order[::2] + order[1::2][::-1]
+    lined_up = [items[k] for k in order]
+    met = second.shared
+    met[0], met[1] = 0, len(items)  # how many are begun here, the first that is begun there
+    beside = second.ask(partial(_from_the_back, function, lined_up, met))
+    here: dict[int, T] = {}
+    try:
+        while len(here) < met[1]:
+            met[0] = len(here) + 1
+            here[len(here)] = function(lined_up[len(here)])
+        both = {**beside.answer(), **here}
+    except BaseException:
+        second.leave()  # it still works on items, and would meet those of the next question
+        raise
+    return [both[k] for k in np.argsort(order)]
+
+
+def _from_the_back(function: Callable[[S], T], items: Sequence[S], met: memoryview) -> dict[int, T]:
+    """What the second process does, until it meets the first one."""
+    out = {}
+    for k in reversed(range(len(items))):
+        if k < met[0]:
+            break
+        met[1] = k
+        out[k] = function(items[k])
+    return out

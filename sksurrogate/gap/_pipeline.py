@@ -1,0 +1,415 @@
+"""The questions of a diagnosis in their order, and the report made of their answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._simulator import AugmentedSimulator
+from sksurrogate.gap.decide._baseline import WithoutNames
+from sksurrogate.gap.decide._choice_by_fold import names_by_fold
+from sksurrogate.gap.decide._equivalence import Slot, equivalents, next_experiment
+from sksurrogate.gap.decide._experiment import name_of, when_they_part
+from sksurrogate.gap.decide._held_out import (
+    HeldOut,
+    held_out,
+    measure,
+    notes_on_names,
+    same_names,
+    shares,
+    traces,
+)
+from sksurrogate.gap.decide._partial_results import Found
+from sksurrogate.gap.decide._probability import probabilities
+from sksurrogate.gap.decide._ranking import ranking_of
+from sksurrogate.gap.decide._reported import reported
+from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
+from sksurrogate.gap.decide._verdict import (
+    ROUNDING,
+    certified,
+    decide,
+    facts_of,
+    intervals,
+    left_over,
+    parameter_errors,
+)
+from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
+from sksurrogate.gap.fit._closeness import FAR
+from sksurrogate.gap.fit._evidence import NEARLY_WHITE, NOTHING_LEFT, estimate_noise, left
+from sksurrogate.gap.fit._excerpt import FITTED_SAMPLES, excerpt
+from sksurrogate.gap.fit._problem import Problem, Rival, build_problem
+from sksurrogate.gap.fit._retuned import retuned_table, value_of
+from sksurrogate.gap.fit._rounding import STEPS, Rounding, unnamed_rounding
+from sksurrogate.gap.render._report import GapReport
+from sksurrogate.gap.render._sentences import note_on_none, sentence_of
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._where import Where
+from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._stopping import STACK
+from sksurrogate.gap.unnamed import _where
+from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
+from sksurrogate.gap.unnamed._disturbance_channel import missing_term, where_and_when
+from sksurrogate.gap.unnamed._free_curve import SUSPICIOUS, free_curve
+from sksurrogate.gap.unnamed._law_rival import LawRival, law_rival
+from sksurrogate.gap.unnamed._location import accused, told_by, told_by_law
+from sksurrogate.gap.unnamed._residual_analysis import Remaining, law_left
+from sksurrogate.kernels.record import Record
+from sksurrogate.runs import Runs
+
+__all__ = ["Questions"]
+
+_NAN = float("nan")
+#: Free runs within this many times the noise are near to the data; names within more of it are doubted: beside a disturbance
+#: that left up to three times the noise no law beat a true name. Of a real plant further off any law may.
+NEAR, DOUBTED = 2.0, 4.0
+#: White noise is at most so many times what differences of the outputs show.
+MOST_NOISE = 1.1
+#: What is known of the shrink after an early interrupt.
+NO_SHRINK = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
+
+
+class Questions:
+    """Asks the questions in order; an interrupt leaves what is known."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        search: Search,
+        runs: Runs,
+        whole: Record,
+        *,
+        correction: Any,
+        seed: int,
+        say: Callable[[str], None],
+    ):
+        self.problem, self.search, self.whole = problem, search, whole
+        self.labels = [run.label for run in runs]
+        self.correction, self.seed, self.say = correction, seed, say
+        self.found = Found([])
+        self.complete = True
+        self.uncertified = ""
+
+    @property
+    def final(self) -> Rival:
+        """The rival that stands."""
+        rival = self.search.final or self.search.null
+        if rival is None:
+            raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
+        return rival
+
+    @property
+    def null(self) -> Rival:
+        """No effect."""
+        assert self.search.null is not None
+        return self.search.null
+
+    def begin(self) -> None:
+        """Ask what needs no name, while names are looked for."""
+        self.without = WithoutNames(self.problem, self.null, self.correction, self.search.later)
+
+    def ask(self) -> None:
+        say, problem, search = self.say, self.problem, self.search
+        final, found = self.final, self.found
+        remaining = Remaining(search, self.null, final, self.seed)
+        found.curve = free_curve(search.at(final), final)
+        few = 0 < len(final.effects) < STACK
+        if few and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
+            self.name_what_is_seen()
+            final = self.final
+        found.retuned = self._retuning_counts()
+        say("what these data cannot tell apart")
+        found.slots = equivalents(search, final)
+        say("how far the gap shrinks on runs left out")
+        experiment = search.second.ask(partial(next_experiment, problem, final, found.slots))
+        found.finals = names_by_fold(search, final, found.slots)
+        found.held = held_out(
+            problem, found.finals, self.without.held(bool(final.effects)), same_names(found.finals, final)
+        )
+        self.imitation()
+        say("what is left")
+        found.remains = remaining.of(final)
+        found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
+        if final.effects and not certified(found.shrink, left(final)):
+            self.say_uncertified()
+            final = self.final
+        if final.effects:
+            found.shares = shares(problem, final, found.shrink.fraction_power)
+        if final.effects or problem.free:
+            larger, found.fitted = self.fitted(final)
+            found.bounds = intervals(larger, found.fitted)
+        if not self.uncertified:
+            found.experiment = experiment.answer()
+
+    def name_what_is_seen(self) -> None:
+        """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
+        search = self.search
+        other = search.further(self.final)
+        curve = free_curve(search.at(other), other) if other is not None else None
+        if curve is not None and curve.gain < CERTAIN:
+            search.final, self.found.curve = other, curve
+
+    def law_rival(self, of_names: bool) -> LawRival | None:
+        """One law without a name, in the place of all names or of nothing."""
+        final, search, found = self.final, self.search, self.found
+        named = bool(final.effects) and of_names
+        if named not in found.rivals and self.complete and search.null is not None:
+            rival, x = (final, final.fit.x) if named else (search.null, search.x)
+            x = x[: len(self.problem.plant.states)]
+            found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates), search.second)
+        return found.rivals.get(named)
+
+    def imitation(self) -> LawRival | None:
+        """The law in the place of names that may imitate it: of more than one parameter, not at the noise, or beside which a
+        free curve is nearly worth its knots."""
+        final, curve = self.final, self.found.curve
+        several = final.n_parameters > 1 or left(final) > NOTHING_LEFT
+        doubtful = several or (curve is not None and curve.gain > SUSPICIOUS)
+        return self.law_rival(True) if final.effects and doubtful and left(final) < DOUBTED else None
+
+    def fitted(self, final: Rival) -> tuple[Problem, Rival]:
+        """The rival that stands, fitted on more of a long record."""
+        at = self.search.at(final)
+        if self.whole.n_samples == at.record.n_samples:
+            return at, final
+        self.say("fitting what was named on more of the record")
+        record, _ = excerpt(self.whole, FITTED_SAMPLES)
+        larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances)
+        larger = replace(larger, n_sub=at.n_sub, sharpness=at.sharpness, scale=at.scale, caps=at.caps)
+        rival = larger.fit(final.effects, final.fit.theta, smoothed.x)
+        if rival is None or final.noise is None:
+            return at, final
+        return larger, estimate_noise(larger, rival, final.noise, final.curvature, max_iterations=5)
+
+    def say_uncertified(self) -> None:
+        """The named effects close too little on runs left out: no name is given; the null stands."""
+        found, search = self.found, self.search
+        null = self.null
+        assert found.held is not None
+        names = ", ".join(effect.name for effect in self.final.effects)
+        self.uncertified = (
+            f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
+        )
+        search.final, found.slots, found.finals = null, [], []
+        assert found.remains is not None
+        latent, law = law_left(search.at(null), null, self.seed)
+        found.remains = replace(found.remains, latent=latent, law=law)
+        found.experiment = next_experiment(self.problem, null, found.slots)
+        found.curve = free_curve(search.at(null), null)
+        found.rivals = {}
+        held = found.held
+        after = held.before if not self.problem.free else held.retuned
+        found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
+        found.shrink = measure(found.held, self.floor(), self.problem.plant.outputs, self.seed)
+
+    def floor(self) -> np.ndarray:
+        """Sensor noise: of the final fit and of the latent force the larger, and no more than the outputs' differences show.
+
+        A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
+        """
+        final, left_over = self.final, self.found.remains
+        fits = [final.noise.sigma] if final.noise is not None else []
+        fits += [left_over.latent.noise.sigma] if left_over is not None else []
+        most = MOST_NOISE * self.problem.sd
+        return np.max([np.minimum(sigma, most) for sigma in fits] or [self.problem.sd], axis=0)
+
+    def _retuning_counts(self) -> bool:
+        """Whether the free parameters at other values than the nominal ones are worth their number."""
+        problem, null = self.problem, self.null
+        assert null.noise is not None
+        if not problem.free:
+            return False
+        nominal = replace(problem, free=()).fit((), np.zeros(0), null.fit.x)
+        if nominal is None:
+            return True
+        estimate_noise(replace(problem, free=()), nominal, null.noise)
+        self.search.nominal_left = left(nominal)
+        return bool(2.0 * (null.log_likelihood - nominal.log_likelihood) > self.search.bar(len(problem.free)))
+
+    # ---- the report -------------------------------------------------------------------------------------------------
+    def verdict(self) -> str:
+        found, final, null = self.found, self.final, self.search.null
+        if found.shrink is None or found.remains is None or null is None:
+            return "unknown"  # interrupted: nothing is certified yet
+        at = self.search.at(final)
+        latent, law = found.remains.latent, found.remains.law
+        beyond = left_over(final, latent, MOST_NOISE * self.problem.sd, found.retuned)
+        gap = float(np.sqrt(null.fit.cost / self.search.n_values))
+        doubts = (self.imitation(), self.rounding(), found.retuned)
+        facts = facts_of(at, final, found.shrink, latent, law, found.curve, *doubts, gap, beyond)
+        return decide(facts)
+
+    def rounding(self) -> Rounding | None:
+        """A grid of readings that nothing named explains, where it is coarse enough to matter."""
+        found = unnamed_rounding(self.final)
+        return found if found is not None and found.share > ROUNDING else None
+
+    def effects(self, verdict: str) -> list[EffectEstimate]:
+        final, found = self.final, self.found
+        best = found.fitted or final
+        low, high = found.bounds or (final.fit.theta * np.nan, final.fit.theta * np.nan)
+        unnamed = found.curve.gain if found.curve is not None else -np.inf
+        chances = (
+            probabilities(self.search, final, found.slots, unnamed, verdict == "unknown")
+            if found.slots
+            else [float("nan")] * len(final.effects)
+        )
+        out = []
+        for i, effect in enumerate(final.effects):
+            rows = final.model.slice_of(i)
+            slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
+            params, ends = reported(effect, best.theta_of(i), low[rows], high[rows])
+            tied = [name_of(rival.effects[-1]) for rival in slot.twins]
+            twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.keys]
+            richer = [k for k in self.search.richer.get(effect.key, []) if k not in final.keys]
+            out.append(
+                EffectEstimate(
+                    effect.name,
+                    str(effect.location),
+                    effect.variable,
+                    float(found.shares[i]) if found.shares else float("nan"),
+                    params,
+                    ends,
+                    chances[i],
+                    [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
+                    when_they_part(
+                        name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer})
+                    ),
+                )
+            )
+        if not out and verdict == "explained":
+            share = found.shrink.fraction_power if found.shrink else _NAN
+            out = parameter_errors(self.retuned(), share, self.imitated())
+        return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
+
+    def imitated(self) -> list[tuple[str, str, str | None]]:
+        """Effects that the re-tuning would hide."""
+        null, screen = self.search.null, self.search.first_screen
+        found = imitated_by_retuning(screen, null.fit.theta) if null is not None and screen is not None else []
+        return [(effect.name, str(effect.location), effect.variable) for effect in found]
+
+    def retuned(self) -> Table:
+        final = self.found.fitted or self.final
+        bounds = self.found.bounds or (final.fit.theta, final.fit.theta)
+        own = slice(final.n_parameters, None)
+        return retuned_table(
+            self.problem.plant.params, self.problem.free, final.fit.theta[own], bounds[0][own], bounds[1][own]
+        )
+
+    def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
+        found, left_over = self.found, self.found.remains
+        accusable = left_over.places if left_over is not None else []
+        location, kind = None, None
+        named = _where.named_places(
+            effects if verdict == "explained" else [], {e.key: e.kind for e in self.final.effects}
+        )
+        if named:
+            location, kind, _ = named[0]
+        elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
+            location, kind = rounding.sensor, "output"
+        elif verdict == "unknown" and (
+            told := told_by_law(self.law_rival(left(self.final) < NEAR), accusable, self.problem.plant.inputs)
+        ):
+            location, kind = told
+        elif verdict == "unknown" and (curved := self.curved_input()) is not None:
+            location, kind = curved, "input"
+        elif verdict == "unknown" and left_over is not None and accusable:
+            location, kind = accused(accusable, lambda b, u: told_by(self.problem, left_over.gap, b, u, self.seed))
+        if found.shrink is None or left_over is None or found.held is None:
+            return Where(location, kind)
+        return Where(
+            location,
+            kind,
+            _where.by_output(found.shrink),
+            _where.by_location(accusable, named),
+            *where_and_when(self.problem, self.null, left_over.gap, location, kind),
+            _where.by_frequency(found.held.record, found.held.before, self.floor()),
+        )
+
+    def curved_input(self) -> str | None:
+        """The input whose own curve is likelier than all others, where nothing is named."""
+        curve = self.found.curve
+        certain = curve is not None and not self.final.effects and curve.gain > CERTAIN
+        return curve.location if curve and certain and curve.location in self.problem.plant.inputs else None
+
+    def closed(self) -> bool:
+        """Whether the free run follows the readings but for what looks like noise."""
+        return left(self.final) < NEARLY_WHITE
+
+    def answer(self, seconds: float) -> GapReport:
+        """The report of what is known."""
+        found, final, problem = self.found, self.final, self.problem
+        verdict = self.verdict()
+        effects = self.effects(verdict) if verdict != "none" else []
+        place = self.where(verdict, effects)
+        shrink = found.shrink or NO_SHRINK
+        term = None
+        if verdict == "unknown" and found.remains is not None and place.location is not None:
+            term = missing_term(problem, self.null, place.location, str(place.kind))
+        notes = self.notes(verdict)
+        sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term)
+        return GapReport(
+            verdict,
+            sentence,
+            effects,
+            ranking_of(self.search, final),
+            self.retuned(),
+            place,
+            shrink,
+            term,
+            found.experiment,
+            self.complete,
+            tuple(notes),
+            (),
+            problem.plant.outputs,
+            problem.plant.states,
+            problem.plant.inputs,
+            traces(found.held, self.labels),
+            seconds,
+        )
+
+    def notes(self, verdict: str) -> list[str]:
+        """What a careful reader should know."""
+        notes = []
+        if not self.complete:
+            notes.append("The diagnosis was interrupted: questions after that point are not answered.")
+        if self.uncertified:
+            notes.append(self.uncertified)
+        found = self.found
+        notes += notes_on_names([rival.effects for rival in found.finals], self.final.effects, found.held, self.labels)
+        if verdict == "none" and found.shrink is not None and found.shrink.measurable:
+            notes.append(note_on_none(found.shrink))
+        rounding = self.rounding()
+        if verdict == "unknown" and rounding is not None:
+            notes.append(STEPS.format(name=rounding.sensor, step=rounding.step))
+        if self.whole.n_samples > self.problem.record.n_samples:
+            notes.append(
+                f"The rivals were compared on {self.problem.record.n_samples} of {self.whole.n_samples} samples, in pieces "
+                "spread over the record; what is named was fitted on more of them."
+            )
+        loop = closed_loop(self.problem.record, self.final.fit.y, self.problem.plant.inputs)
+        if loop is not None and left(self.final) < FAR:  # what is left must be noise, not the gap itself
+            notes.append(LOOP.format(name=loop))
+        for i, name in enumerate(self.problem.plant.inputs):
+            if np.ptp(self.problem.record.u[i]) == 0:
+                notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
+        return notes
+
+    def augmented(self) -> AugmentedSimulator:
+        """The simulator with what was found."""
+        final, plant = self.found.fitted or self.final, self.problem.plant
+        values = [
+            {p.name: float(v) for p, v in zip(effect.parameters, final.theta_of(i))}
+            for i, effect in enumerate(final.effects)
+        ]
+
+        tuned = {
+            name: value_of(plant.params[name], final.fit.theta[final.n_parameters + i])
+            for i, name in enumerate(self.problem.free)
+        }
+        return AugmentedSimulator(plant.simulator, list(final.effects), values, tuned or None, scale=self.problem.scale)

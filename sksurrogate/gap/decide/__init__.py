@@ -1,0 +1,1 @@
+"""What may be said: held-out runs, equivalence classes, certificate, verdict."""

@@ -1,0 +1,158 @@
+"""Which names the other runs choose: the choice, repeated without each fold of runs, by likelihood run by run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.gap.decide._equivalence import Slot
+from sksurrogate.gap.fit._evidence import bar, columns, likeliest, profile
+from sksurrogate.gap.fit._folds import blocked, run_folds
+from sksurrogate.gap.fit._prior import prior_cost
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.search._search import CORRELATED, Search
+
+__all__ = ["ByRun", "by_run", "chosen_without", "names_by_fold"]
+
+#: Rivals that stand for election again in every fold, the best on all runs.
+MOST_RIVALS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ByRun:
+    """Log likelihood of one rival run by run, to first order in its parameters about the fit to all runs.
+
+    Attributes
+    ----------
+    grams : ndarray (n_runs, 1 + n_theta, 1 + n_theta)
+        Of the residual and its sensitivities, under the rival's noise.
+    log_dets : ndarray (n_runs,)
+    precision, pull, theta : ndarray (n_theta,)
+    bounds : (ndarray (n_theta,), ndarray (n_theta,))
+    prior : float
+        What its values cost before any data (-2 log p).
+    n_parameters : int
+    """
+
+    grams: np.ndarray
+    log_dets: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
+    theta: np.ndarray
+    bounds: tuple[np.ndarray, np.ndarray]
+    prior: float
+    n_parameters: int
+
+    def evidence(self, kept: np.ndarray) -> float:
+        """Log likelihood of the runs kept, at the parameters that these runs alone would choose."""
+        G, log_det = self.grams[kept].sum(axis=0), float(self.log_dets[kept].sum())
+        return profile(G, log_det, self.precision, self.pull, self.theta, self.bounds) - 0.5 * self.prior
+
+    def worth(self, kept: np.ndarray, n_values: int, by_size: bool) -> float:
+        """Evidence of the runs kept; ``by_size`` that of white errors with one value in ten independent."""
+        value = self.evidence(kept)
+        return -0.5 * n_values / CORRELATED * float(np.log(max(-2.0 * value, 1e-300))) if by_size else value
+
+
+def by_run(problem: Problem, rival: Rival, starts: np.ndarray, final: Rival, by_size: bool) -> ByRun:
+    """Likelihood of a rival over runs (or blocks) that begin at ``starts``: its noise or the final one, white by size."""
+    r, J, precision, pull = columns(problem, rival)
+    stacked = np.concatenate([r[:, None], J], axis=1)
+    if by_size:
+        lin = problem.linearised(rival)
+        white = (stacked / problem.sd[:, None, None]).transpose(1, 0, 2)
+        free = lin.J_x[:, rival.model.free_states] / problem.sd[:, None, None]
+        white = project_starts(white, free, starts)
+        ends = np.r_[starts[1:], problem.record.n_samples]
+        flat = [white[:, :, a:b].reshape(len(white), -1) for a, b in zip(starts, ends)]
+        grams, log_dets = np.stack([part @ part.T for part in flat]), np.zeros(len(starts))
+    else:
+        noises = [noise for noise in (rival.noise, final.noise) if noise is not None]
+        noise = likeliest(problem, rival, noises) if rival is not final else noises[0]
+        grams, log_dets = problem.disturbance(rival).begun_at(starts).gram_by_run(stacked, noise)
+    theta, bounds = rival.fit.theta, problem.bounds(rival.effects)
+    return ByRun(grams, log_dets, precision, pull, theta, bounds, prior_cost(problem, rival), rival.n_parameters)
+
+
+def chosen_without(
+    own: ByRun,
+    rivals: Sequence[ByRun],
+    fold: np.ndarray,
+    lengths: np.ndarray,
+    n_candidates: int,
+    by_size: bool = False,
+) -> list[int | None]:
+    """For every fold the rival that the other runs choose in place of the named one; None where they keep it.
+
+    They reject a name where a rival gains over it what an effect must gain over none. A simpler rival gains nothing for that:
+    where the effect acts in the runs left out alone, the others need no parameters at all.
+
+    Parameters
+    ----------
+    own : ByRun
+        What is named.
+    rivals : sequence of ByRun
+    fold : ndarray of int (n_runs,)
+    lengths : ndarray of int (n_runs,)
+        Values (samples times outputs) of every run.
+    n_candidates : int
+        Effects that were compared.
+    by_size : bool
+        Far from the data.
+    """
+    out: list[int | None] = []
+    for k in np.unique(fold):
+        kept = fold != k
+        n_values = int(lengths[kept].sum())
+        level = own.worth(kept, n_values, by_size) if kept.any() else np.inf
+        gains = [
+            2.0 * (rival.worth(kept, n_values, by_size) - level)
+            - bar(1 + max(rival.n_parameters - own.n_parameters, 0), n_candidates, n_values)
+            for rival in rivals
+        ]
+        best = int(np.argmax(gains)) if gains else -1
+        out.append(best if best >= 0 and gains[best] > 0 else None)
+    return out
+
+
+def names_by_fold(search: Search, final: Rival, slots: Sequence[Slot]) -> list[Rival]:
+    """The rival that the runs outside each fold choose: the final one, or another set of as many effects.
+
+    Parameters
+    ----------
+    search : Search
+    final : Rival
+        What all runs choose.
+    slots : sequence of Slot
+        Its classes: their members count as the same names.
+    """
+    record = blocked(search.problem.record)
+    starts, fold = record.starts, run_folds(record)
+    others = _others(search, final, slots)
+    n_folds = len(np.unique(fold))
+    if not others or n_folds < 2:
+        return [final] * n_folds
+    by_size = all(search.is_far(rival) for rival in (final, *others))
+    own, *against = [by_run(search.at(rival), rival, starts, final, by_size) for rival in (final, *others)]
+    picks = chosen_without(own, against, fold, record.lengths * len(record.y), len(search.candidates), by_size)
+    return [final if pick is None else others[pick] for pick in picks]
+
+
+def _others(search: Search, final: Rival, slots: Sequence[Slot]) -> list[Rival]:
+    """Rivals that differ from the final one in one effect, outside of its class; the best on all runs."""
+    keys = frozenset(final.keys)
+    same = set()
+    for slot in slots:
+        own = final.effects[slot.index].key
+        kin = {rival.effects[-1].key for rival in slot.twins} | set(search.richer.get(own, []))
+        same |= {(keys - {own}) | {key} for key in kin}
+    found = [
+        rival
+        for names, rival in search.fitted.items()
+        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and names not in same
+    ]
+    found = [rival for rival in found if np.isfinite(search.score(rival))]
+    return sorted(found, key=search.order([final, *found]), reverse=True)[:MOST_RIVALS]

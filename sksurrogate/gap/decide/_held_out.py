@@ -1,0 +1,250 @@
+"""How far the gap shrinks: chosen and refitted on some runs, free run on the others; beside it what re-tuning alone closes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.decide._experiment import name_of
+from sksurrogate.gap.fit._evidence import frozen_fit
+from sksurrogate.gap.fit._folds import blocked, run_folds
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._trace import Trace
+from sksurrogate.gap.search._fits import taken_out
+from sksurrogate.kernels.record import Record
+
+__all__ = [
+    "HeldOut",
+    "held_out",
+    "measure",
+    "notes_on_names",
+    "same_names",
+    "shares",
+    "traces",
+    "without_names",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Free runs on runs left out of the choice of the names and of the refit of the parameters.
+
+    Attributes
+    ----------
+    record : Record
+        Runs, or the blocks of the one run.
+    before, after, retuned, corrected : ndarray (n_outputs, n_samples)
+        Free runs of the simulator, with the effects, with parameters re-tuned only, with the generic correction; nan without.
+    same_names : float
+        Share of the folds whose other runs choose the effects that all runs choose.
+    """
+
+    record: Record
+    before: np.ndarray
+    after: np.ndarray
+    retuned: np.ndarray
+    corrected: np.ndarray
+    same_names: float = float("nan")
+
+
+def without_names(problem: Problem, null: Rival) -> HeldOut:
+    """Free runs on runs left out of what needs no name: the simulator, ``after`` as ``before``, and re-tuning alone."""
+    whole = replace(problem, record=blocked(problem.record))
+    nominal = replace(whole, free=())
+    all_free = replace(whole, free=tuple(problem.plant.params))
+    nominal_null = Rival((), null.model, replace(null.fit, theta=np.zeros(0)))
+    tuned = all_free.fit((), _all_theta(problem, null), null.fit.x) if problem.plant.params else None
+    record, fold = whole.record, run_folds(whole.record)
+    before = _by_fold(nominal, [nominal_null] * (int(fold.max()) + 1))
+    lost = ~np.isfinite(before)
+    before[lost] = np.repeat(record.y.mean(axis=1, keepdims=True), record.n_samples, axis=1)[lost]
+    retuned = _or_else(_by_fold(all_free, [tuned] * (int(fold.max()) + 1)), before)
+    return HeldOut(record, before, before, retuned, np.full_like(before, np.nan))
+
+
+def held_out(problem: Problem, finals: Sequence[Rival], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
+    """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn.
+
+    ``finals`` are the rivals that the other runs of each fold choose (`names_by_fold`).
+    """
+    after = _by_fold(replace(problem, record=without.record), finals)
+    return replace(without, after=_or_else(after, without.before), same_names=same_names)
+
+
+def _by_fold(problem: Problem, rivals: Sequence[Rival | None]) -> np.ndarray:
+    """Outputs on the runs of every fold, of its rival refitted on the others; nan where it gives none."""
+    fold, row_of = run_folds(problem.record), problem.record.run_of_row
+    out = np.full(problem.record.y.shape, np.nan)
+    for k, rival in enumerate(rivals):
+        test, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
+        predicted = _left_out(problem, rival, train, test, row_of) if rival is not None else None
+        if predicted is not None:
+            out[:, np.isin(row_of, test)] = predicted
+    return out
+
+
+def _or_else(predicted: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Samples without a finite prediction are those of the simulator."""
+    return np.where(np.isfinite(predicted).all(axis=0), predicted, before)
+
+
+def _all_theta(problem: Problem, null: Rival) -> np.ndarray:
+    """Every parameter at the value that the null found for it."""
+    known = dict(zip(problem.free, null.fit.theta))
+    return np.array([known.get(name, 0.0) for name in problem.plant.params])
+
+
+def _left_out(
+    problem: Problem, rival: Rival, train: np.ndarray, test: np.ndarray, row_of: np.ndarray
+) -> np.ndarray | None:
+    """Outputs on the test runs of a rival refitted on the training runs."""
+    rows_train, rows_test = np.isin(row_of, train), np.isin(row_of, test)
+    theta = rival.fit.theta
+    with np.errstate(all="ignore"):
+        if len(theta) and len(train):
+            learning = replace(problem.on(train.tolist()), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+            refit = learning.fit(
+                rival.effects, theta, rival.fit.x[:, rows_train], open_steps=0, max_steps=8, settled=True
+            )
+            theta = refit.fit.theta if refit is not None else theta
+        judging = replace(problem.on(test.tolist()), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+        start = Rival(
+            rival.effects,
+            judging.augmented(rival.effects),
+            replace(rival.fit, x=rival.fit.x[:, rows_test], theta=theta),
+        )
+        fit = frozen_fit(judging, start, theta, near=True)  # behind a limit initial states are hardly seen
+    return None if fit is None else fit.y
+
+
+def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_state: int) -> Shrink:
+    """Errors before and after, above the floor, with a bootstrap over runs.
+
+    Parameters
+    ----------
+    floor : ndarray (n_outputs,)
+        Sensor noise.
+    """
+    record = held.record
+    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
+    normal = (floor / spread) ** 2
+
+    def power(predicted: np.ndarray) -> np.ndarray:
+        """Mean square error of every run and output, in units of the output's variance: (n_runs, n_outputs)."""
+        square = ((record.y - predicted) / spread[:, None]) ** 2
+        return np.add.reduceat(square, record.starts, axis=1).T / record.lengths[:, None]
+
+    powers = {name: power(getattr(held, name)) for name in ("before", "after", "retuned", "corrected")}
+    weight = record.lengths / record.lengths.sum()
+
+    def gap(name: str, w: np.ndarray) -> float:
+        mean = float(np.mean(w @ powers[name]))
+        return np.sqrt(max(mean - float(np.mean(normal)), 0.0)) if np.isfinite(mean) else np.nan
+
+    def fraction(name: str, w: np.ndarray) -> float:
+        before = gap("before", w)
+        return 1.0 - gap(name, w) / before if before > 0 else np.nan
+
+    rng = np.random.default_rng(random_state)
+    draws = rng.integers(0, len(weight), size=(400, len(weight)))
+    samples = []
+    for draw in draws:
+        w = np.bincount(draw, record.lengths[draw], len(weight))
+        samples.append(fraction("after", w / w.sum()))
+    finite = np.array([value for value in samples if np.isfinite(value)])
+    interval = (
+        (float(np.quantile(finite, 0.05)), float(np.quantile(finite, 0.95))) if len(finite) > 20 else (np.nan, np.nan)
+    )
+    rmse = {name: float(np.sqrt(np.mean(weight @ values))) for name, values in powers.items()}
+    excess = (powers["before"] - normal).mean(axis=1)
+    # A mean square of n white values has the variance 2 sigma^4 / n.
+    spread_of_noise = float(np.mean(normal)) * np.sqrt(2.0 / record.y.size)
+    before, after = gap("before", weight), gap("after", weight)
+    return Shrink(
+        before=rmse["before"],
+        after=rmse["after"],
+        floor=float(np.sqrt(np.mean(normal))),
+        fraction=fraction("after", weight),
+        interval=interval,
+        by_output=_by_output(
+            outputs, np.sqrt(weight @ powers["before"]) * spread, np.sqrt(weight @ powers["after"]) * spread, floor
+        ),
+        after_retuning=rmse["retuned"],
+        fraction_retuning=fraction("retuned", weight),
+        after_correction=rmse["corrected"],
+        fraction_correction=fraction("corrected", weight),
+        fraction_power=1.0 - (after / before) ** 2 if before > 0 else np.nan,
+        measurable=bool(excess @ weight > 3.0 * spread_of_noise),
+        same_names=held.same_names,
+    )
+
+
+def shares(problem: Problem, final: Rival, total: float) -> list[float]:
+    """Share of the gap's power of every effect: what comes back when it alone is taken out, scaled to the total."""
+    if len(final.effects) == 1:
+        return [total]
+    returned = []
+    for i in range(len(final.effects)):
+        rest = taken_out(problem, final, i)
+        returned.append(max(rest.fit.cost - final.fit.cost, 0.0) if rest is not None else final.fit.cost)
+    sum_ = sum(returned)
+    return [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
+
+
+def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> Table:
+    """One row an output: RMS errors, floor, and the share of the gap above the floor that is closed."""
+    rows = []
+    for name, b, a, f in zip(outputs, before, after, floor):
+        gap_b, gap_a = np.sqrt(max(b**2 - f**2, 0.0)), np.sqrt(max(a**2 - f**2, 0.0))
+        closed = 1 - gap_a / gap_b if gap_b > 0 else np.nan
+        rows.append({"output": name, "before": float(b), "after": float(a), "floor": float(f), "fraction": closed})
+    return Table(tuple(rows))
+
+
+def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
+    """Held-out runs for the eye."""
+    if held is None:
+        return ()
+    record = held.record
+    bounds = np.r_[record.starts, record.n_samples]
+    return tuple(
+        Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T)
+        for label, a, b in zip(pieces(record, labels)[:4], bounds[:-1], bounds[1:])
+    )
+
+
+def pieces(record: Record, labels: Sequence[Any]) -> list[Any]:
+    """Labels of the runs; numbers of the blocks where runs were cut."""
+    return list(labels) if len(record.starts) == len(labels) else list(range(len(record.starts)))
+
+
+def same_names(finals: Sequence[Any], final: Any) -> float:
+    """Share of the folds whose other runs choose what all runs choose; nan without a name."""
+    return float(np.mean([rival is final for rival in finals])) if final.effects else float("nan")
+
+
+def notes_on_names(
+    finals: Sequence[Sequence[BaseEffect]], final: Sequence[BaseEffect], held: HeldOut | None, labels: Sequence[Any]
+) -> list[str]:
+    """Which parts of the data choose other effects than all of them do."""
+    if held is None:
+        return []
+    record, fold = held.record, run_folds(held.record)
+    kind = "run" if len(record.starts) == len(labels) else "block"
+    named: dict[str, list[str]] = {}
+    for k, effects in enumerate(finals):
+        if effects is not final:
+            left_out = [repr(label) for label, f in zip(pieces(record, labels), fold) if f == k]
+            named.setdefault(" and ".join(map(name_of, effects)), []).extend(left_out)
+    told = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
+    return (
+        [f"Parts of the data choose other effects, which stand there in the error on runs left out: {told}."]
+        if told
+        else []
+    )

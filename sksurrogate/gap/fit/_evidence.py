@@ -1,0 +1,244 @@
+"""Evidence: the likelihood of a rival's own output-error fit under its own noise, and the bar it has to pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sksurrogate._parallel._parallel_map import side_by_side
+from sksurrogate._parallel._second import Second
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.noise_fit import fit_noise
+from sksurrogate.kernels.output_error import Fit, output_error
+
+__all__ = [
+    "NEAR",
+    "NOTHING_LEFT",
+    "arrived",
+    "as_white",
+    "bar",
+    "columns",
+    "estimate_noise",
+    "follow_noise",
+    "follow_null",
+    "frozen_fit",
+    "left",
+    "likeliest",
+    "profile",
+    "quick_likelihood",
+]
+
+#: A residual below this many times the sensor noise may be white.
+NEARLY_WHITE = 1.5
+#: Named effects that leave less over the noise leave no law.
+NOTHING_LEFT = 1.02
+#: Steps of an effect's parameters, over their size, that slopes are good for.
+REACH = 1.0
+#: Forces that a noise fit may start from, over the RMS of dx/dt.
+FORCES = (1e-3, 1e-2, 1e-1)
+#: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
+LIKELIER = 5.0
+#: Free-run error over the noise of a set of effects that is at the noise: no other is looked for beside it.
+NEAR = 1.02
+
+
+def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
+    """What 2 (L_rival - L_null) must exceed: ``k ln N + 2 ln M``."""
+    return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_rivals, 1))
+
+
+def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Residual, sensitivities, and what holds a step of the parameters: its precision, and the pull of their prior.
+
+    A prediction that jumps with a parameter has no slope to be followed: its sensitivity counts as none. Steps beyond the
+    size of an effect's parameter are held back: there the slopes say nothing, and parameters that only act together, as a
+    level and a velocity far beyond the data, would explain to first order what the effect cannot.
+    """
+    lin = problem.linearised(rival)
+    J = lin.J_theta
+    for i, effect in enumerate(rival.effects):
+        if effect.scan(tuple(rival.theta_of(i))):
+            J = J.copy()
+            J[:, rival.model.slice_of(i)] = 0.0
+    r = problem.record.y - rival.fit.y
+    theta = rival.fit.theta
+    precision = 1.0 / problem.prior(rival.effects, theta) ** 2
+    reach = np.where((theta != 0) & (np.arange(len(theta)) < rival.n_parameters), np.abs(theta), np.inf)
+    return r, J, precision + (REACH * reach) ** -2.0, -precision * theta
+
+
+def profile(
+    G: np.ndarray,
+    logdet: float,
+    precision: np.ndarray,
+    pull: np.ndarray,
+    theta: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+) -> float:
+    """Log likelihood at the best parameters within bounds, to first order."""
+    base = -0.5 * (G[0, 0] + logdet) + 0.5 * float(pull @ theta)
+    if len(G) == 1:
+        return base
+    H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+    normal, right = H / np.outer(scale, scale), g / scale
+    if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
+        return -np.inf
+    step = _bounded(normal, right, (bounds[0] - theta) * scale, (bounds[1] - theta) * scale)
+    return base + float(right @ step) - 0.5 * float(step @ normal @ step)
+
+
+def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Solve ``normal step = right``; components that leave their bounds are held there and the others solved again."""
+    step, free = np.zeros(len(right)), np.ones(len(right), bool)
+    for _ in range(len(right)):
+        if not free.any():
+            break
+        pushed = right[free] - normal[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], pushed, rcond=1e-10)[0]
+        outside = free & ((step < low) | (step > high))
+        if not outside.any():
+            break
+        step[outside] = np.clip(step, low, high)[outside]
+        free &= ~outside
+    return step
+
+
+def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> float:
+    """Largest log likelihood of a rival under given noise parameters."""
+    best = -np.inf
+    r, J, precision, pull = columns(problem, rival)
+    if not np.all(np.isfinite(J)):
+        return best
+    D = problem.disturbance(rival)
+    bounds = problem.bounds(rival.effects)
+    for noise in noises:
+        try:
+            G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), noise)
+        except np.linalg.LinAlgError:
+            continue
+        if not np.all(np.isfinite(G)):
+            continue
+        value = profile(G, logdet, precision, pull, rival.fit.theta, bounds)
+        best = max(best, value)
+    return best
+
+
+def estimate_noise(
+    problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Rival:
+    """Fill in a rival's own noise and its likelihood under it.
+
+    The noise of another rival is a start; forces beside quiet sensors are others, followed too where they are likelier:
+    the likelihood has a top for coloured sensors and one for forces. Near the data white noise of the size of the residual
+    takes the start's place where it is likelier: a fit that explains what was coloured before must not start from that
+    colour.
+    """
+    noises = [start, *forces_and_white(problem, rival, start)]
+    value = [quick_likelihood(problem, rival, [noise]) for noise in noises]
+    k = int(np.argmax(value)) if max(value) > value[0] + LIKELIER else 0
+    if k > len(FORCES):
+        return follow_noise(problem, rival, noises[k], None, max_iterations)
+    follow_noise(problem, rival, start, curvature, max_iterations)
+    if k:
+        first = told(rival)
+        follow_noise(problem, rival, noises[k], None, max_iterations)
+        if rival.log_likelihood <= first[0]:
+            rival.log_likelihood, rival.noise, rival.curvature = first
+    return rival
+
+
+def likeliest(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> Noise:
+    """The first of the likeliest of some noises."""
+    return noises[int(np.argmax([quick_likelihood(problem, rival, [noise]) for noise in noises]))]
+
+
+def follow_noise(
+    problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Rival:
+    """Fill in the top of the likelihood that is reached from one start."""
+    r, J, precision, pull = columns(problem, rival)
+    D = problem.disturbance(rival)
+    if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
+        rival.noise, rival.log_likelihood = start, -np.inf
+        return rival
+    rival.noise, _, rival.curvature = fit_noise(
+        D,
+        r,
+        start,
+        problem.force_unit(),
+        J,
+        precision,
+        pull,
+        curvature=curvature,
+        max_iterations=max_iterations,
+        caps=problem.caps,
+    )
+    rival.log_likelihood = quick_likelihood(problem, rival, [rival.noise])
+    return rival
+
+
+def follow_null(problem: Problem, null: Rival, start: Noise, second: Second | None = None) -> None:
+    """Noise of the null: what it misses there would count for every rival.
+
+    The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed, side by
+    side where a second process is wanted.
+    """
+    sensors = [start, replace(start, coloured=1.0 * start.sigma, force=0.01 * start.force)]
+    force = replace(start, coloured=0.05 * start.sigma, force=10.0 * start.force)
+    starts = [likeliest(problem, null, k) for k in (sensors, [force, *forces_and_white(problem, null, start)])]
+    known = told(null)
+    tops = side_by_side(lambda first: told(follow_noise(problem, null, first, max_iterations=25)), starts, second)
+    null.log_likelihood, null.noise, null.curvature = max([known, *tops], key=lambda top: top[0])
+
+
+def told(rival: Rival) -> tuple[float, Noise | None, np.ndarray | None]:
+    """What is known of a rival's noise: its likelihood, itself, its curvature."""
+    return rival.log_likelihood, rival.noise, rival.curvature
+
+
+def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise]:
+    """Where a noise fit may start too: forces of three sizes beside quiet sensors, white noise near the data."""
+    rms = np.sqrt(np.mean((problem.record.y - rival.fit.y) ** 2, axis=1))
+    quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
+    others = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
+    if np.all(rms < NEARLY_WHITE * problem.sd):
+        others.append(as_white(start, rms, problem.quiet_force()))
+    return others
+
+
+def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:
+    """White noise of the size of a residual, in the place of a noise that may be coloured."""
+    coloured = np.minimum(start.coloured, 0.05 * start.sigma)
+    return replace(start, sigma=rms, force=np.minimum(start.force, quiet), coloured=coloured)
+
+
+def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray, *, near: bool = False) -> Fit | None:
+    """Free run at fixed parameters with the initial states fitted; ``near`` that of the rival, to which it falls back."""
+    return output_error(
+        rival.model,
+        theta,
+        rival.fit.x,
+        problem.sd,
+        unit=problem.units(rival.effects, theta),
+        bounds=(theta, theta),
+        open_steps=1,
+        max_steps=6,
+        fallback=rival.fit.x if near else None,
+    )
+
+
+def left(rival: Rival, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
+    """RMS of the free-run residual in units of the sensor noise of the fit within limits (the worst output)."""
+    assert rival.noise is not None
+    r = rival.model.record.y - rival.fit.y
+    sigma = np.maximum(np.minimum(rival.noise.sigma, most), least)
+    return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))
+
+
+def arrived(rival: Rival, before: Rival) -> bool:
+    """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
+    return rival.noise is not None and left(rival) < NEAR and before.fit.cost > NEAR**2 * rival.fit.cost

@@ -1,0 +1,50 @@
+"""What an effect sees of a trajectory: its variable, the place where it acts, the noise there."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect, Probe
+from sksurrogate.gap.fit._problem import Problem
+
+__all__ = ["probe_of"]
+
+
+class SignalSlopes(Protocol):
+    """Slopes of the log likelihood in the inputs and readings along one linearisation."""
+
+    def of(self, kind: str, place: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """The signal and the slope in it, each (n_samples,); None where none is known."""
+
+
+def probe_of(
+    problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: SignalSlopes | None = None
+) -> Probe:
+    """What an effect sees of the smoothed trajectory."""
+    plant, record = problem.plant, problem.record
+
+    def signal(name: str) -> np.ndarray:
+        if name in plant.states and effect.kind == "state":
+            return x[plant.states.index(name)]
+        if name in plant.inputs:
+            return record.u[plant.inputs.index(name)]
+        return record.y[plant.outputs.index(name)]
+
+    v: np.ndarray | None = None
+    factors: tuple[np.ndarray, ...] = ()
+    if effect.variable:
+        factors = tuple(signal(name) for name in effect.variable.split("*"))
+        v = np.prod(factors, axis=0)
+    where, rate = np.zeros(record.n_samples), 0.0
+    if effect.kind == "state":
+        place = plant.states.index(str(effect.location))
+        where, rate = x[place], float(rates[place])
+    elif effect.kind in ("input", "output"):
+        where = signal(str(effect.location))
+        v = where if v is None else v
+    duration = record.dt * int(record.lengths.max())
+    noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
+    slope = None if slopes is None else slopes.of(effect.kind, str(effect.location))
+    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else (), noise, slope)

@@ -1,0 +1,82 @@
+"""Readings that stand on a grid which nothing named explains: a quantizer that no rival knows.
+
+The error of a rounding looks like white noise to every likelihood; the grid, on which the free run does not stand, tells them apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
+from sksurrogate.gap.fit._problem import Rival
+
+__all__ = ["STEPS", "Rounding", "names_steps", "unnamed_rounding"]
+
+#: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
+#: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
+FACTOR, CROWDS = 2.0, 0.5
+
+STEPS = (
+    "The readings of {name!r} stand on steps of {step:.3g}, and nothing named rounds them: "
+    "the error of such a rounding looks like noise."
+)
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """A grid of readings.
+
+    Attributes
+    ----------
+    sensor : str
+    step : float
+        Unit of the output.
+    share : float
+        Deviation of an error that is even over one step, ``step / sqrt(12)``, over the deviation of the output.
+    """
+
+    sensor: str
+    step: float
+    share: float
+
+
+def names_steps(rival: Rival) -> bool:
+    """Whether an effect of a rival is a rounding whose steps the readings show."""
+    outputs = rival.model.plant.outputs
+    return any(
+        effect.name == "sensor_quantization"
+        and bool(shows_steps(rival.model.record.y[outputs.index(str(effect.location))], rival.theta_of(i)[0])[0])
+        for i, effect in enumerate(rival.effects)
+    )
+
+
+def unnamed_rounding(rival: Rival) -> Rounding | None:
+    """The coarsest grid that rounds the free run of a rival to the readings, where nothing named does; None without one."""
+    rounded = {effect.location for effect in rival.effects if effect.name == "sensor_quantization"}
+    found = [
+        Rounding(name, step, step / 12**0.5 / max(float(np.std(y)), 1e-300))
+        for name, y, fitted in zip(rival.model.plant.outputs, rival.model.record.y, rival.fit.y)
+        if name not in rounded
+        for step in lattice_steps(y)
+        if shows_steps(y, step)[0] and is_rounded(y, fitted, step)
+    ]
+    return max(found, key=lambda one: one.share, default=None)
+
+
+def is_rounded(y: np.ndarray, fitted: np.ndarray, step: float) -> bool:
+    """Whether a free run misses the rounding of readings that crowd at the multiples of a step: it does not crowd there, and
+    what it leaves is as large as the error of a rounding.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> true = np.linspace(0.0, 9.0, 500)
+    >>> is_rounded(np.round(true), true, 1.0), is_rounded(np.round(true), np.round(true) + 0.1, 1.0)
+    (True, False)
+    """
+    error, left = step**2 / 12.0, float(np.var(y - fitted))
+    steps = np.array([step])
+    crowds = coherence(fitted, steps)[0] > CROWDS * coherence(y, steps)[0]
+    return bool(left / FACTOR < error < FACTOR * left and not crowds)

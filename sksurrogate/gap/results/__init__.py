@@ -1,0 +1,1 @@
+"""What a diagnosis returns: frozen parts of the report."""

@@ -1,0 +1,69 @@
+"""One named effect: its place, its parameters with intervals, its share of the gap, its probability."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+__all__ = ["EffectEstimate", "values_of", "weight_of"]
+
+
+@dataclass(frozen=True)
+class EffectEstimate:
+    """One named effect.
+
+    Attributes
+    ----------
+    name, location : str
+    variable : str or None
+    share : float
+        Share of the gap's power on held-out runs that this effect removes.
+    params : dict of float
+        Magnitude first.
+    intervals : dict of (float, float)
+        90 % intervals, same keys as ``params``; inf where unbounded.
+    probability : float
+        Among the rivals fitted in its place, none, and the likeliest law without a name; half of that where the verdict is unknown.
+    equivalents : list of (name, location, variable)
+        Other effects that these data cannot tell from this one.
+    why : str
+        When they part.
+
+    Examples
+    --------
+    >>> from sksurrogate.gap import EffectEstimate
+    >>> effect = EffectEstimate("sensor_bias", "y", None, 0.98, {"value": 0.5}, {"value": (0.4, 0.6)}, 0.99, [], "")
+    >>> effect.location, effect.params["value"]
+    ('y', 0.5)
+    """
+
+    name: str
+    location: str
+    variable: str | None
+    share: float
+    params: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    probability: float
+    equivalents: list[tuple[str, str, str | None]] = field(default_factory=list)
+    why: str = ""
+
+    def __str__(self) -> str:
+        driver = f" in {self.variable}" if self.variable else ""
+        return f"{self.name} at {self.location}{driver}: {values_of(self)}; {weight_of(self)}"
+
+
+def values_of(effect: EffectEstimate) -> str:
+    """Parameters with their 90 % intervals; after an early interrupt without."""
+    parts = []
+    for name, value in effect.params.items():
+        low, high = effect.intervals[name]
+        parts.append(f"{name} = {value:.4g}" + ("" if np.isnan(low) else f" [{low:.4g}, {high:.4g}]"))
+    return ", ".join(parts)
+
+
+def weight_of(effect: EffectEstimate) -> str:
+    """Share and probability in words."""
+    if np.isnan(effect.share):
+        return "its share of the gap is not known yet"
+    return f"{100 * effect.share:.1f} % of the gap, probability {effect.probability:.3f}"

@@ -1,0 +1,31 @@
+"""What to measure or excite next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sksurrogate.gap.results._table import EMPTY, Table
+
+__all__ = ["NextExperiment"]
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to measure or excite next.
+
+    Attributes
+    ----------
+    sentence : str
+    options : Table
+        experiment, gain (expected separation of the tied rivals in nats), between, within (whether its inputs stay where
+        inputs were recorded).
+    named : str
+        The effect whose rivals it is about.
+    parted : tuple of str
+        Rivals from which the first option parts it.
+    """
+
+    sentence: str
+    options: Table = EMPTY
+    named: str = ""
+    parted: tuple[str, ...] = ()

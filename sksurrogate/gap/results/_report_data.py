@@ -1,0 +1,38 @@
+"""All that a diagnosis returns, without the ways to show it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._missing_term import MissingTerm
+from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._trace import Trace
+from sksurrogate.gap.results._where import Where
+
+__all__ = ["ReportData"]
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """Base of :class:`~sksurrogate.gap.GapReport`, which describes the attributes."""
+
+    verdict: str
+    sentence: str
+    effects: list[EffectEstimate]
+    ranking: Table
+    retuned: Table
+    where: Where
+    shrink: Shrink
+    missing_term: MissingTerm | None = None
+    next_experiment: NextExperiment | None = None
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    untestable: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    traces: tuple[Trace, ...] = ()
+    seconds: float = float("nan")

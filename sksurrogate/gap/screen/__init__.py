@@ -1,0 +1,1 @@
+"""Which candidates deserve a fit: one linearisation orders them."""

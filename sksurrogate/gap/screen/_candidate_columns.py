@@ -1,0 +1,129 @@
+"""The columns of the screen: every candidate at all its starting values, some in a second process where one is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate._parallel._parallel_map import side_by_side
+from sksurrogate._parallel._second import Second
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._probe import probe_of
+from sksurrogate.gap.screen._responses import Responses
+from sksurrogate.gap.screen._shortlist import Shortlist
+from sksurrogate.gap.screen._slopes import Slopes
+from sksurrogate.gap.screen._unseen import Unseen
+
+__all__ = ["Column", "candidate_columns"]
+
+#: A change of the outputs beyond so many times their noise is no start: it breaks the arithmetic, and the order.
+LARGEST = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One candidate at one starting value.
+
+    Attributes
+    ----------
+    effect : BaseEffect
+    theta : ndarray (n_parameters,)
+    column : ndarray (n_outputs, n_samples)
+        The change of the outputs that it causes.
+    path : ndarray (n_states, n_samples)
+        The smoothed trajectory, its hidden states included.
+    evident : bool
+        Whether the measurements show it whatever the model says.
+    through : ndarray (n_unseen, n_outputs, n_samples)
+        What unseen initial states do through it.
+    """
+
+    effect: BaseEffect
+    theta: np.ndarray
+    column: np.ndarray
+    path: np.ndarray
+    evident: bool
+    through: np.ndarray
+
+
+def candidate_columns(
+    s: Responses,
+    candidates: Sequence[BaseEffect],
+    shape: tuple[float, ...],
+    chosen: Shortlist | None,
+    second: Second | None = None,
+) -> list[Column]:
+    """All candidates at all their starting values, those with one shape, or those of a short list.
+
+    Parameters
+    ----------
+    s : Responses
+        The linearisation of the base.
+    candidates : sequence of BaseEffect
+    shape : tuple of float
+        Second and further parameters, where they are known, instead of those of the starting values.
+    chosen : Shortlist or None
+        Starting values by the effect's key.
+    second : Second, optional
+        Another process.
+    """
+    at_starts = _AtStarts(s, shape, chosen, Unseen(s), Slopes(s))
+    found = side_by_side(at_starts.of, candidates, second)
+    path = s.smoothed.x
+    return [
+        Column(effect, theta, column, path if hidden is None else np.concatenate([path, hidden]), evident, through)
+        for effect, columns in zip(candidates, found)
+        for theta, column, hidden, evident, through in columns
+    ]
+
+
+#: Starting value, change of the outputs, hidden states, whether evident, what unseen initial states do: what travels
+#: between processes.
+_Freight = tuple[np.ndarray, np.ndarray, np.ndarray | None, bool, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class _AtStarts:
+    """One candidate at its starting values."""
+
+    s: Responses
+    shape: tuple[float, ...]
+    chosen: Shortlist | None
+    unseen: Unseen
+    slopes: Slopes
+
+    def of(self, effect: BaseEffect) -> list[_Freight]:
+        s = self.s
+        starts, n_evident = self.starts(effect)
+        if not starts:
+            return []
+        theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
+        out, paths = s.columns(effect, theta)
+        size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
+        columns, n = np.ascontiguousarray(out.transpose(1, 0, 2)), len(s.smoothed.x)
+        return [
+            (
+                theta[:, k],
+                columns[k],
+                paths[k][n:] if len(paths[k]) > n else None,
+                bool(k < n_evident) and not self.shape,
+                self.unseen.through(effect, theta[:, k]),
+            )
+            for k in np.flatnonzero((size > 0.0) & (size < LARGEST))
+        ]
+
+    def starts(self, effect: BaseEffect) -> tuple[list[tuple[float, ...]], int]:
+        """Starting values, and how many of the first are evident."""
+        s, chosen = self.s, self.chosen
+        evident, starts = [], [] if chosen is None else chosen.get(effect.key, [])
+        jumps = bool(effect.scan(tuple(1.0 for _ in effect.parameters)))
+        if chosen is None or effect.kind == "output" or jumps:
+            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate, self.slopes if jumps else None)
+            evident = effect.evident(probe)
+            starts = effect.starts(probe) if chosen is None or jumps else starts
+        starts = list(dict.fromkeys([*evident, *starts]))
+        if self.shape:
+            starts = list(dict.fromkeys((start[0], *self.shape) for start in starts))
+        return starts, len(evident)

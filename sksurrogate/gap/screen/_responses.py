@@ -1,0 +1,174 @@
+"""What every effect changes in the outputs, to first order about the smoothed trajectory: the columns of the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sksurrogate.effects._balance import ConstantBias
+from sksurrogate.effects._effect import (
+    BalanceEffect,
+    BaseEffect,
+    HiddenEffect,
+    InputEffect,
+    LimitEffect,
+    ParameterEffect,
+    SensorEffect,
+)
+from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.effects._parameter import ParameterStep
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.screen._hidden_path import hidden_paths
+from sksurrogate.gap.screen._sticking import slowed, sticks
+from sksurrogate.kernels.banded import solve_recursion
+from sksurrogate.kernels.limited import limited_recursion
+from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.smoother import output_jacobian
+
+__all__ = ["Responses"]
+
+
+class Responses:
+    """One linearisation of a base, for all candidates.
+
+    Parameters
+    ----------
+    problem : Problem
+    base : Rival
+        The model that effects are added to.
+    x : ndarray (n_states, n_samples)
+        Trajectory near the measured one, to start the smoother.
+    """
+
+    def __init__(self, problem: Problem, base: Rival, x: np.ndarray):
+        self.problem, self.base = problem, base
+        theta = base.fit.theta
+        with np.errstate(all="ignore"):
+            self.smoothed = problem.smooth(base.model, theta, x)
+            x = self.smoothed.x
+            self.lin = linearise(base.model, theta, x, problem.units(base.effects, theta))
+            self.bound = base.model.bind(theta[:, None])
+            self.after = self.bound(x[:, None])
+            _, self.C = output_jacobian(self.bound, x, base.model.scale)
+            self.y = self.bound.outputs(self.lin.x[:, None])
+        self.n_effect = sum(len(e.parameters) for e in base.effects)
+        self.pushes: dict[int, np.ndarray] = {}
+
+    def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Change of the outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
+        problem, base = self.problem, self.base
+        n, x = base.model.n_states, self.smoothed.x
+        model = problem.augmented((*base.effects, effect))
+        fitted = np.repeat(base.fit.theta[:, None], starts.shape[1], axis=1)
+        theta = np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
+        paths = [x] * starts.shape[1]
+        hidden = isinstance(effect, HiddenEffect)
+        if isinstance(effect, HiddenEffect):
+            z = hidden_paths(effect, model, starts, x)
+            paths = [np.concatenate([x, z[:, s]]) for s in range(starts.shape[1])]
+        direct = isinstance(effect, SensorEffect) or (
+            problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect))
+        )
+        jumps = isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0
+        stepless = isinstance(effect, (BalanceEffect, LimitEffect)) or (jumps and not direct)
+        bound = None if stepless else model.bind(theta)
+        out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
+        if isinstance(effect, LimitEffect):
+            out += np.einsum("oit,ist->ost", self.C, self.limited(effect, starts))
+        elif not isinstance(effect, SensorEffect):
+            now = np.stack(paths, axis=1) if hidden else np.repeat(x[:, None], starts.shape[1], axis=1)
+            if isinstance(effect, BalanceEffect):
+                change = self.pushed(model, starts, now)
+            elif jumps:
+                change = self.switched(model, theta)
+            else:
+                assert bound is not None
+                change = bound(now)[:n] - self.after
+            out += self.acted(change)
+        stuck = sticks(effect, starts, model.wires[-1].width, problem.record.dt)
+        if isinstance(effect, BalanceEffect) and np.any(
+            stuck
+        ):  # along a path that sticks the sign is that of the noise
+            moved = self.sampled(slowed(problem, effect, starts[:, stuck], x), int(np.sum(stuck)))
+            out[:, stuck] = np.einsum("oit,ist->ost", self.C, moved)
+        if direct and bound is not None:
+            out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
+        return out, paths
+
+    def acted(self, change: np.ndarray) -> np.ndarray:
+        """Change of the outputs by a change of the next states (n_states, n_starts, n_samples)."""
+        b = np.zeros_like(change)
+        b[:, :, 1:] = change[:, :, :-1]
+        b[:, :, self.problem.record.starts] = 0.0
+        return np.einsum("oit,ist->ost", self.C, solve_recursion(self.lin.band, b))
+
+    def limited(self, effect: LimitEffect, starts: np.ndarray) -> np.ndarray:
+        """What a limit changes in the free run (n_states, n_starts, n_samples).
+
+        An unmeasured state may lie far beyond the limit along a path that knows of none.
+        """
+        x, states = self.smoothed.x, self.problem.plant.states
+        place, other = states.index(str(effect.location)), states.index(effect.variable or str(effect.location))
+        theta = [row[:, None] for row in starts]
+
+        def limit(s: np.ndarray, rows: np.ndarray) -> np.ndarray:
+            near = x[:, None, rows]
+            within, received = effect.clip(s[place] + near[place], s[other] + near[other], theta, True)
+            s[place] = within - near[place]
+            if received is not None:
+                s[other] = received - near[other]
+            return s
+
+        return self.sampled(limit, starts.shape[1])
+
+    def sampled(self, act: Callable[[np.ndarray, np.ndarray], np.ndarray], n_starts: int) -> np.ndarray:
+        """What acts on the states at every sample changes in the free run (n_states, n_starts, n_samples).
+
+        The free run is first order in the states about the path.
+        """
+        x, record = self.smoothed.x, self.problem.record
+        b = np.zeros((len(x), n_starts, record.n_samples))
+        b[:, :, 1:] = (self.after[:, 0, :-1] - x[:, 1:])[:, None]
+        b[:, :, record.starts] = 0.0
+        return limited_recursion(self.lin.A, b, record.starts, act) - (self.lin.x - x)[:, None]
+
+    def pushed(
+        self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray, aside: np.ndarray | None = None
+    ) -> np.ndarray:
+        """What the force of the last effect changes in the next states (n_states, n_starts, n_samples).
+
+        Its mean over the sample, times what a unit force in its balance changes: no step of the plant for every start. The
+        path x may lie ``aside`` of the smoothed one (n_states, n_samples).
+        """
+        i, record, wire = len(self.base.effects), self.problem.record, model.wires[-1]
+        later = np.concatenate([x[:, :, 1:], x[:, :, -1:]], axis=2)
+        later[: self.base.model.n_states] = self.after
+        if aside is not None:
+            later[: self.base.model.n_states] += np.concatenate([aside[:, 1:], aside[:, -1:]], axis=1)[:, None]
+        how = [row[:, None] for row in starts], self.bound.h if wire.width is None else wire.width
+        first = model.force_of(i, record.t, x, self.bound.acting(0), *how)
+        last = model.force_of(i, record.t + record.dt, later, self.bound.acting(-1), *how)
+        return self.unit_push(wire.place)[:, None] * (0.5 * (first + last))
+
+    def switched(self, model: AugmentedModel, theta: np.ndarray) -> np.ndarray:
+        """What a parameter that jumps by one value at several times changes in the next states (n_states, n_starts, n_samples).
+
+        Before the jump nothing, after it what the new value changes, within the sample of the jump its share.
+        """
+        record, place = self.problem.record, self.n_effect + 1
+        always = theta[:, :1].copy()
+        always[place] = -record.dt - float(np.ptp(record.t))
+        new = (model.bind(always)(self.smoothed.x[:, None]) - self.after)[: self.base.model.n_states]
+        return new * np.clip((record.t + record.dt - theta[place][:, None]) / record.dt, 0.0, 1.0)
+
+    def unit_push(self, place: int) -> np.ndarray:
+        """What a constant unit force in one balance changes in the next states (n_states, n_samples)."""
+        if place not in self.pushes:
+            problem, base = self.problem, self.base
+            force = ConstantBias(problem.plant.states[place])
+            unit = 1e-2 * float(problem.rate[place]) or 1e-6
+            theta = np.r_[base.fit.theta[: self.n_effect], unit, base.fit.theta[self.n_effect :]]
+            bound = problem.augmented((*base.effects, force)).bind(theta[:, None])
+            self.pushes[place] = (bound(self.smoothed.x[:, None]) - self.after)[:, 0] / unit
+        return self.pushes[place]

@@ -1,0 +1,354 @@
+"""The screen: orders the rivals by one linearisation about the smoothed trajectory; it never decides.
+
+Every effect at every starting value gives one column: the change of the outputs that it causes along the smoothed
+trajectory. Initial states and the parameters already in the model are projected out of the columns and of the residual;
+what a column then explains is its score, once for white noise and once for the noise with forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sksurrogate._parallel._second import Second
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
+from sksurrogate.gap.screen._candidate_columns import Column, candidate_columns
+from sksurrogate.gap.screen._responses import Responses
+from sksurrogate.gap.screen._shortlist import shortlist
+from sksurrogate.gap.screen._unseen import score_beside
+from sksurrogate.kernels.disturbance import Noise
+
+__all__ = ["Screen", "Start", "grown", "grows", "screen"]
+
+#: Numbers of the null's columns that are kept (single precision).
+MOST_KEPT = 60_000_000
+#: Least share of a column's power that counts as beyond what the initial states can make of it.
+ROUNDING = 1e-12
+#: A parameter is not started from below this share of its value: at 0 many plants have no free run.
+LEAST_FACTOR = 0.2
+#: A change of the base beyond so many times the noise cannot be squared: it breaks the arithmetic, and the order.
+UNSQUARED = 1e100
+#: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
+CONTENDERS, LEAST_DROP = 0.2, 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the fit of a rival starts.
+
+    Attributes
+    ----------
+    effect : BaseEffect
+    theta : ndarray
+        Parameters of the effect.
+    white, forced : float
+        Drop of -2 log likelihood that the screen expects, for white noise and for noise with forces.
+    left : float
+        Sum of squares, in units of the noise, that the screen expects to be left.
+    x : ndarray (n_states, n_samples)
+        Smoothed trajectory, hidden states included.
+    evident : bool
+        Whether the measurements show it whatever the model says.
+    """
+
+    effect: BaseEffect
+    theta: np.ndarray
+    white: float
+    forced: float
+    left: float
+    x: np.ndarray
+    evident: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Screen:
+    """What one linearisation says about all candidates.
+
+    Attributes
+    ----------
+    starts : list of Start
+        One for each candidate and starting value.
+    raw : list of ndarray
+        Starting values whose columns the Gram holds.
+    columns : ndarray (n_starts, n_outputs, n_samples), single precision, or None
+        The columns over the noise, where they are not too large to keep.
+    known : ndarray (1 + n_theta, n_outputs, n_samples)
+        The residual and the sensitivities of the fitted parameters, over the noise.
+    J_x : ndarray (n_outputs, n_states, n_samples)
+        Sensitivities of the initial states, over the noise.
+    precision, pull : ndarray (n_theta,)
+        Gaussian prior on the fitted parameters.
+    record_starts : ndarray (n_runs,)
+    low, high : ndarray (n_starts,)
+        Range in which the amplitude of a column stands for the effect.
+    """
+
+    starts: list[Start]
+    raw: list[np.ndarray]
+    columns: np.ndarray | None
+    known: np.ndarray
+    J_x: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
+    record_starts: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def gram(self) -> np.ndarray:
+        """Of the residual and the columns, initial states and fitted parameters projected out, (1 + n_starts, 1 + n_starts)."""
+        assert self.columns is not None
+        stack = np.concatenate([self.known.astype(np.float32), self.columns])
+        flat = project_starts(stack, self.J_x.astype(np.float32), self.record_starts).reshape(len(stack), -1)
+        return eliminate((flat @ flat.T).astype(float), len(self.precision), self.precision, self.pull)
+
+
+def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitudes that stand for an effect: free where it is linear, within 0.5..2 of the start where not.
+
+    The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
+    """
+    linear = np.array([grows(c.effect) for c in columns])
+    one_signed = np.array([bool(c.effect.parameters) and c.effect.parameters[0].low >= 0 for c in columns])
+    low = np.where(linear, np.where(one_signed, 0.0, -np.inf), np.where(_smallest(columns), 0.0, 0.5))
+    return low, np.where(linear, np.inf, 2.0)
+
+
+def screen(
+    problem: Problem,
+    candidates: Sequence[BaseEffect],
+    base: Rival,
+    x: np.ndarray,
+    noise: Noise | None,
+    shape: tuple[float, ...] = (),
+    first: Screen | None = None,
+    second: Second | None = None,
+) -> Screen:
+    """Score every candidate, added to a base, at all its starting values.
+
+    Parameters
+    ----------
+    problem : Problem
+    candidates : sequence of BaseEffect
+    base : Rival
+        The model that they are added to.
+    x : ndarray (n_states, n_samples)
+        Trajectory near the measured one, to start the smoother.
+    noise : Noise, optional
+        Noise with forces for the second score.
+    shape : tuple of float, default=()
+        Second and further parameters, where they are known, instead of those of the starting values.
+    first : Screen, optional
+        That of the null: with its columns only the candidates are linearised again that may explain what a base leaves.
+    second : Second, optional
+        Another process.
+
+    Returns
+    -------
+    Screen
+    """
+    with np.errstate(all="ignore"):
+        s = Responses(problem, base, x)
+        if not np.max(np.abs(_known(s))) < UNSQUARED:  # a base that cannot be linearised along the measured path
+            return _screen(s, [], noise)
+        chosen = None
+        if first is not None and first.columns is not None:
+            thetas = [start.effect for start in first.starts], first.raw
+            chosen = shortlist(*thetas, first.columns, first.low, first.high, problem, base, s.lin)
+        found = _screen(s, candidate_columns(s, candidates, shape, chosen, second), noise)
+        return found if shape else _with_nearby(s, found, noise)
+
+
+def _with_nearby(s: Responses, found: Screen, noise: Noise | None) -> Screen:
+    """Further starts near the best one of effects that jump with their parameters, where these rank high."""
+    best: dict[int, Start] = {}
+    for start in found.starts:
+        if start.white > best.setdefault(id(start.effect), start).white:
+            best[id(start.effect)] = start
+    high = max(CONTENDERS * max((start.white for start in best.values()), default=0.0), LEAST_DROP)
+    for start in best.values():
+        for _ in range(2 if start.white > high else 0):
+            values = start.effect.scan(tuple(start.theta))
+            near = (
+                _screen(s, candidate_columns(s, [start.effect], (), {start.effect.key: values}), noise)
+                if values
+                else None
+            )
+            if near is None or not near.starts:
+                break
+            k = int(np.argmax([one.white for one in near.starts]))
+            if near.starts[k].white <= start.white:
+                break
+            start = near.starts[k]
+            found = _joined(found, near, k)
+    return found
+
+
+def _joined(found: Screen, other: Screen, k: int) -> Screen:
+    """A screen with one start of another about the same path."""
+    columns = None
+    if found.columns is not None and other.columns is not None:
+        columns = np.concatenate([found.columns, other.columns[[k]]])
+    return replace(
+        found,
+        starts=[*found.starts, other.starts[k]],
+        raw=[*found.raw, other.raw[k]],
+        columns=columns,
+        low=np.r_[found.low, other.low[k]],
+        high=np.r_[found.high, other.high[k]],
+    )
+
+
+def _known(s: Responses) -> np.ndarray:
+    """Residual and sensitivities of the fitted parameters over the noise, (1 + n_theta, n_outputs, n_samples)."""
+    r = (s.problem.record.y - s.lin.y)[None]
+    return np.concatenate([r, s.lin.J_theta.transpose(1, 0, 2)]) / s.problem.sd[None, :, None]
+
+
+def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
+    problem, base = s.problem, s.base
+    known, sd = _known(s), problem.sd[None, :, None]
+    few = len(known)
+    precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
+    pull = -precision * base.fit.theta
+    J_x = s.lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
+    low, high = _range(columns)
+    rest = known, J_x, precision, pull, problem.record.starts, low, high
+    if not columns:
+        return Screen([], [], None, *rest)
+    whole = np.empty((few + len(columns), *known.shape[1:]))
+    whole[:few] = known
+    for row, c in zip(whole[few:], columns):
+        np.divide(c.column, sd[0], out=row)
+    # Known columns are projected, of the others only the Gram: a difference that may round to less than nothing.
+    white = project_starts(known, J_x, problem.record.starts).reshape(few, -1)
+    flat, moved = whole[few:].reshape(len(columns), -1), start_coordinates(whole[few:], J_x, problem.record.starts)
+    size = np.einsum("kn,kn->k", flat, flat)
+    rows = np.concatenate([white @ white.T, white @ flat.T], axis=1)
+    power = np.maximum(size - np.einsum("kn,kn->k", moved, moved), ROUNDING * size)
+    diagonal = np.r_[np.einsum("kn,kn->k", white, white), power]
+    drop, amplitude = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
+    for k, c in enumerate(columns):
+        if len(c.through):
+            own = whole[few + k], c.through / sd, J_x, problem.record.starts, precision, pull, low[k], high[k]
+            drop[k], amplitude[k] = score_beside(known, *own)
+
+    def among(chosen: list[int]) -> np.ndarray:
+        """Gram of the residual and the chosen columns."""
+        part = np.concatenate([white, flat[chosen]])
+        G = part @ part.T
+        G[few:, few:] -= moved[chosen] @ moved[chosen].T
+        return eliminate(G, few - 1, precision, pull)
+
+    forced = _forced(s, whole, few, noise, (precision, pull, low, high))
+    starts = _starts(columns, among, drop, amplitude, forced)
+    kept = None if base.effects or whole.size > MOST_KEPT else whole[few:].astype(np.float32)
+    return Screen(starts, [c.theta for c in columns], kept, *rest)
+
+
+def _forced(s: Responses, whole: np.ndarray, few: int, noise: Noise | None, rest: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Drop of -2 log likelihood by every column (few + n_columns, n_outputs, n_samples) under noise with forces."""
+    out = np.zeros(len(whole) - few)
+    if noise is None:
+        return out
+    D = s.problem.disturbance_along(s.base.model, s.base.fit.theta, s.smoothed.x, s.lin.A, s.problem.balances)
+    precision, pull, low, high = rest
+    try:
+        found = D.gram_rows(whole, noise, few, s.problem.sd)
+        return scores(*eliminate_rows(*found, precision, pull), low, high)[0]
+    except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
+        return out
+
+
+def _starts(
+    columns: Sequence[Column],
+    among: Callable[[list[int]], np.ndarray],
+    drop: np.ndarray,
+    amplitude: np.ndarray,
+    forced: np.ndarray,
+) -> list[Start]:
+    """Where the fits start: the amplitude of the column where the effect is linear, both quadratures of a sine."""
+    pairs = _quadratures([c.effect for c in columns], [c.theta for c in columns], among)
+    small, total = _smallest(columns), float(among([])[0, 0])
+    out = []
+    for k, c in enumerate(columns):
+        theta, gained, pulled = c.theta.copy(), float(drop[k]), float(forced[k])
+        if k in pairs:
+            theta, gained = pairs[k]
+            pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
+        elif (grows(c.effect) or small[k]) and len(theta) and not c.evident:
+            theta = grown(c.effect, theta, amplitude[k])
+        out.append(Start(c.effect, theta, gained, pulled, total - gained, c.path, c.evident))
+    return out
+
+
+def grows(effect: BaseEffect) -> bool:
+    """Whether the column of an effect is proportional to its magnitude, or to all the parameters that grow with it."""
+    return effect.linear or any(parameter.grows for parameter in effect.parameters)
+
+
+def grown(effect: BaseEffect, theta: np.ndarray, amplitude: float) -> np.ndarray:
+    """A start whose effect is so many times as large: its magnitude, and the parameters that grow with it."""
+    out = theta.copy()
+    out[0] = scaled(effect, theta[0], amplitude)
+    ratio = out[0] / theta[0] if theta[0] else 1.0
+    together = [i for i, parameter in enumerate(effect.parameters) if parameter.grows]
+    out[together] *= abs(ratio)
+    return out
+
+
+def scaled(effect: BaseEffect, magnitude: float, amplitude: float) -> float:
+    """The magnitude of a start times the amplitude of its column, within bounds; a parameter keeps its sign."""
+    value = magnitude * (amplitude or 1e-3)
+    first = effect.parameters[0]
+    low, high = first.low, first.high
+    if first.name == "relative_error":
+        low, high = max(low, LEAST_FACTOR - 1.0), min(high, 2.0)
+    elif effect.name == "parameter_drift":  # of a tenth at the end of a run
+        low, high = magnitude * 10.0 * (LEAST_FACTOR - 1.0), magnitude * 20.0
+    return float(np.clip(value, low, high))
+
+
+def _quadratures(
+    taken: Sequence[BaseEffect], values: Sequence[np.ndarray], among: Callable[[list[int]], np.ndarray]
+) -> dict[int, tuple[np.ndarray, float]]:
+    """Sine and cosine of one frequency fitted together: amplitude and phase of a periodic effect, and the drop."""
+    out: dict[int, tuple[np.ndarray, float]] = {}
+    for k in range(len(taken) - 1):
+        names = [p.name for p in taken[k].parameters]
+        if "phase" not in names or taken[k + 1] is not taken[k]:
+            continue
+        phase = names.index("phase")
+        a, b = values[k], values[k + 1]
+        if a[phase] != 0 or b[phase] == 0 or not np.array_equal(np.delete(a, phase), np.delete(b, phase)):
+            continue
+        G = among([k, k + 1])
+        H, g = G[1:, 1:], G[0, 1:]
+        sine, cosine = np.linalg.lstsq(H, g, rcond=1e-10)[0]
+        theta = a.copy()
+        theta[0] *= np.hypot(sine, cosine)
+        theta[phase] = np.arctan2(cosine, sine)
+        out[k] = theta, float(np.array([sine, cosine]) @ g)
+    return out
+
+
+def _smallest(columns: Sequence[Column]) -> np.ndarray:
+    """Whether a start is the smallest magnitude of an effect that grows from 0 without jumps, (n_columns,)."""
+    least: dict[int, float] = {}
+    for c in columns:
+        if len(c.theta):
+            least[id(c.effect)] = min(least.get(id(c.effect), np.inf), float(c.theta[0]))
+    return np.array(
+        [
+            not c.effect.linear
+            and bool(c.effect.parameters)
+            and c.effect.parameters[0].null == 0
+            and not c.effect.scan(tuple(c.theta))
+            and float(c.theta[0]) <= least[id(c.effect)]
+            for c in columns
+        ],
+        dtype=bool,
+    )

@@ -1,0 +1,81 @@
+"""Which candidates are worth a linearisation about a base: by the null's columns against what the base leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._project import eliminate_rows, project_starts, scores, start_bases
+from sksurrogate.kernels.output_error import Linearised
+
+__all__ = ["Shortlist", "shortlist"]
+
+#: Starting values by the effect's key.
+Shortlist: TypeAlias = dict[tuple, list[tuple[float, ...]]]
+#: Effects, and starting values of each, that are linearised about a base.
+MOST_EFFECTS, MOST_STARTS = 60, 5
+
+
+def shortlist(
+    effects: Sequence[BaseEffect],
+    raw: Sequence[np.ndarray],
+    columns: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    problem: Problem,
+    base: Rival,
+    lin: Linearised,
+) -> Shortlist:
+    """The effects whose columns remove most of what a base leaves.
+
+    Both linearisations follow the measured trajectory, so the columns of the null are near to those of the base: near
+    enough to choose, not to score.
+
+    Parameters
+    ----------
+    effects, raw, columns, low, high
+        Of the null's screen, one entry a starting value.
+    problem : Problem
+    base : Rival
+    lin : Linearised
+        Of the base.
+
+    Returns
+    -------
+    dict
+        Starting values by the effect's key.
+    """
+    if not (np.isfinite(lin.J_theta).all() and np.isfinite(lin.J_x).all() and np.isfinite(lin.y).all()):
+        return {}
+    sd = problem.sd[None, :, None]
+    r = (problem.record.y - lin.y)[None]
+    P = lin.J_theta.transpose(1, 0, 2)
+    J_x = lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
+    few = project_starts(np.concatenate([r, P]) / sd, J_x, problem.record.starts).reshape(1 + len(P), -1)
+    flat = columns.reshape(len(columns), -1)
+    precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
+    rows = np.concatenate([few @ few.T, (flat @ few.astype(np.float32).T).T.astype(float)], axis=1)
+    size = np.einsum("kn,kn->k", flat, flat, dtype=float)
+    for a, b, q in start_bases(J_x, problem.record.starts, columns.shape[-1]):
+        part = columns[:, :, a:b].reshape(len(columns), -1) @ q.astype(np.float32)
+        size -= np.einsum("kn,kn->k", part, part, dtype=float)
+    diagonal = np.r_[np.zeros(len(few)), np.maximum(size, 1e-12)]
+    g, h = eliminate_rows(rows, diagonal, precision, -precision * base.fit.theta)
+    drop, _ = scores(g, h, low, high)
+    groups: dict[tuple, list[int]] = {}
+    for k, effect in enumerate(effects):
+        groups.setdefault(effect.key, []).append(k)
+    order = sorted(groups, key=lambda key: -max(drop[k] for k in groups[key]))[:MOST_EFFECTS]
+    out: Shortlist = {}
+    for key in order:
+        best = sorted(groups[key], key=lambda k: -drop[k])[:MOST_STARTS]
+        names = [p.name for p in effects[best[0]].parameters]
+        if "phase" in names:  # both quadratures of a frequency
+            frequencies = {float(raw[k][1]) for k in best}
+            best = [k for k in groups[key] if float(raw[k][1]) in frequencies]
+        out[key] = [tuple(float(v) for v in raw[k]) for k in sorted(best)]
+    return out

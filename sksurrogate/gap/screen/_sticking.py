@@ -1,0 +1,48 @@
+"""Dry friction that sticks: where steps are too long for its jump, and what it does over a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.gap.fit._problem import Problem
+
+__all__ = ["slowed", "sticks", "sticks_in"]
+
+
+def sticks(effect: BaseEffect, theta: np.ndarray, width: float | None, h: float) -> np.ndarray:
+    """Whether steps ``h`` would smooth the jump of an effect against its balance's own state further than other kinks.
+
+    For every column of its parameters (n_parameters, ...).
+    """
+    if not isinstance(effect, BalanceEffect) or width is None:
+        return np.zeros(theta.shape[1:], bool)
+    return np.broadcast_to(effect.smoothed(list(theta), width, h) > width, theta.shape[1:])
+
+
+def sticks_in(problem: Problem, effects: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
+    """Whether one of several effects with their parameters does so in the steps of a problem."""
+    h, wires = problem.record.dt / problem.n_sub, problem.augmented(effects).wires
+    return any(bool(sticks(effect, theta, wire.width, h)) for effect, theta, wire in zip(effects, values, wires))
+
+
+def slowed(
+    problem: Problem, effect: BalanceEffect, starts: np.ndarray, x: np.ndarray
+) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """What acts on deviations (n_states, n_starts, n_rows) from a path x (n_states, n_samples) at some rows.
+
+    Over every sample friction slows its state down, and stops it where it would turn it round.
+    """
+    record, place = problem.record, problem.plant.states.index(str(effect.location))
+    theta, begins = [row[:, None] for row in starts], np.zeros(record.n_samples, bool)
+    begins[record.starts] = True
+
+    def slow(s: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        v = s[place] + x[place, rows]
+        after = v + record.dt * effect.term(record.t[rows], v, v, theta, 0.0)
+        s[place] = np.where(begins[rows], v, np.where(after * v > 0, after, 0.0)) - x[place, rows]
+        return s
+
+    return slow

@@ -1,0 +1,106 @@
+"""Initial states that no output shows until an effect is there: where a shaft stands whose speed alone is measured.
+
+The path that an effect is screened along starts such a state anywhere. What another start would do through the effect is
+taken out of its column, as what the other initial states do is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
+from sksurrogate.gap.fit._project import eliminate, project_starts, scores
+from sksurrogate.gap.screen._responses import Responses
+from sksurrogate.kernels.banded import solve_recursion
+
+__all__ = ["Unseen", "score_beside"]
+
+#: A state is not seen whose range at the start moves the outputs by less than this (root mean square over the noise).
+SEEN = 0.01
+#: Step of the difference, over the range of the state.
+STEP = 1e-4
+
+
+class Unseen:
+    """The initial states that a base does not show.
+
+    Parameters
+    ----------
+    responses : Responses
+        The linearisation of the base.
+
+    Attributes
+    ----------
+    reach : ndarray (n_states,)
+        Range of the plant's states along the path.
+    free : ndarray (n_unseen, n_states, n_samples)
+        What becomes of each of them, begun one range higher.
+    """
+
+    def __init__(self, responses: Responses):
+        self.responses = responses
+        problem, x, lin = responses.problem, responses.smoothed.x, responses.lin
+        plant = problem.plant
+        self.reach = np.ptp(x[: len(plant.states)], axis=1)
+        shown = lin.J_x[:, : len(plant.states)] * self.reach[:, None] / problem.sd[:, None, None]
+        places = np.flatnonzero(np.sqrt(np.mean(shown**2, axis=(0, 2))) < SEEN)
+        b = np.zeros((len(x), len(places), x.shape[1]))
+        for k, place in enumerate(places):
+            b[place, k, problem.record.starts] = self.reach[place]
+        self.free = solve_recursion(lin.band, b).transpose(1, 0, 2) if len(places) else np.zeros((0, *x.shape))
+
+    def through(self, effect: BaseEffect, start: np.ndarray) -> np.ndarray:
+        """What each does to the outputs through an effect, per its range: (n_unseen, n_outputs, n_samples)."""
+        s = self.responses
+        factors = effect.variable.split("*") if effect.variable else []
+        if not len(self.free) or not isinstance(effect, BalanceEffect) or isinstance(effect, HiddenEffect):
+            return np.zeros((0, *s.problem.record.y.shape))
+        states = s.problem.plant.states
+        places = [states.index(name) for name in factors if name in states]
+        model = s.problem.augmented((*s.base.effects, effect))
+        found = []
+        for free in self.free:
+            if not np.any(free[places]):
+                continue
+            ends = [
+                s.acted(s.pushed(model, start[:, None], (s.smoothed.x + aside)[:, None], aside))
+                for aside in (STEP * free, -STEP * free)
+            ]
+            found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP))
+        return np.array(found).reshape(-1, *s.problem.record.y.shape)
+
+
+def score_beside(
+    known: np.ndarray,
+    column: np.ndarray,
+    through: np.ndarray,
+    J_x: np.ndarray,
+    starts: np.ndarray,
+    precision: np.ndarray,
+    pull: np.ndarray,
+    low: float,
+    high: float,
+) -> tuple[float, float]:
+    """Drop and amplitude of one column beside what initial states do through its effect.
+
+    Parameters
+    ----------
+    known : ndarray (1 + n_theta, n_outputs, n_samples)
+        The residual and the sensitivities of the fitted parameters, over the noise.
+    column : ndarray (n_outputs, n_samples)
+    through : ndarray (n_unseen, n_outputs, n_samples)
+    J_x : ndarray (n_outputs, n_states, n_samples)
+        Sensitivities of the initial states that are seen.
+    starts : ndarray (n_runs,)
+    precision, pull : ndarray (n_theta,)
+        Gaussian prior on the fitted parameters.
+    low, high : float
+        Range of the amplitude.
+    """
+    stack = np.concatenate([known, column[None]])
+    total = project_starts(stack[:-1], J_x, starts)
+    both = np.concatenate([J_x, through.transpose(1, 0, 2)], axis=1)
+    flat, before = (part.reshape(len(part), -1) for part in (project_starts(stack, both, starts), total))
+    rest, whole = (eliminate(part @ part.T, len(precision), precision, pull) for part in (flat, before))
+    drop, amplitude = scores(rest[:1, 1], rest[1:, 1], np.array([low]), np.array([high]))
+    return float(whole[0, 0] - rest[0, 0] + drop[0]), float(amplitude[0])

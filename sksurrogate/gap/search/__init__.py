@@ -1,0 +1,1 @@
+"""Which set of effects: forward and backward search by evidence."""

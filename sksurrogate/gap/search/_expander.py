@@ -1,0 +1,287 @@
+"""Rivals with one effect more than a base: the screen orders them, the best are fitted, in worker processes where asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import islice
+
+import numpy as np
+from joblib import Parallel, delayed, effective_n_jobs
+
+from sksurrogate._parallel._parallel_map import side_by_side
+from sksurrogate._parallel._second import Second
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.screen._pairs import best_pairs
+from sksurrogate.gap.screen._screen import Screen, Start, screen
+from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_chunk, fit_pair, nominal
+from sksurrogate.gap.search._stopping import remembers_enough
+from sksurrogate.kernels.output_error import Fit
+
+__all__ = ["Expander"]
+
+#: Numerics of the search; what it finds is polished with finer ones.
+SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
+#: Bases further than this (cost over number of values) are screened with all starting values.
+SHORTLIST = 100.0
+#: A base fitted again is the same one where its cost differs by less than this share.
+SAME_BASE = 1e-3
+#: Screens that are kept beside that of the null.
+MOST_SCREENS = 4
+#: Effects of which the fits from each start are made apart, where there are no more of them.
+FEW = 2
+#: Effort of the search for a jump, in parameters that are fitted.
+SEARCHED = 12
+#: Other places and variables of the nearest effect that are fitted from its shape.
+MOST_SIBLINGS = 8
+
+
+@dataclass
+class Expander:
+    """Fits candidates added to a base, and remembers every fit.
+
+    Attributes
+    ----------
+    problem : Problem
+    candidates : list of BaseEffect
+    x : ndarray (n_states, n_samples)
+        Smoothed nominal trajectory.
+    n_jobs : int or None
+    report : callable (message) -> None
+        Progress.
+    second, later : Second
+        Processes for what is wanted at once, and for what is wanted later.
+    fitted : dict
+        Every rival fitted so far, by its keys.
+    screens : dict
+        Cost and screen of every base.
+    first_screen : Screen or None
+        What the screen expects of single effects.
+    """
+
+    problem: Problem
+    candidates: list[BaseEffect]
+    x: np.ndarray
+    n_jobs: int | None = None
+    report: Callable[[str], None] = lambda message: None
+    second: Second = field(default_factory=partial(Second, apart=False))
+    later: Second = field(default_factory=partial(Second, apart=False))
+    fitted: dict = field(default_factory=dict)
+    screens: dict = field(default_factory=dict)
+    first_screen: Screen | None = None
+
+    @property
+    def n_values(self) -> int:
+        return self.problem.record.y.size
+
+    def at(self, rival: Rival) -> Problem:
+        """The problem with the numerics of a rival."""
+        return replace(self.problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+
+    def searching(self, base: Rival) -> Problem:
+        """The problem with the numerics of a base, but no finer than the search needs."""
+        n_sub = min(base.model.n_sub, max(SEARCH_SUBSTEPS, self.problem.n_sub))
+        return replace(self.problem, n_sub=n_sub, sharpness=min(base.model.sharpness, SEARCH_SHARPNESS))
+
+    def expand(
+        self,
+        base: Rival,
+        n_white: int,
+        n_forced: int,
+        among: Sequence[BaseEffect] | None = None,
+        siblings: bool = False,
+        least: float = 0.0,
+        best: float = np.inf,
+        thorough: bool = True,
+    ) -> list[Rival]:
+        """Fit the candidates that the screen puts first, and expects at least so much of; with the siblings of the best.
+
+        A fit that cannot come near the cost ``best`` is abandoned. Far from the data a ``thorough`` screen looks at every
+        starting value.
+        """
+        problem = self.searching(base)
+        taken = set(base.keys)
+        candidates = [e for e in (self.candidates if among is None else among) if e.key not in taken]
+        if remembers_enough(base.effects):
+            candidates = [e for e in candidates if not isinstance(e, HiddenEffect)]
+        guess = self.guess(base)
+        if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
+            base = Rival(
+                base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
+            )
+        starts = self.screened(problem, candidates, base, guess, among is None, thorough)
+        starts = [start for start in starts if start.evident or max(start.white, start.forced) >= least]
+        chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
+        self.report(f"fitting {len(chosen)} rivals")
+        again = self.known(problem, base, [c[0].effect for c in chosen])
+        have = {rival.effects[-1].key for rival in again}
+        rivals = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
+        self.remember(rivals)
+        return rivals + self.siblings(rivals, base) if siblings and rivals else rivals
+
+    def from_nominal(self, null: Rival, n_white: int, n_forced: int) -> list[Rival]:
+        """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
+        base = nominal(self.problem, null)
+        return [] if base is None else self.anew(self.problem, base, n_white, n_forced)
+
+    def anew(self, problem: Problem, base: Rival, n_white: int, n_forced: int, best: float = np.inf) -> list[Rival]:
+        """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
+        candidates = [e for e in self.candidates if e.key not in set(base.keys)]
+        starts = screen(problem, candidates, base, self.guess(base), base.noise, second=self.second).starts
+        rivals = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
+        self.remember(rivals)
+        return rivals
+
+    def guess(self, base: Rival) -> np.ndarray:
+        """Trajectory to start the smoother from: measured where nothing was added, with the hidden states of the base."""
+        n = len(self.problem.plant.states)
+        x = self.x if not base.effects else base.fit.x[:n]
+        return np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
+
+    def remember(self, rivals: Sequence[Rival]) -> None:
+        """Keep the best fit of every set of effects."""
+        for rival in rivals:
+            known = self.fitted.get(frozenset(rival.keys))
+            if known is None or rival.fit.cost < known.fit.cost:
+                self.fitted[frozenset(rival.keys)] = rival
+
+    def siblings(self, rivals: Sequence[Rival], base: Rival) -> list[Rival]:
+        """The nearest rival's effect at other places and in other variables, from its shape.
+
+        A memory that fits in one place is found again in another, where the screen's starting values may be too far off.
+        """
+        nearest = min(rivals, key=lambda rival: rival.fit.cost)
+        effect, theta = nearest.effects[-1], nearest.theta_of(len(nearest.effects) - 1)
+        have = {*base.keys, *(rival.effects[-1].key for rival in rivals)}
+        others = [e for e in self.candidates if e.name == effect.name and e.key not in have]
+        if len(theta) < 2 or not others:
+            return []
+        again = self.known(self.searching(base), base, others)
+        new = {e.key for e in others}.difference(rival.keys[-1] for rival in again)
+        unknown, shape = [e for e in others if e.key in new], tuple(float(v) for v in theta[1:])
+        return again + self.shaped(base, unknown, shape, nearest.fit.cost)
+
+    def formed(
+        self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float
+    ) -> list[Rival]:
+        """Effects of one form, added to a base: of its shape where that is known."""
+        if shape is None:
+            return self.expand(base, 2, 0, effects, best=best)
+        return self.shaped(base, effects, shape, best)
+
+    def shaped(
+        self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
+    ) -> list[Rival]:
+        """Effects of one shape (all parameters but the first), added to a base."""
+        if not effects:
+            return []
+        problem = self.searching(base)
+        starts = screen(problem, effects, base, self.guess(base), None, shape).starts
+        found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values), best)
+        self.remember(found)
+        return found
+
+    def screened(
+        self,
+        problem: Problem,
+        candidates: Sequence[BaseEffect],
+        base: Rival,
+        guess: np.ndarray,
+        whole: bool,
+        thorough: bool,
+    ) -> list[Start]:
+        """The screen of a base; one of all candidates is made once."""
+        if not whole:
+            return screen(problem, candidates, base, guess, base.noise, second=self.second).starts
+        near = bool(base.effects) and (base.fit.cost < SHORTLIST * self.n_values or not thorough)
+        key = (base.keys, problem.n_sub, problem.sharpness, base.noise is None, near)
+        cost, known = self.screens.get(key, (np.inf, None))
+        if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
+            first = self.first_screen if near else None
+            known = screen(problem, candidates, base, guess, base.noise, first=first, second=self.second)
+            self.screens[key] = base.fit.cost, known
+            for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
+                del self.screens[old]
+        if not base.effects and self.first_screen is None:
+            self.first_screen = known
+        return known.starts
+
+    def pairs(self, base: Rival, most: int, best: float) -> list[Rival]:
+        """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
+        if self.first_screen is None:
+            return []
+        problem, x = self.searching(base), self.x
+        pairs = best_pairs(self.first_screen, most)
+        new = [pair for pair in pairs if frozenset(start.effect.key for start in pair) not in self.fitted]
+        tries = side_by_side(lambda pair: shipped(fit_pair(problem, base, pair, x, best)), new, self.second)
+        found = [
+            rival
+            for pair, freight in zip(new, tries)
+            if (rival := landed(problem, base, [start.effect for start in pair], freight)) is not None
+        ]
+        self.remember(found)
+        return found
+
+    def known(self, problem: Problem, base: Rival, effects: Sequence[BaseEffect]) -> list[Rival]:
+        """A base with each of these effects, where it was fitted before with the same numerics; not far from the data, where
+        another start may lead elsewhere."""
+        if base.effects and base.fit.cost > SHORTLIST * self.n_values:
+            return []
+        all_keys = [(*base.keys, effect.key) for effect in effects]
+        found = [(keys, self.fitted[frozenset(keys)]) for keys in all_keys if frozenset(keys) in self.fitted]
+        numerics = problem.n_sub, problem.sharpness
+        return [r for keys, r in found if r.keys == keys and (r.model.n_sub, r.model.sharpness) == numerics]
+
+    def fit_all(
+        self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float = np.inf
+    ) -> list[Rival]:
+        """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
+
+        The cost of the first is what the others must come near to.
+        """
+        if effective_n_jobs(self.n_jobs) == 1:
+            best = min(base.fit.cost, best)
+            n = len(chosen) if len(chosen) <= FEW else 1
+            tries = iter(self.fit_apart(problem, base, [[one] for starts in chosen[:n] for one in starts], best))
+            first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
+            best = min([best, *(rival.fit.cost for rival in first if rival is not None)])
+            found = [*first, *self.fit_apart(problem, base, chosen[n:], best)]
+            return [rival for rival in found if rival is not None]
+        n = max(1, len(chosen) // 8)
+        chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
+        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, best) for chunk in chunks)
+        return [rival for part in parts for rival in part if rival is not None]
+
+    def fit_apart(
+        self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float
+    ) -> list[Rival | None]:
+        """Fits that know nothing of each other, in two processes."""
+        found = side_by_side(
+            lambda starts: shipped(fit_added(problem, base, starts, best)), chosen, self.second, effort
+        )
+        return [landed(problem, base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
+
+
+def effort(starts: Sequence[Start]) -> float:
+    """About how long the fits of one effect take: hidden states and parameters are more columns, jumps are searched for."""
+    effect, theta = starts[0].effect, starts[0].theta
+    hidden = effect.n_hidden if isinstance(effect, HiddenEffect) else 0
+    return len(starts) * len(theta) * (1 + hidden) + (SEARCHED if effect.scan(tuple(theta)) else 0)
+
+
+def shipped(rival: Rival | None) -> tuple[Fit, int, float] | None:
+    """A rival without its model, which cannot travel between processes."""
+    return None if rival is None else (rival.fit, rival.model.n_sub, rival.model.sharpness)
+
+
+def landed(
+    problem: Problem, base: Rival, added: Sequence[BaseEffect], freight: tuple[Fit, int, float] | None
+) -> Rival | None:
+    """A base with these effects added, as it was shipped."""
+    if freight is None:
+        return None
+    fit, n_sub, sharpness = freight
+    effects = (*base.effects, *added)
+    return Rival(effects, replace(problem, n_sub=n_sub, sharpness=sharpness).augmented(effects), fit)

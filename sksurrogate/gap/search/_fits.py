@@ -1,0 +1,265 @@
+"""How rivals are fitted from the starts that the screen found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.gap.fit._evidence import frozen_fit
+from sksurrogate.gap.fit._problem import Problem, Rival, nominal_run
+from sksurrogate.gap.screen._screen import Start
+from sksurrogate.gap.screen._sticking import sticks_in
+from sksurrogate.gap.search._line_search import scanned
+from sksurrogate.kernels.output_error import Fit, run_near, settle_hidden
+
+__all__ = [
+    "best_starts",
+    "cheapest",
+    "distinct",
+    "first_places",
+    "fit_added",
+    "fit_chunk",
+    "fit_pair",
+    "mean_start",
+    "nominal",
+    "numerics_matter",
+    "open_null",
+    "taken_out",
+]
+
+#: A rival whose screen leaves this many times more than the best's is not fitted.
+HOPELESS = 40.0
+#: Effects whose expected gains differ by less than this share predict the same along the base: friction of one sign is a bias.
+ALIKE = 1e-5
+#: Starts of an effect whose prediction jumps, and the share by which they differ at least.
+MOST_APART, APART = 3, 0.02
+#: Substeps with which dry friction that sticks is fitted.
+STICKING_SUBSTEPS = 8
+#: Numerics matter where they move the free run by this much of the noise; where its error is over so many times the noise,
+#: by this share of the error.
+MOVED, FAR, MOVED_OF_ERROR = 0.03, 2.0, 0.3
+#: Cost over the number of values beyond which a limit is fitted from another start.
+NOWHERE = 5.0
+#: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
+SOFT = 4.0
+#: Shares of a start that are tried, one after the other, where its free run does not stay finite.
+NEARER = (1.0, 0.3, 0.1)
+
+
+def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
+    """Fit a base with one effect more, from the best of several starts; one that cannot come near to the others is abandoned."""
+    found: Rival | None = None
+    split = base.n_parameters
+    values = [base.theta_of(i) for i in range(len(base.effects))]
+    if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
+        problem = replace(problem, n_sub=max(problem.n_sub, STICKING_SUBSTEPS))
+    for start in starts:
+        for share in NEARER if start.effect.linear and len(start.theta) else (1.0,):
+            own = np.r_[share * start.theta[:1], start.theta[1:]]
+            theta = np.concatenate([base.fit.theta[:split], own, base.fit.theta[split:]])
+            near = best if found is None else min(best, found.fit.cost)
+            try:
+                rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit, near)
+            except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+                rival = None
+            if rival is not None:
+                break
+        if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
+            found = rival
+    if found is not None and found.fit.cost < 3.0 * best:
+        for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
+            found = scanned(problem, found, i)
+    return found
+
+
+def fit_pair(problem: Problem, base: Rival, pair: tuple[Start, Start], x: np.ndarray, best: float) -> Rival | None:
+    """Fit a base without effects with two at once, from a smoothed trajectory."""
+    first, second = pair
+    theta = np.concatenate([first.theta, second.theta, base.fit.theta])
+    whole = np.concatenate([x, first.x[len(x) :], second.x[len(x) :]])
+    try:
+        rival = problem.fit((first.effect, second.effect), theta, whole, best=best)
+    except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+        return None
+    return rival and scanned(problem, rival)
+
+
+def fit_last(
+    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
+) -> Rival | None:
+    """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from the free run of a ``base`` without it.
+
+    A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
+    that hides the sign is fitted from the simulator's own run too: states read off it have the wrong sign in places. A step of an
+    input is fitted from the free run too: it must not follow a path that is no free run yet.
+    """
+    last, run = effects[-1], base.x[: len(problem.plant.states)]
+    place = problem.augmented(effects).slice_of(len(effects) - 1)
+    if isinstance(last, SensorEffect) and last.folds:
+        tries, own = [problem.fit(effects, theta, x, best=best, fallback=run)], nominal_run(problem)
+        if np.isfinite(own).all():
+            tries.append(problem.fit(effects, theta, own, best=best, open_steps=0))
+        return cheapest(tries)
+    if isinstance(last, LimitEffect):
+        return fit_limit(problem, effects, theta, x, base, best)
+    if not last.scan(list(theta[place])):
+        return problem.fit(effects, theta, x, best=best, fallback=run)
+    if last.kind != "output":
+        tries = [problem.fit(effects, theta, x, best=best, fallback=run)]
+        tries.append(problem.fit(effects, theta, run, open_steps=0))
+        return cheapest(tries)
+    soft = replace(problem, sharpness=SOFT).fit(effects, theta, run, open_steps=0, max_steps=8)
+    if soft is None:
+        return None
+    return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
+
+
+def fit_limit(
+    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
+) -> Rival | None:
+    """Fit effects of which the last is a limit: from a smoothed trajectory, and where that leads nowhere from where runs began.
+
+    Beyond a limit states have no slopes, and initial states of a base that knew of no limit and is far from the data have
+    made up for it: the free run begins where the simulator's own does.
+    """
+    found = problem.fit(effects, theta, x, best=best, fallback=base.x[: len(problem.plant.states)])
+    model = problem.augmented(effects)
+    near = min(base.cost, np.inf if found is None else found.fit.cost) < NOWHERE * base.y.size
+    if near or problem.run is None or model.n_states > len(problem.run):
+        return found
+    with np.errstate(all="ignore"):
+        own = run_near(model, theta, problem.run)
+    other = problem.fit(effects, theta, own, open_steps=0) if np.isfinite(own).all() else None
+    return cheapest([found, other])
+
+
+def cheapest(tries: Sequence[Rival | None]) -> Rival | None:
+    """Of several fits the one nearest to the data, the first of equal ones; None where none came to an end."""
+    return min((rival for rival in tries if rival is not None), key=lambda rival: rival.fit.cost, default=None)
+
+
+def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]], best: float) -> list[Rival | None]:
+    """One worker's share."""
+    return [fit_added(problem, base, starts, min(base.fit.cost, best)) for starts in chunk]
+
+
+def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:
+    """The best rivals by either score, hopeless ones left out; for each its best starts (two where it is not linear).
+
+    Of an effect whose prediction jumps three starts that lie apart: neighbours lead to one value.
+    """
+    by_key: dict = {}
+    if not starts:
+        return []
+    for start in starts:
+        by_key.setdefault(start.effect.key, []).append(start)
+    for group in by_key.values():
+        group.sort(key=lambda s: (not s.evident, -s.white))
+    white = first_places({key: max(s.white for s in group) for key, group in by_key.items()}, n_white)
+    forced = first_places({key: max(s.forced for s in group) for key, group in by_key.items()}, n_forced)
+    least = max(min(s.left for s in starts), 1.0 * n_values)
+    hopeful = [key for rank, key in enumerate(white) if rank < 6 or by_key[key][0].left < HOPELESS * least]
+    evident = [key for key in by_key if by_key[key][0].evident]
+    chosen = list(dict.fromkeys([*evident, *hopeful, *forced]))
+    out = []
+    for key in chosen:
+        group = by_key[key]
+        if group[0].effect.scan(tuple(group[0].theta)):
+            out.append(apart(group, MOST_APART))
+            continue
+        n = 1 if group[0].effect.linear and not isinstance(group[0].effect, HiddenEffect) else 2
+        n = 3 if isinstance(group[0].effect, LimitEffect) else n
+        picked = group[:n]
+        first = max(group, key=lambda s: s.forced)
+        if not group[0].effect.linear and all(first is not p for p in picked):
+            picked.append(first)
+        out.append(picked)
+    return out
+
+
+def first_places(expected: Mapping[Any, float], n: int) -> list[Any]:
+    """The keys of the ``n`` largest values; those that share a value, as twins by form do, share a place, twice ``n`` at most.
+
+    Examples
+    --------
+    >>> first_places({"bias": 5.0, "friction": 5.0, "loss": 4.0, "delay": 1.0}, 2)
+    ['bias', 'friction', 'loss']
+    """
+    order = sorted(expected, key=lambda key: -expected[key])[: 2 * n]
+    places = 0
+    for i, key in enumerate(order):
+        places += i == 0 or not np.isclose(expected[key], expected[order[i - 1]], rtol=ALIKE, atol=0.0)
+        if places > n:
+            return order[:i]
+    return order
+
+
+def apart(group: Sequence[Start], most: int) -> list[Start]:
+    """The first starts whose magnitudes differ by :data:`APART`, evident ones all."""
+    picked = [start for start in group if start.evident]
+    for start in group:
+        near = any(abs(start.theta[0] / other.theta[0] - 1.0) < APART for other in picked)
+        if len(picked) < most and not near:
+            picked.append(start)
+    return picked
+
+
+def mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
+    """Trajectory whose first rows are the mean of the first n."""
+    out = x.copy()
+    for a in starts:
+        out[:, a] = x[:, a : a + n].mean(axis=1)
+    return out
+
+
+def open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Rival:
+    """A null that has no finite free run: the output stays at its mean, so that anything finite is better."""
+    model = problem.augmented(())
+    y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
+    cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
+    return Rival((), model, Fit(theta, x, y, cost, 0, False, None))
+
+
+def nominal(problem: Problem, null: Rival) -> Rival | None:
+    """The null with its free parameters back at their nominal values; None where that has no free run."""
+    fit = frozen_fit(problem, null, np.zeros(len(null.fit.theta)))
+    return None if fit is None else Rival((), null.model, fit, null.noise, curvature=null.curvature)
+
+
+def taken_out(problem: Problem, rival: Rival, i: int) -> Rival | None:
+    """A rival without effect i, everything else as it is but for the initial states; None where that has no free run."""
+    keep = np.ones(len(rival.fit.theta), bool)
+    keep[rival.model.slice_of(i)] = False
+    rest = tuple(e for j, e in enumerate(rival.effects) if j != i)
+    at = replace(problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+    model, theta, x = at.augmented(rest), rival.fit.theta[keep], rival.fit.x[: rival.model.n_nominal]
+    if model.n_states > model.n_nominal:
+        x = settle_hidden(model, theta, x)
+    fit = frozen_fit(at, Rival(rest, model, replace(rival.fit, theta=theta, x=x)), theta)
+    return None if fit is None else Rival(rest, model, fit, rival.noise, curvature=rival.curvature)
+
+
+def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:
+    """The first rivals with different sets of effects."""
+    chosen: list[Rival] = []
+    for rival in rivals:
+        key = frozenset(rival.keys)
+        if key not in taken and len(chosen) < most:
+            taken = taken | {key}
+            chosen.append(rival)
+    return chosen
+
+
+def numerics_matter(finer: Problem, rival: Rival) -> bool:
+    """Whether shorter steps and sharper kinks move the free run by a share of the noise, or far from the data of what is left."""
+    as_it_is = Rival(rival.effects, finer.augmented(rival.effects), rival.fit)
+    shifted = frozen_fit(finer, as_it_is, rival.fit.theta, near=True)
+    if shifted is None:
+        return False
+    change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))
+    error = np.sqrt(rival.fit.cost / rival.fit.y.size)
+    return bool(change > (MOVED if error < FAR else MOVED_OF_ERROR * error))

@@ -1,0 +1,77 @@
+"""Effects whose prediction jumps with a parameter (quantizations): from value to value where a fit by slopes stands still."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._quantization import alike
+from sksurrogate.kernels.banded import solve_recursion
+
+__all__ = ["promising", "scanned"]
+
+#: Values nearby that are fitted, best first.
+MOST = 3
+#: What a fit at another value must remove (squares of errors over the noise).
+WORTH = 1.0
+
+
+def scanned(problem: Problem, rival: Rival, i: int = -1) -> Rival:
+    """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them."""
+    for _ in range(3):
+        before = rival.fit.cost
+        for theta in promising(problem, rival, i):
+            other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
+            if other is not None and other.fit.cost < rival.fit.cost:
+                rival = other
+        if rival.fit.cost > before - WORTH:
+            break
+    return rival
+
+
+def promising(problem: Problem, rival: Rival, i: int = -1) -> list[np.ndarray]:
+    """Parameters with effect i, the last by default, at another value, where less is expected to be left.
+
+    The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values abreast; initial
+    states and the other parameters follow by least squares.
+    """
+    model, record, fit = rival.model, problem.record, rival.fit
+    place = model.slice_of(i % len(rival.effects))
+    effect = rival.effects[i]
+    values = effect.scan(tuple(fit.theta[place]))
+    if not values:
+        return []
+    values = [*values, *alike(problem.plant, record, effect, float(fit.theta[place][0]))]
+    columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)
+    columns[place, 1:] = np.array(values).T
+    with np.errstate(all="ignore"):
+        lin, bound = problem.linearised(rival), model.bind(columns)
+        x = np.repeat(fit.x[:, None], columns.shape[1], axis=1)
+        after, b = bound(x), np.zeros_like(x)
+        b[:, :, 1:] = (after - after[:, :1])[:, :, :-1]
+        b[:, :, record.starts] = 0.0
+        y = bound.outputs(x + solve_recursion(lin.band, b))
+    others = np.delete(np.arange(len(fit.theta)), place)
+    sd = problem.sd[None, :, None]
+    white = np.concatenate([(record.y[:, None] - y).transpose(1, 0, 2), lin.J_theta[:, others].transpose(1, 0, 2)]) / sd
+    J_x = lin.J_x[:, model.free_states] / problem.sd[:, None, None]
+    if not (np.isfinite(white).all() and np.isfinite(J_x).all()):
+        return []
+    flat = project_starts(white, J_x, record.starts).reshape(len(white), -1)
+    left = _left(
+        flat[: len(y[0])], flat[len(y[0]) :], problem.prior(rival.effects, fit.theta)[others], fit.theta[others]
+    )
+    order = 1 + np.argsort(left[1:])[:MOST]
+    return [columns[:, k] for k in order if left[k] < left[0] - WORTH]
+
+
+def _left(r: np.ndarray, J: np.ndarray, prior: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Squares that residuals (n, n_values) leave when parameters with sensitivities J follow under their prior."""
+    if not len(J):
+        return np.einsum("kn,kn->k", r, r)
+    rows = np.concatenate([J.T, np.diag(1.0 / prior)])
+    wanted = np.concatenate([r.T, np.repeat((-theta / prior)[:, None], len(r), axis=1)])
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    rest = wanted - rows @ (np.linalg.lstsq(rows / scale, wanted, rcond=1e-10)[0] / scale[:, None])
+    return np.einsum("nk,nk->k", rest, rest)

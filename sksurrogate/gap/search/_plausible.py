@@ -1,0 +1,19 @@
+"""Rivals whose effects are at values at which they are not what their names say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.gap.fit._probe import probe_of
+from sksurrogate.gap.fit._problem import Problem, Rival
+
+__all__ = ["plausible"]
+
+
+def plausible(problem: Problem, rival: Rival) -> bool:
+    """Whether the path of a rival shows what makes each of its effects what it is; a path that breaks shows nothing else."""
+    x = rival.fit.x[: len(problem.plant.states)]
+    if not np.isfinite(x).all():
+        return True
+    pairs = ((effect, rival.theta_of(i)) for i, effect in enumerate(rival.effects))
+    return all(e.plausible(tuple(theta), probe_of(problem, e, x, problem.rate)) for e, theta in pairs)

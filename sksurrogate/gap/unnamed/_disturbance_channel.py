@@ -1,0 +1,217 @@
+"""One place of the plant at which a free signal enters: its path, its smoothed signal, its way to the outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sksurrogate.gap.fit._folds import blocked
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.results._missing_term import MissingTerm
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push
+from sksurrogate.gap.unnamed._shape import Channel, evidence_of_law, shape_of
+from sksurrogate.gap.unnamed._where import regions, times
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
+from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.record import Record
+
+__all__ = ["channel_of", "missing_term", "places_by_law", "where_and_when"]
+
+#: Correlation times, in samples, from which the size of the signal is fitted.
+STARTS = (5.0, 25.0)
+#: A piece of a run over which small differences grow by more than this (log) is cut, no shorter than so many rows.
+LARGEST_GROWTH, SHORTEST = 9.0, 20
+#: Places that are compared by the law that fits there.
+COMPARED = 3
+
+
+def channel_of(problem: Problem, null: Rival, location: str, kind: str) -> Channel:
+    """The null with one free signal at a place, linearised about the path that it gives.
+
+    Parameters
+    ----------
+    problem : Problem
+    null : Rival
+        The simulator, free parameters re-tuned.
+    location, kind : str
+        State, input or output; a parameter stands for the largest force.
+    """
+    problem = replace(problem, record=blocked(problem.record), n_sub=null.model.n_sub)
+    null = replace(null, model=problem.augmented(()))
+    if kind == "output" and location in problem.plant.outputs:
+        return _sensor(problem, null, problem.plant.outputs.index(location))
+    soft = _soft(problem, null, location, kind)
+    narrow = replace(problem, balances=soft)
+    try:
+        smoothed = narrow.smooth(null.model, null.fit.theta, null.fit.x)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        smoothed = problem.smooth(null.model, null.fit.theta, null.fit.x)
+    x = smoothed.x
+    pieces = _pieces(problem.record, smoothed.A)
+    if len(pieces) > len(problem.record.starts):
+        problem = replace(problem, record=replace(problem.record, starts=pieces))
+        null = replace(null, model=problem.augmented(()))
+    channel, closed = _about(problem, null, x, location, kind, soft)
+    again = closed + channel.D.states(channel.r, channel.noise)[0]
+    if np.all(np.isfinite(again)) and np.max(np.abs(again - x) / problem.scale[:, None]) < 3.0:
+        channel, _ = _about(problem, null, again, location, kind, soft, channel.noise)
+    return channel
+
+
+def _pieces(record: Record, A: np.ndarray) -> np.ndarray:
+    """First rows of pieces that are short enough for an unstable plant to be followed along a path that it would leave."""
+    radius = np.max(np.abs(np.linalg.eigvals(A.transpose(2, 0, 1))), axis=1)
+    growth = np.log(np.maximum(np.where(np.isfinite(radius), radius, 1.0), 1.0))
+    first = np.zeros(record.n_samples, bool)
+    first[record.starts] = True
+    total, since = 0.0, 0
+    for k in range(record.n_samples):
+        total, since = (0.0, 0) if first[k] else (total + float(growth[k]), since + 1)
+        if total > LARGEST_GROWTH and since >= SHORTEST:
+            first[k], total, since = True, 0.0, 0
+    return np.flatnonzero(first)
+
+
+def _soft(problem: Problem, null: Rival, location: str, kind: str) -> tuple[str, ...]:
+    """Balances that the signal at a place moves."""
+    if kind == "state" and location in problem.balances:
+        return (location,)
+    if kind == "input" and location in problem.plant.inputs:
+        push = input_push(problem, null, null.fit.x, problem.plant.inputs.index(location))
+        size = np.sqrt(np.mean(push[:, 0] ** 2, axis=1)) / problem.scale
+        moved = [s for s, v in zip(problem.plant.states, size) if v > 0.1 * size.max() and s in problem.balances]
+        return tuple(moved) or problem.balances
+    return problem.balances
+
+
+def _about(
+    problem: Problem,
+    null: Rival,
+    x: np.ndarray,
+    location: str,
+    kind: str,
+    soft: Sequence[str],
+    known: Noise | None = None,
+) -> tuple[Channel, np.ndarray]:
+    """The channel linearised about a path x, and the free run without the force to first order.
+
+    Its noise is fitted from one that is known, that of a path nearby, else from several starts.
+    """
+    model, theta, record = null.model, null.fit.theta, problem.record
+    lin = linearise(model, theta, x, problem.units((), theta))
+    whole = problem.disturbance_along(model, theta, x, lin.A, soft)
+    B, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
+    if kind == "input" and location in problem.plant.inputs:
+        i = problem.plant.inputs.index(location)
+        B, unit = input_push(problem, null, x, i), max(float(np.std(record.u[i])), 1e-12)
+    else:
+        B, unit = B[:, :1], float(problem.rate[problem.plant.states.index(soft[0])])
+    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack)
+    m = len(record.y)
+    r = record.y - lin.y
+    held = np.zeros(2 * m + 3, bool)
+    held[m + 2 :] = True
+    starts = [Noise(problem.sd.copy(), np.array([0.1 * unit]), t, 1e-2 * problem.sd, 10.0) for t in STARTS]
+    noise = _fitted(D, r, starts if known is None else [known], unit, held)
+    Z, names = features(problem, x)
+    return Channel(record, D, noise, r, B[:, 0], None, unit, held, Z, names), lin.x
+
+
+def _sensor(problem: Problem, null: Rival, j: int) -> Channel:
+    """The channel of a sensor: what it adds to its output."""
+    model, theta, record, x = null.model, null.fit.theta, problem.record, null.fit.x
+    lin = linearise(model, theta, x, problem.units((), theta))
+    whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances[:1])
+    B, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
+    unit = float(problem.force_unit()[0])
+    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack)
+    m = len(record.y)
+    held = np.zeros(2 * m + 3, bool)
+    held[m : m + 2] = True
+    held[m + 2 : 2 * m + 2] = np.arange(m) != j
+    coloured = 1e-2 * problem.sd
+    coloured[j] = 0.1 * float(np.std(record.y[j])) + 1e-12
+    r = record.y - lin.y
+    starts = [Noise(problem.sd.copy(), np.array([1e-4 * unit]), 10.0, coloured, t) for t in STARTS]
+    noise = _fitted(D, r, starts, unit, held)
+    Z, names = features(problem, x)
+    return Channel(record, D, noise, r, None, j, unit, held, Z, names)
+
+
+def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float, held: np.ndarray) -> Noise:
+    """The likeliest noise of several starts."""
+    best, value = starts[0], -np.inf
+    for start in starts:
+        try:
+            noise, found, _ = fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=10)
+        except np.linalg.LinAlgError:
+            continue
+        if found > value:
+            best, value = noise, found
+    return best
+
+
+def places_by_law(problem: Problem, null: Rival, found: Sequence[Place]) -> list[Place]:
+    """The most accused places again, each with the law of states and inputs that fits there and a force for the rest.
+
+    A free force follows the gap from many places; a law of states and inputs follows it from the right one.
+    """
+    if not found:
+        return []
+    distinct: list[Place] = []
+    for place in found:
+        if not any(abs(place.log_likelihood - other.log_likelihood) < 1e-9 for other in distinct):
+            distinct.append(place)
+    again = {}
+    for place in distinct[:COMPARED]:
+        value = evidence_of_law(_channel(problem, null, place.location, place.kind))
+        if np.isfinite(value):
+            again[place.log_likelihood] = value
+    if len(again) < 2:
+        return list(found)
+    # The others stay as far below as they were.
+    drop = max(again) - max(again.values())
+    lowest = min(again.values())
+    out = [
+        replace(p, log_likelihood=again[p.log_likelihood])
+        if p.log_likelihood in again
+        else replace(p, log_likelihood=min(p.log_likelihood - drop, lowest))
+        for p in found
+    ]
+    return sorted(out, key=lambda place: -place.log_likelihood)
+
+
+def missing_term(problem: Problem, null: Rival, location: str, kind: str) -> MissingTerm:
+    """The shape of what is missing at a place, on top of the null."""
+    channel = _channel(problem, null, location, kind)
+    record = channel.record
+    first = record.t[record.starts]
+    table = times(record, channel.force())
+    changes = [row["start"] for row in table[1:] if row["kind"] == "change"] if np.ptp(first) == 0 else []
+    return shape_of(channel, location, kind, [float(first[0] + moment) for moment in changes])
+
+
+def where_and_when(
+    problem: Problem, null: Rival, latent: LatentForce, location: str | None, kind: str | None
+) -> tuple[Table, Table]:
+    """By region and by time: of the force at the accused place, of the largest that the null leaves where none is accused."""
+    if location is None or kind not in ("state", "input", "output"):
+        Z, names = features(problem, latent.x)
+        w = latent.force[int(np.argmax(latent.size))]
+        return regions(problem.record, Z, names, w), times(problem.record, w)
+    channel = _channel(problem, null, location, kind)
+    w = channel.force()
+    Z = channel.Z
+    return regions(channel.record, Z, channel.names, w), times(problem.record, w)
+
+
+def _channel(problem: Problem, null: Rival, location: str, kind: str) -> Channel:
+    """The channel of a place, made once."""
+    key = f"channel {kind} {location}"
+    if key not in null.cache:
+        null.cache[key] = channel_of(problem, null, location, kind)
+    return null.cache[key]

@@ -1,0 +1,170 @@
+"""A law that no name carries: a free curve of one signal in one balance, input or sensor, judged along the free run.
+
+The smoothed force of a disturbance follows the states that it pushes, and a law of the states is easily seen in it. The free
+run knows nothing of the disturbance: a curve of its states, of the inputs, of their recent past or of the time since the start
+is a regressor like any other, and its likelihood under coloured noise is compared with that of no curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sksurrogate.gap.fit._evidence import columns
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.unnamed._curve_shapes import Curve, in_balances, in_inputs, in_sensors
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
+
+__all__ = ["SUSPICIOUS", "FreeCurve", "free_curve"]
+
+#: Gain under the noise of the rival, which takes a law for a force, from which the noise is fitted anew beside the curve.
+SUSPICIOUS = -15.0
+#: Residual over the noise of differences from which a noise fit may have taken a law for a force.
+MORE_THAN_NOISE = 1.2
+
+
+@dataclass(frozen=True)
+class FreeCurve:
+    """The likeliest free curve.
+
+    Attributes
+    ----------
+    location, variable : str
+        Balance, input or sensor, and the signal of which it is a curve ("q and its past" where a memory is likelier).
+    gain : float
+        ``2 (L_with - L_without) - k ln N - 2 ln M`` for k knots, N values and M curves tried.
+    moved : float
+        RMS of what it moves the free run by, over the noise, initial states and parameters having followed.
+    deviation : float
+        The same over the deviation of the output (the worst output).
+    """
+
+    location: str
+    variable: str
+    gain: float
+    moved: float
+    deviation: float
+
+
+def free_curve(problem: Problem, rival: Rival) -> FreeCurve | None:
+    """The likeliest curve of one signal in one balance, input or sensor on top of a rival; None where none can be judged.
+
+    A curve that suits a noise model but brings the free run no nearer to the data is none.
+    """
+    r, J, precision, pull = columns(problem, rival)
+    D, noise = problem.disturbance(rival), rival.noise
+    if noise is None or not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
+        return None
+    curves = [*in_balances(problem, rival, D), *in_inputs(problem, rival, D), *in_sensors(problem, rival)]
+    fit = _CurveFit(problem, rival, D, r, J, precision, pull, curves)
+    try:
+        found = fit.candidates(noise) if curves else []
+    except np.linalg.LinAlgError:  # a path along which no noise can be followed
+        return None
+    near = [one for one in found if fit.nearer(one)]
+    return fit.told(max(near, key=lambda one: one.gain)) if near else None
+
+
+class _Candidate(NamedTuple):
+    """A curve, what it gains, and how far the parameters of the rival and its own move."""
+
+    k: int
+    gain: float
+    theta: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _CurveFit:
+    """A residual explained by the parameters of a rival, and by each of several curves beside them."""
+
+    problem: Problem
+    rival: Rival
+    D: Disturbance
+    r: np.ndarray
+    J: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
+    curves: list[Curve]
+
+    def candidates(self, noise: Noise) -> list[_Candidate]:
+        """The likeliest curve under a rival's own noise; and with the noise fitted anew, for it may have taken a law for a force.
+
+        Where more is left than noise, the curve that is likeliest under quiet forces is looked at too.
+        """
+        quiet = self.problem.quiet(noise)
+        own = self.best(noise)
+        again = [own.k] if own.gain > SUSPICIOUS else []
+        if np.max(np.sqrt(np.mean(self.r**2, axis=1)) / self.problem.sd) > MORE_THAN_NOISE:
+            again.append(self.best(quiet).k)
+        if not again:
+            return [own]
+        none, alone = self.fitted((noise, quiet))
+        out = [own]
+        for k in dict.fromkeys(again):
+            value, theta = self.fitted((noise, quiet), self.curves[k].moved())
+            out.append(self.candidate(k, 2.0 * (value - none), theta, alone, self.curves[k].n))
+        return out
+
+    def best(self, noise: Noise) -> _Candidate:
+        """The curve that gains most under a noise."""
+        known = np.concatenate([self.r[:, None], self.J], axis=1)
+        none, alone, rank = _explained(self.D.gram(known, noise)[0], self.precision, self.pull)
+        found = [_Candidate(0, -np.inf, np.zeros(len(alone) + self.curves[0].n))]
+        for k, G in enumerate(self.D.gram_each(known, (curve.moved() for curve in self.curves), noise)):
+            if np.isfinite(G).all():
+                drop, theta, more = _explained(G, *self.prior(self.curves[k].n))
+                found.append(self.candidate(k, drop - none, theta, alone, more - rank))
+        return max(found, key=lambda one: one.gain)
+
+    def candidate(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Candidate:
+        """A curve of n parameters that explains so much, among all that were tried."""
+        gain = drop - n * np.log(self.r.size) - 2.0 * np.log(len(self.curves))
+        return _Candidate(k, float(gain), theta - np.r_[alone, np.zeros(len(theta) - len(alone))])
+
+    def fitted(self, starts: Sequence[Noise], F: np.ndarray | None = None) -> tuple[float, np.ndarray]:
+        """The largest log likelihood with the noise fitted, beside a curve or none, and the parameters there."""
+        J = self.J if F is None else np.concatenate([self.J, F], axis=1)
+        prior = self.prior(0 if F is None else F.shape[1])
+        unit, caps = self.problem.force_unit(), self.problem.caps
+        fits = [fit_noise(self.D, self.r, start, unit, J, *prior, caps=caps) for start in starts]
+        noise, value, _ = max(fits, key=lambda fit: fit[1])
+        G, _ = self.D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
+        return value, _explained(G, *prior)[1]
+
+    def prior(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """The prior of the rival's parameters, and none on n more."""
+        return np.r_[self.precision, np.zeros(n)], np.r_[self.pull, np.zeros(n)]
+
+    def moved(self, one: _Candidate) -> np.ndarray:
+        """Residual without and with a curve, and their difference, initial states having followed; over the noise."""
+        sd, F = self.problem.sd[:, None], self.curves[one.k].moved()
+        moved = np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), one.theta) / sd
+        J_x = self.problem.linearised(self.rival).J_x[:, self.rival.model.free_states] / sd[:, None]
+        return project_starts(np.stack([self.r / sd, self.r / sd - moved, moved]), J_x, self.problem.record.starts)
+
+    def nearer(self, one: _Candidate) -> bool:
+        """Whether a curve brings the free run nearer to the data."""
+        before, after, _ = self.moved(one)
+        return bool(np.sum(after**2) <= np.sum(before**2))
+
+    def told(self, one: _Candidate) -> FreeCurve:
+        """A curve with its name, and what it moves."""
+        rms = np.sqrt(np.mean(self.moved(one)[2] ** 2, axis=1))
+        spread = np.maximum(np.std(self.problem.record.y, axis=1), 1e-300) / self.problem.sd
+        location, variable, *_ = self.curves[one.k]
+        return FreeCurve(location, variable, one.gain, float(np.sqrt(np.mean(rms**2))), float(np.max(rms / spread)))
+
+
+def _explained(G: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> tuple[float, np.ndarray, int]:
+    """From the Gram of residual and columns: what the columns explain (twice the log likelihood), their weights, the rank."""
+    if len(G) == 1:
+        return 0.0, np.zeros(0), 0
+    H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+    theta, _, rank, _ = np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-8)
+    return float(g / scale @ theta), theta / scale, int(rank)

@@ -1,0 +1,267 @@
+"""What no named effect explains: the latent force that is left, whether it is a law, and its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sklearn.ensemble import ExtraTreesRegressor
+
+from sksurrogate.gap.fit._folds import row_folds
+from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
+from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import output_jacobian
+
+__all__ = [
+    "LatentForce",
+    "features",
+    "forest",
+    "input_push",
+    "latent_force",
+    "law_of",
+    "moved_by",
+    "past_of",
+    "places",
+    "repeatable",
+]
+
+#: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
+SMALLEST_FORCE = 2e-3
+
+#: A force that moves the outputs by less than this share of what all forces do is numerics, whatever law it follows.
+LEAST_MOVED = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class LatentForce:
+    """The force that a model leaves, along the smoothed path.
+
+    Attributes
+    ----------
+    x : ndarray (n_states, n_samples)
+        Smoothed states.
+    force : ndarray (n_balances, n_samples)
+    noise : Noise
+    size : ndarray (n_balances,)
+        Standard deviation of each force over the RMS of its dx/dt.
+    A, r : ndarray
+        Jacobians and residual about the smoothed path.
+    """
+
+    x: np.ndarray
+    force: np.ndarray
+    noise: Noise
+    size: np.ndarray
+    A: np.ndarray
+    r: np.ndarray
+
+
+def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) -> LatentForce:
+    """Smooth the force in every balance on top of a model, linearised about the smoothed path (not the free run).
+
+    With ``quiet_sensors`` coloured sensor noise may not take what a force can explain.
+    """
+    with np.errstate(all="ignore"):
+        smoothed = problem.smooth(rival.model, rival.fit.theta, rival.fit.x).x
+        for x in (smoothed, rival.fit.x):
+            try:
+                return _force_along(problem, rival, x, quiet_sensors)
+            except np.linalg.LinAlgError:  # no noise can be followed along this path: the free run is smoother
+                continue
+    nothing = np.zeros(len(problem.balances))
+    force = np.zeros((len(nothing), problem.record.n_samples))
+    n = rival.model.n_states
+    A = np.zeros((n, n, problem.record.n_samples))
+    noise = rival.noise or problem.first_noise()
+    return LatentForce(rival.fit.x, force, noise, nothing, A, problem.record.y - rival.fit.y)
+
+
+def _force_along(problem: Problem, rival: Rival, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
+    """The force about one path; LinAlgError where the linearisation cannot be followed."""
+    theta = rival.fit.theta
+    lin = linearise(rival.model, theta, x, problem.units(rival.effects, theta))
+    D = problem.disturbance_along(rival.model, theta, x, lin.A, problem.balances)
+    r = problem.record.y - lin.y
+    start = rival.noise or problem.first_noise()
+    held = None
+    if quiet_sensors:
+        m = len(r)
+        start = replace(
+            start, sigma=problem.sd, force=0.1 * problem.force_unit(), coloured=1e-2 * problem.sd, tau_sensor=10.0
+        )
+        held = np.zeros(2 * m + len(problem.balances) + 2, bool)
+        held[m + len(problem.balances) + 1 :] = True
+    noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
+    _, force, _ = D.states(r, noise)
+    return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r)
+
+
+def features(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """States and inputs as columns, with their names."""
+    n = len(problem.plant.states)
+    return np.concatenate([x[:n], problem.record.u]).T, [*problem.plant.states, *problem.plant.inputs]
+
+
+def memory(record: Record, path: np.ndarray) -> np.ndarray:
+    """Past of a free run and of the inputs as columns (n_samples, n_columns).
+
+    Of the free run, not of the smoothed states: these follow the force, and its past would be read off them.
+    """
+    return np.concatenate(past_of(record, np.concatenate([path, record.u]))).T
+
+
+def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
+    """Direction and moving averages over 5 and 25 samples of signals, (3, n_signals, n_samples)."""
+    found = [np.sign(first_order_scan(0.8, np.diff(signals, axis=1, prepend=signals[:, :1]), record.starts))]
+    for tau in (5.0, 25.0):
+        a = np.exp(-1.0 / tau)
+        level = signals[:, record.starts][:, record.run_of_row]
+        found.append(level + (1 - a) * first_order_scan(a, signals - level, record.starts))
+    return np.stack(found)
+
+
+def law_of(problem: Problem, rival: Rival, latent: LatentForce, random_state: int) -> np.ndarray:
+    """R2 on runs left out of a forest from states and inputs to the force on top of a rival, (n_balances,): a law is repeatable, noise is not.
+
+    The larger of two: from the smoothed states as they are, and with the past of the free run beside them.
+    """
+    Z, _ = features(problem, latent.x)
+    path = rival.fit.x[: len(problem.plant.states)]
+    law = repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
+    moved = np.sum(moved_by(problem, rival, latent) ** 2, axis=(1, 2))
+    return np.where(moved >= LEAST_MOVED**2 * np.sum(moved), law, 0.0)
+
+
+def moved_by(problem: Problem, rival: Rival, latent: LatentForce) -> np.ndarray:
+    """What each force on top of a rival moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
+    record, n = problem.record, len(latent.A)
+    rows = [problem.plant.states.index(name) for name in problem.balances]
+    push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, rows] * latent.force
+    b = np.zeros_like(push)
+    b[:, :, 1:] = push[:, :, :-1]
+    b[:, :, record.starts] = 0.0
+    with np.errstate(all="ignore"):
+        states = solve_recursion(recursion_band(latent.A, record.starts), b)
+        _, C = output_jacobian(rival.model.bind(rival.fit.theta[:, None]), rival.fit.x, rival.model.scale)
+        moved = np.einsum("oit,ibt->bot", C, states) / problem.sd[:, None]
+    return np.nan_to_num(moved, posinf=0.0, neginf=0.0)
+
+
+def repeatable(
+    record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, path: np.ndarray, random_state: int
+) -> np.ndarray:
+    """R2 on runs left out of a forest from columns Z, with or without the past of ``path``, to every force."""
+    now = forest(record, force, size, Z, random_state)
+    if np.max(now, initial=0.0) > 0.5:
+        return now
+    return np.maximum(now, forest(record, force, size, np.hstack([Z, memory(record, path)]), random_state))
+
+
+def forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, random_state: int) -> np.ndarray:
+    """R2 on runs left out of a forest from columns Z to every force."""
+    fold = row_folds(record)
+    stride = max(1, len(Z) // 4000)
+    out = np.zeros(len(force))
+    for b, w in enumerate(force):
+        if size[b] < SMALLEST_FORCE:
+            continue
+        error = total = 0.0
+        for k in range(int(fold.max()) + 1):
+            train, test = np.flatnonzero(fold != k)[::stride], fold == k
+            if not (test.any() and len(train)):
+                continue
+            forest = ExtraTreesRegressor(24, min_samples_leaf=10, random_state=random_state).fit(Z[train], w[train])
+            error += float(np.sum((w[test] - forest.predict(Z[test])) ** 2))
+            total += float(np.sum((w[test] - w[train].mean()) ** 2))
+        out[b] = 1.0 - error / total if total > 0 else 0.0
+    return out
+
+
+@dataclass(frozen=True)
+class Place:
+    """One accused place."""
+
+    location: str
+    kind: str
+    log_likelihood: float
+
+
+def places(problem: Problem, null: Rival, rough: bool = False) -> list[Place]:
+    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
+
+    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is to be accused, from
+    one and with the white noise of differences.
+    """
+    starts, most = ((10.0,), 6) if rough else ((5.0, 25.0), 10)
+    theta, model, record = null.fit.theta, null.model, problem.record
+    with np.errstate(all="ignore"):
+        smoothed = problem.smooth(model, theta, null.fit.x)
+        lin = linearise(model, theta, smoothed.x, problem.units((), theta))
+        whole = problem.disturbance_along(model, theta, smoothed.x, lin.A, problem.balances)
+        r = record.y - lin.y
+        m = len(record.y)
+        C = whole.C.transpose(1, 2, 0)
+        tiny = 1e-2 * problem.sd
+        found = []
+
+        def evidence(B: np.ndarray, unit: float, sensor: int | None) -> float:
+            D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack)
+            coloured = np.maximum(tiny, 1e-12)
+            held = np.zeros(2 * m + 3, bool)
+            held[m + 2 : 2 * m + 2] = True
+            held[:m] = rough
+            force, best = 0.1 * unit, -np.inf
+            if sensor is not None:
+                held[m + 2 + sensor] = False
+                held[m] = True
+                force = 1e-4 * unit
+                coloured = coloured.copy()
+                coloured[sensor] = np.std(record.y[sensor]) * 0.1
+            for tau in starts:
+                start = Noise(problem.sd.copy(), np.array([force]), tau, coloured, tau)
+                try:
+                    best = max(best, fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=most)[1])
+                except np.linalg.LinAlgError:
+                    continue
+            return best
+
+        for b, name in enumerate(problem.balances):
+            found.append(
+                Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None))
+            )
+        for i, name in enumerate(problem.plant.inputs):
+            B = input_push(problem, null, smoothed.x, i)
+            twin = _same_push(B, whole.B.transpose(1, 2, 0))
+            if twin is not None:
+                found.append(Place(name, "input", found[twin].log_likelihood))
+            elif np.any(B):
+                found.append(Place(name, "input", evidence(B, max(float(np.std(record.u[i])), 1e-12), None)))
+        for j, name in enumerate(problem.plant.outputs):
+            found.append(Place(name, "output", evidence(whole.B.transpose(1, 2, 0)[:, :1], problem.force_unit()[0], j)))
+    return sorted(found, key=lambda place: -place.log_likelihood)
+
+
+def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
+    """The balance whose force moves the states as an input does (n_states, 1, n_samples), up to one factor; else None."""
+    for b in range(forces.shape[1]):
+        force = forces[:, b]
+        size = float(np.sum(force**2))
+        left = push[:, 0] - force * (float(np.sum(push[:, 0] * force)) / max(size, 1e-300))
+        if np.sum(left**2) < 1e-4 * np.sum(push**2):
+            return b
+    return None
+
+
+def input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndarray:
+    """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
+    record = problem.record
+    size = max(float(np.std(record.u[i])), 1e-9)
+    u = record.u.copy()
+    u[i] += 1e-4 * size
+    shifted = replace(problem, record=replace(record, u=u)).augmented(())
+    theta = null.fit.theta[:, None]
+    return (shifted.bind(theta)(x[:, None]) - null.model.bind(theta)(x[:, None])) / (1e-4 * size)

@@ -1,0 +1,162 @@
+"""Shapes that an unknown law may have: of one signal simple forms, polynomials, a smooth curve, a memory; of two a smooth surface."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from sksurrogate.gap.unnamed._curve_shapes import KNOTS_OF_INPUT, RUNS, hats
+from sksurrogate.gap.unnamed._latent_force import past_of
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.signals import hold, play, rate_limit
+
+__all__ = ["Form", "Law", "laws", "of_time", "over_sample", "roughness", "staircases", "surfaces"]
+
+#: Forms of one parameter, of a signal over its largest value.
+SIMPLE = (
+    lambda z: np.sign(z) * np.sqrt(np.abs(z)),
+    lambda z: z,
+    lambda z: z * np.abs(z),
+    lambda z: z**2,
+    lambda z: z**3,
+    lambda z: z**4,
+)
+#: Degrees of the polynomials.
+DEGREES = (2, 3, 4)
+#: Knots of a smooth curve, and of a smooth surface along each of its signals.
+KNOTS, KNOTS_OF_SURFACE = 10, 6
+#: Knots of one of time, which may step or swing.
+KNOTS_OF_TIME = 40
+#: What the name of a signal with its past ends with.
+PAST = " and its past"
+#: Samples back of the values that a linear filter weighs.
+LAGS = (1, 2, 4, 8, 16)
+#: Half widths of plays, of the range of a signal; samples in which what follows it at a limited rate crosses that range.
+PLAYS, SLEWS = (0.02, 0.05, 0.15, 0.4), 2.0 ** np.arange(1, 11)
+
+
+class Form(NamedTuple):
+    """Which functions make up a form, and how rough their weights are, a quadratic form (None: as rough as they may be)."""
+
+    functions: np.ndarray
+    rough: np.ndarray | None = None
+
+
+class Law(NamedTuple):
+    """A signal (or two, "a*b"), functions of it (n_functions, n_samples), and the forms that these make up.
+
+    What is ``shown`` of the functions at the samples stands beside them where they are means over each.
+    """
+
+    variable: str
+    functions: np.ndarray
+    forms: tuple[Form, ...]
+    shown: np.ndarray | None = None
+
+
+def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Container[str] = ()) -> Iterator[Law]:
+    """Laws of each signal, and of the signal with its past; filters and limited rates of signals that are ``given``.
+
+    Inputs are, and readings for their sensor. The last samples of a measured state tell any force that has moved it: a
+    filter of them is a disturbance, no law.
+    """
+    past = past_of(record, signals)
+    for i, (name, z) in enumerate(zip(names, signals)):
+        if not moves(z):
+            continue
+        yield Law(name, *static(z))
+        plays, slews, at_samples = followers(record, z)
+        memories = shown = [past[:, i], plays]
+        if name in given:
+            lags = np.stack([z[record.back(k)] for k in LAGS])
+            memories, shown = ([*memories, lags, *pairs(rates)] for rates in (slews, at_samples))
+        ends = 1 + np.cumsum([0, *map(len, memories)])
+        forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
+        yield Law(name + PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown]))
+
+
+def pairs(f: np.ndarray) -> list[np.ndarray]:
+    """Neighbours of rows (n, n_samples)."""
+    return [f[k : k + 2] for k in range(len(f) - 1)]
+
+
+def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
+    """A fine curve of an input or a reading, which may be a staircase."""
+    if moves(z):
+        f = hats(z, KNOTS_OF_INPUT)
+        yield Law(name, f, (Form(np.arange(len(f))),))
+
+
+def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What follows a signal, held within a sample, with play and at limited rates, its means over each: (n_widths, n_samples).
+
+    And that at limited rates at the samples. Sums of plays are any hysteresis that closes its loops (Prandtl and Ishlinskii).
+    """
+    reach, held = np.ptp(z), hold(z, 1, 0, record.starts)
+    rates = reach / SLEWS
+    plays, slews = play(held, reach * np.array(PLAYS), record.starts), rate_limit(held, rates, 1.0, record.starts)
+    return plays.mean[0], slews.mean[0], slews.at_samples()
+
+
+def of_time(record: Record) -> Iterator[Law]:
+    """A smooth curve of the time since the start, where runs of different inputs can share it."""
+    different = {record.u[:, a : a + n].tobytes() for a, n in zip(record.starts, record.lengths)}
+    if len(different) >= RUNS:
+        f = hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME)
+        yield Law("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
+
+
+def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Container[str]) -> Iterator[Law]:
+    """Laws of two signals, their product and a smooth surface over them, by their means over each sample.
+
+    Signals named in ``held`` stand still within a sample.
+    """
+    moving = [(name, z) for name, z in zip(names, signals) if moves(z)]
+    for (a, za), (b, zb) in combinations(moving, 2):
+        across, along = (np.concatenate([z[None], hats(z, KNOTS_OF_SURFACE)]) for z in (za, zb))
+        ends = [f if name in held else at_end(record, f) for name, f in ((a, across), (b, along))]
+        f = 0.5 * (across[:, None] * along + ends[0][:, None] * ends[1])
+        m, n = len(across) - 1, len(along) - 1
+        rough = np.kron(roughness(m), np.eye(n)) + np.kron(np.eye(m), roughness(n))
+        forms = Form(np.array([0])), Form(np.arange(1, 1 + m * n), rough if rough.any() else None)
+        product, surface = f[0, 0] / max(float(np.max(np.abs(f[0, 0]))), 1e-300), f[1:, 1:].reshape(m * n, -1)
+        yield Law(f"{a}*{b}", np.concatenate([product[None], surface]), forms)
+
+
+def over_sample(record: Record, f: np.ndarray) -> np.ndarray:
+    """Means of functions (n_functions, n_samples) over each sample, by their values at its ends; the last of a run stands."""
+    return 0.5 * (f + at_end(record, f))
+
+
+def at_end(record: Record, f: np.ndarray) -> np.ndarray:
+    """Values (n_functions, n_samples) at the end of each sample; the last of a run stands."""
+    out = np.roll(f, -1, axis=1)
+    last = record.starts + record.lengths - 1
+    out[:, last] = f[:, last]
+    return out
+
+
+def moves(z: np.ndarray) -> bool:
+    """Whether a signal does not stand still."""
+    return bool(np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300))
+
+
+def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
+    """Functions of a signal and their forms."""
+    simple = np.stack([form(z / np.max(np.abs(z))) for form in SIMPLE])
+    powers = ((z - np.mean(z)) / np.ptp(z)) ** np.arange(max(DEGREES) + 1)[:, None]
+    curve = hats(z, KNOTS)
+    ends = np.cumsum([len(simple), len(powers), len(curve)])
+    forms = [Form(np.array([k])) for k in range(ends[0])]
+    forms += [Form(np.arange(ends[0], ends[0] + degree + 1)) for degree in DEGREES]
+    forms.append(Form(np.arange(ends[1], ends[2]), roughness(len(curve)) if len(curve) > 2 else None))
+    return np.concatenate([simple, powers, curve]), tuple(forms)
+
+
+def roughness(n: int) -> np.ndarray:
+    """Sum of the squared second differences of n weights, as a quadratic form."""
+    second = np.diff(np.eye(n), 2, axis=0)
+    return second.T @ second
