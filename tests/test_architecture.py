@@ -13,6 +13,7 @@ FLOOR = {
     "exceptions": 0, "kernels": 1, "runs": 2, "_columns": 2, "_checks": 2, "_csv": 2, "_dynamic": 2, "_tables": 1, "_parallel": 1, "export": 2, "physics": 3, "features": 3, "linear": 3, "neural": 3,
     "metrics": 3, "displays": 3, "effects": 4, "model_selection": 4, "datasets": 4, "compose": 5, "gap": 6, "blind": 8,
     "testing": 8, "demo": 9, "cli": 10,
+    "_fingerprint": 2,
 }  # fmt: skip
 OPTIONAL = {
     "torch",

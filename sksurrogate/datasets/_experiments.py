@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import marshal
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from scipy.stats import qmc
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
+from sksurrogate._fingerprint import fingerprint
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -116,8 +116,10 @@ def simulate_experiments(
     noise : float or array (n_outputs,), default=0
         Standard deviation of white noise on y, units of y.
     cache : path, optional
-        Folder of finished batches: a call that was interrupted goes on where it stopped. Batches are named after
-        simulator, design and initial states, so that others do not mix.
+        Folder of finished batches: a call that was interrupted goes on where it stopped. Batches are named after the
+        design and the value of the simulator: its settings, the code of its functions, what they close over and the
+        globals that they read. Not seen are files that it reads while it runs (but the file of an FMU) and programs that
+        it calls: after a change of those use another folder.
     batch_size : int, default=128
         Runs that are simulated abreast, and kept together in the cache.
     n_jobs : int, optional
@@ -132,7 +134,8 @@ def simulate_experiments(
     Raises
     ------
     DataError
-        A range or the design does not fit the simulator, or every run failed.
+        A range or the design does not fit the simulator, every run failed, or ``cache`` is given and the simulator holds
+        something without a value, a connection for example.
 
     Examples
     --------
@@ -149,11 +152,13 @@ def simulate_experiments(
     plant = describe(simulator)
     rng = check_random_state(random_state)
     X0, U = _design(plant, x0_ranges, input_ranges, design, n_runs, n_samples, hold, sampling, rng)
-    folder = None if cache is None else Path(cache)
-    if folder is not None:
+    store = None
+    if cache is not None:
+        folder = Path(cache)
         folder.mkdir(parents=True, exist_ok=True)
+        store = (folder, fingerprint(simulator, "with cache=, simulator"))
     batches = [slice(a, min(a + batch_size, n_runs)) for a in range(0, n_runs, batch_size)]
-    parts = Parallel(n_jobs=n_jobs)(delayed(_cached)(simulator, U[b], X0[b], folder) for b in batches)
+    parts = Parallel(n_jobs=n_jobs)(delayed(_cached)(simulator, U[b], X0[b], store) for b in batches)
     runs = [run for part in parts for run in part]
     failed = tuple(r for r, run in enumerate(runs) if run is None)
     if failed:
@@ -297,11 +302,13 @@ def _prbs(share: np.ndarray, n: int, hold: tuple[int, int], rng: np.random.Rando
     return share[np.repeat(bits, hold[0])[:n]]
 
 
-def _cached(simulator: Any, U: np.ndarray, X0: np.ndarray, folder: Path | None) -> list[Any]:
-    """One batch, from the folder where it is there already."""
-    if folder is None:
+def _cached(simulator: Any, U: np.ndarray, X0: np.ndarray, store: tuple[Path, str] | None) -> list[Any]:
+    """One batch, from the folder where it is there already; ``store``: folder and fingerprint of the simulator."""
+    if store is None:
         return _simulate(simulator, U, X0)
-    path = folder / f"batch_{_fingerprint(simulator, U, X0)}.joblib"
+    digest = hashlib.sha256(f"{store[1]} {U.shape} {X0.shape} ".encode())
+    digest.update(np.ascontiguousarray(U).tobytes() + np.ascontiguousarray(X0).tobytes())
+    path = store[0] / f"batch_{digest.hexdigest()[:24]}.joblib"
     if path.exists():
         return joblib.load(path)
     runs = _simulate(simulator, U, X0)
@@ -309,18 +316,6 @@ def _cached(simulator: Any, U: np.ndarray, X0: np.ndarray, folder: Path | None) 
     joblib.dump(runs, partial)
     partial.replace(path)
     return runs
-
-
-def _fingerprint(simulator: Any, U: np.ndarray, X0: np.ndarray) -> str:
-    """Of the simulator's settings, the code of its functions and the design."""
-    settings = simulator.get_params(deep=False) if hasattr(simulator, "get_params") else vars(simulator)
-    digest = hashlib.sha256(type(simulator).__qualname__.encode())
-    for name in sorted(settings):
-        value = settings[name]
-        code = getattr(value, "__code__", None)
-        digest.update(name.encode() + (marshal.dumps(code) if code is not None else joblib.hash(value).encode()))
-    digest.update(np.ascontiguousarray(U).tobytes() + np.ascontiguousarray(X0).tobytes())
-    return digest.hexdigest()[:24]
 
 
 def _simulate(simulator: Any, U: np.ndarray, X0: np.ndarray) -> list[Any]:

@@ -11,11 +11,13 @@ from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted, check_memory
 
+from sksurrogate._fingerprint import fingerprint
+
 __all__ = ["Remembered"]
 
 
-def _fit(estimator: Any, X: Any, y: Any, how: dict[str, Any]) -> Any:
-    """A fitted estimator; what joblib keeps."""
+def _fit(value: str, estimator: Any, X: Any, y: Any, how: dict[str, Any]) -> Any:
+    """A fitted estimator; what joblib keeps, under the ``value`` of estimator and ``how``."""
     return estimator.fit(X, y, **how)
 
 
@@ -30,11 +32,12 @@ def _has(name: str) -> Any:
 
 
 class Remembered(MetaEstimatorMixin, BaseEstimator):
-    """A predictor whose fits are kept on disk: the same parameters and data are fitted once.
+    """A predictor whose fits are kept on disk: the same estimator and data are fitted once.
 
     A search over it that was killed, by hand, by a power cut or by a cluster's time limit, is started again with the same
     line and goes on where it was: fits that were finished are read, the others are made. (Transformers are kept by
-    scikit-learn's ``Pipeline(memory=...)``.)
+    scikit-learn's ``Pipeline(memory=...)``.) An estimator is the same if its parameters are, and the code of the functions
+    and of your own classes in them with what they close over and the globals that they read.
 
     Parameters
     ----------
@@ -88,10 +91,20 @@ class Remembered(MetaEstimatorMixin, BaseEstimator):
         Returns
         -------
         self
+
+        Raises
+        ------
+        DataError
+            ``memory`` is given, and the estimator holds something without a value, a connection for example.
         """
         how = {**({} if groups is None else {"groups": groups}), **fit_params}
         memory = check_memory(str(self.memory) if isinstance(self.memory, PathLike) else self.memory)
-        self.estimator_ = memory.cache(_fit)(clone(self.estimator), X, y, how)
+        estimator = clone(self.estimator)
+        if self.memory is None:
+            self.estimator_ = estimator.fit(X, y, **how)
+        else:  # joblib alone knows a function by its name: that of an edited file would pass for the one before
+            value = fingerprint((estimator, how), "with memory=, estimator")
+            self.estimator_ = memory.cache(_fit, ignore=["estimator", "how"])(value, estimator, X, y, how)
         return self
 
     def __getattr__(self, name: str) -> Any:

@@ -84,6 +84,10 @@ class FMUSimulator(ParametricSimulator):
         """Handles stay behind."""
         return {key: value for key, value in super().__getstate__().items() if key != "_handle"}
 
+    def _files(self) -> list[Any]:
+        """Files whose content is part of the simulator's value."""
+        return [self.path]
+
     def close(self) -> None:
         """Free the unit; the next simulation opens it again."""
         handle = self.__dict__.pop("_handle", None)

@@ -1,0 +1,213 @@
+"""What is kept on disk belongs to one simulator, one estimator: by their value, not by their name."""
+
+import functools
+import os
+import subprocess
+import sys
+import threading
+import types
+
+import numpy as np
+import pytest
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from sksurrogate._fingerprint import fingerprint
+from sksurrogate.datasets import make_reactor, simulate_experiments
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.exceptions import DataError
+from sksurrogate.model_selection import Remembered
+from sksurrogate.physics import CallableSimulator, FMUSimulator, ODESimulator
+
+GAIN = 1.0
+
+
+def closure(gain):
+    return lambda U, x0=None, t=None: gain * np.asarray(U)
+
+
+def default(gain):
+    def simulate(U, x0=None, t=None, gain=gain):
+        return gain * np.asarray(U)
+
+    return simulate
+
+
+def bound(gain):
+    class Plant:
+        def run(self, U, x0=None, t=None):
+            return self.gain * np.asarray(U)
+
+    plant = Plant()
+    plant.gain = gain
+    return plant.run
+
+
+def of_a_class(gain):
+    class Plant:
+        factor = gain
+
+        def __call__(self, U, x0=None, t=None):
+            return self.factor * np.asarray(U)
+
+    return Plant()
+
+
+def nested(gain):
+    def inner(U):
+        return (lambda: gain * np.asarray(U))()
+
+    def simulate(U, x0=None, t=None):
+        return inner(U)
+
+    return simulate
+
+
+def cached(gain):
+    @functools.lru_cache
+    def factor():
+        return gain
+
+    return lambda U, x0=None, t=None: factor() * np.asarray(U)
+
+
+def partial(gain):
+    def simulate(U, x0=None, t=None, *, gain):
+        return gain * np.asarray(U)
+
+    return functools.partial(simulate, gain=gain)
+
+
+def of_a_module(gain):
+    helper = types.ModuleType("own_helper")
+    exec(f"def scaled(U):\n    return {gain} * U", vars(helper))
+    return lambda U, x0=None, t=None: helper.scaled(np.asarray(U))
+
+
+def property_of_a_base(gain):
+    class Base:
+        @property
+        def factor(self):
+            return gain
+
+    class Plant(Base):
+        def __call__(self, U, x0=None, t=None):
+            return self.factor * np.asarray(U)
+
+    return Plant()
+
+
+FORMS = [closure, default, bound, of_a_class, nested, cached, partial, of_a_module, property_of_a_base]
+
+
+def kept(simulate, folder):
+    plant = CallableSimulator(simulate, inputs=["u"], outputs=["y"], dt=1.0)
+    return simulate_experiments(plant, None, {"u": (0, 1)}, n_runs=2, n_samples=5, cache=folder, random_state=0)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_another_simulator_of_the_same_name_is_simulated(form, tmp_path):
+    one, two = kept(form(1.0), tmp_path), kept(form(2.0), tmp_path)
+    np.testing.assert_allclose(two.y, 2 * one.y, rtol=1e-12)
+    assert len(list(tmp_path.iterdir())) == 2
+    kept(form(2.0), tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_global_belongs_to_the_function_that_reads_it(tmp_path, monkeypatch):
+    def simulate(U, x0=None, t=None):
+        return GAIN * np.asarray(U)
+
+    one = kept(simulate, tmp_path)
+    monkeypatch.setitem(globals(), "GAIN", 3.0)
+    np.testing.assert_allclose(kept(simulate, tmp_path).y, 3 * one.y, rtol=1e-12)
+
+
+def test_what_a_simulator_has_learned_belongs_to_it(tmp_path):
+    X = np.arange(6.0)[:, None]
+    one, two = (kept(LinearRegression().fit(X, k * X[:, 0]).predict, tmp_path) for k in (1.0, 2.0))
+    np.testing.assert_allclose(two.y, 2 * one.y, rtol=1e-9)
+
+
+def test_shapes_of_the_design_belong_to_it(tmp_path):
+    def simulate(U, x0=None, t=None):
+        return np.full((len(U), 1), float(len(U)))
+
+    plant = CallableSimulator(simulate, inputs=["u"], outputs=["y"], dt=1.0)
+    for runs, rows in ((2, 6), (3, 4)):
+        data = simulate_experiments(
+            plant, design=np.zeros((runs, rows, 1)), n_runs=runs, n_samples=rows, cache=tmp_path, batch_size=runs
+        )
+        assert set(data.y) == {rows}
+
+
+def test_a_simulator_without_a_value_is_refused(tmp_path):
+    lock = threading.Lock()
+
+    def simulate(U, x0=None, t=None):
+        with lock:
+            return np.asarray(U)
+
+    with pytest.raises(DataError, match=r"with cache=, simulator cannot be told .*lock.*give its class a __getstate__"):
+        kept(simulate, tmp_path)
+    with pytest.raises(DataError, match="with memory=, estimator cannot be told"):
+        model = make_pipeline(FunctionTransformer(simulate), LinearRegression())
+        Remembered(model, tmp_path).fit(np.eye(3), np.arange(3.0))
+
+
+def test_another_unit_at_the_same_path_is_another_simulator(tmp_path):
+    (tmp_path / "unit.fmu").write_bytes(b"one")
+    unit = FMUSimulator(tmp_path / "unit.fmu", inputs=["u"], outputs=["y"])
+    before = fingerprint(unit, "unit")
+    assert before == fingerprint(FMUSimulator(tmp_path / "unit.fmu", inputs=["u"], outputs=["y"]), "unit")
+    (tmp_path / "unit.fmu").write_bytes(b"two")
+    assert fingerprint(unit, "unit") != before
+
+
+def test_a_simulator_that_has_run_is_still_the_same():
+    def drop(t, x, u, p):
+        return x[1], u[0] - 9.81 + 0 * x[0]
+
+    bounce = [(lambda t, x, u, p: x[0], lambda t, x, u, p: (0 * x[0], -0.5 * x[1]))]
+    lagged = AugmentedSimulator(make_reactor(), [CATALOGUE["input_lag"]("u")], [{"time_constant": 0.05}])
+    ball = ODESimulator(
+        drop, states=["h", "v"], inputs=["f"], outputs=["h"], params={}, dt=0.1, x0=[1.0, 0.0], events=bounce
+    )
+    for plant in (make_reactor(), lagged, ball):
+        before = fingerprint(plant, "plant")
+        plant.simulate(np.full((9, 1), 0.1))
+        assert fingerprint(plant, "plant") == before, plant
+
+
+PLANT = """
+import numpy as np
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+from sksurrogate.model_selection import Remembered
+
+NAMES = {"one", "two", "three", "four"}
+
+def scaled(X):
+    import shapes
+    return shapes.of(X) if "one" in NAMES else X
+
+model = make_pipeline(FunctionTransformer(scaled), LinearRegression(fit_intercept=False))
+X = np.arange(1.0, 9.0)[:, None]
+print(Remembered(model, "fits").fit(X, X[:, 0]).estimator_[-1].coef_[0])
+"""
+
+
+def test_an_edited_file_is_fitted_anew_and_the_same_one_is_read(tmp_path):
+    (tmp_path / "plant.py").write_text(PLANT)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"}
+    found, folders = [], []
+    for factor in (2.0, 2.0, 4.0):
+        (tmp_path / "shapes.py").write_text(f"def of(X):\n    return {factor} * X\n")
+        line = [sys.executable, "-c", "import plant"]
+        out = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        found.append(float(out.stdout))
+        folders.append(len(list((tmp_path / "fits").rglob("output.pkl"))))
+    np.testing.assert_allclose(found, [0.5, 0.5, 0.25])
+    assert folders == [1, 1, 2]
