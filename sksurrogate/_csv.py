@@ -6,7 +6,7 @@ import csv
 import difflib
 import re
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -30,7 +30,8 @@ def read_csv(
     Parameters
     ----------
     path : path
-        UTF-8 text with a header; comma, semicolon or tabulator; decimal points. At most 512 MiB.
+        UTF-8 text with a header; comma, semicolon or tabulator; decimal points. A quoted cell ends in its line. At most
+        512 MiB.
     wanted : sequence of str
         Numeric columns.
     run : str, optional
@@ -46,15 +47,12 @@ def read_csv(
     Raises
     ------
     DataError
-        A column is missing, a line is short or long, a value is not a number; the message names line and column.
+        A column is missing, a line is short or long, a value is not a number, a quotation mark is not closed in its line;
+        the message names line and column.
     """
     file = _text_file(path)
     with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
-        try:
-            columns, labels = _read(stream, file.name, wanted, run, time)
-        except csv.Error as error:
-            raise DataError(f"{file.name}: not readable as CSV ({error}): is a quotation mark left open?") from error
-    return columns, labels
+        return _read(stream, file.name, wanted, run, time)
 
 
 def _text_file(path: Any) -> Path:
@@ -82,28 +80,26 @@ def _read(
     """Header, then rows."""
     first = stream.readline(2**16)
     stream.seek(0)
-    reader = csv.reader(stream, delimiter=max(",;\t", key=first.count))
-    header = [cell.strip() for cell in next(reader, [])]
+    rows = _lines(csv.reader(stream, delimiter=max(",;\t", key=first.count), strict=True), name)
+    header = [cell.strip() for cell in next(rows, (1, []))[1]]
     _check_header(header, name, wanted, run, time)
     wanted = [*wanted, *([time] if time and time not in wanted else [])]
     places = [header.index(column) for column in wanted]
     label_at = header.index(run) if run else None
     values, labels = array("d"), []
-    for row in reader:
+    for line, row in rows:
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(header):
             hint = " Are numbers written with decimal commas?" if len(row) > len(header) else ""
-            raise DataError(
-                f"{name}, line {reader.line_num}: {len(row)} cells, expected {len(header)} as in the header.{hint}"
-            )
-        values.extend(_number(row[j], header[j], name, reader.line_num) for j in places)
+            raise DataError(f"{name}, line {line}: {len(row)} cells, expected {len(header)} as in the header.{hint}")
+        values.extend(_number(row[j], header[j], name, line) for j in places)
         if label_at is not None:
             label = row[label_at].strip()
             if len(label) > LONGEST_LABEL:
                 raise DataError(
-                    f"{name}, line {reader.line_num}, column {run!r}: a run label of {len(label)} characters, expected "
-                    f"at most {LONGEST_LABEL}; is this the run column?"
+                    f"{name}, line {line}, column {run!r}: a run label of {len(label)} characters, expected at most "
+                    f"{LONGEST_LABEL}; is this the run column?"
                 )
             labels.append(label)
     if not values:
@@ -111,6 +107,26 @@ def _read(
     table = np.array(values).reshape(-1, len(places))
     columns = {column: table[:, j] for j, column in enumerate(wanted)}
     return columns, _labels(labels) if label_at is not None else None
+
+
+def _lines(reader: Any, name: str) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of every line; a cell that goes on in the next line would swallow samples in silence."""
+    while True:
+        line = reader.line_num + 1
+        try:
+            row = next(reader, None)
+        except csv.Error as error:
+            raise DataError(
+                f"{name}, line {line}: not readable as CSV ({error}): close the quotation mark, or delete it."
+            ) from error
+        if row is None:
+            return
+        if reader.line_num > line:
+            raise DataError(
+                f"{name}, line {line}: a quotation mark opens a cell that goes on to line {reader.line_num}, expected one line a "
+                "sample: close the quotation mark, delete it, or write the text in one line."
+            )
+        yield line, row
 
 
 def _labels(cells: list[str]) -> np.ndarray:
@@ -168,7 +184,7 @@ def _is_number(text: str) -> bool:
 def _number(text: str, column: str, file: str, line: int) -> float:
     """A finite number, or where it should be."""
     try:
-        value = float(text)
+        value = float("no number" if "_" in text else text)  # Python reads 1_5 as 15
     except ValueError:
         if not text.strip():
             problem = "the cell is empty: fill it, or delete the row (and start a new run there)."

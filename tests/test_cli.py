@@ -91,8 +91,17 @@ MISTAKES = {
     "decimal comma": ("flow;level\n1,5;2,5\n", r"'1,5' is not a number. Decimal commas are not read: write 1.5"),
     "empty cell": ("flow,level\n1,2\n,3\n", r"line 3, column 'flow': the cell is empty: fill it, or delete the row"),
     "word": ("flow,level\n1,open\n", r"line 2, column 'level': 'open' is not a number: correct it"),
+    "underscore": ("flow,level\n1_5,2\n", r"line 2, column 'flow': '1_5' is not a number: correct it"),
     "infinite": ("flow,level\n1,inf\n", r"line 2, column 'level': 'inf' is not finite"),
     "open quote": ('flow,level\n1,"2\n' + "x" * 200_000, r"not readable as CSV .*quotation mark"),
+    "quote that closes rows below": (
+        'flow,level,note\n1,2,"a\n3,4,b\n5,6,c"\n7,8,d\n',
+        r"line 2: a quotation mark opens a cell that goes on to line 4, expected one line a sample",
+    ),
+    "quote that never closes": ('flow,level,note\n1,2,"a\n3,4,b\n', r"line 2: not readable as CSV .*close the quot"),
+    "quote in the header": ('flow,level,"note\n1,2,a\n3,4,"b\n', r"line 1: not readable as CSV"),
+    "header of two lines": ('flow,level,"no\nte"\n1,2,a\n', r"line 1: a quotation mark .* goes on to line 2"),
+    "number behind a quote": ('flow,level\n1,2\n"1"5,3\n', r"line 3: not readable as CSV"),  # would be read as 15
     "utf-16": ("flow,level\n1,2\n".encode("utf-16"), r"not UTF-8 text .*save it as CSV, UTF-8"),
     "spreadsheet": (b"PK\x03\x04" + bytes(50), r"not UTF-8 text \(a spreadsheet"),
 }
@@ -104,6 +113,12 @@ def test_a_csv_with_a_mistake_gets_a_way_out(case, tmp_path):
     (tmp_path / "d.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(DataError, match=message):
         read_csv(tmp_path / "d.csv", ["flow", "level"])
+
+
+def test_quoted_cells_and_quotes_inside_a_cell_are_read(tmp_path):
+    (tmp_path / "d.csv").write_text('flow,"a, b",run\r\n1,"5"" pipe","x"\r\n\r\n"2",6" pipe,"x"\r\n')
+    columns, labels = read_csv(tmp_path / "d.csv", ["flow"], run="run")
+    assert columns["flow"].tolist() == [1.0, 2.0] and labels.tolist() == ["x", "x"]
 
 
 def test_a_giant_label_does_not_fill_the_memory(tmp_path):

@@ -176,7 +176,9 @@ print('there' if multiprocessing.active_children() else 'gone')
 
 @needs_fork
 def test_processes_whose_first_one_is_gone_end():
-    code = "import os, time\nfrom sksurrogate._parallel._second import Second\none, other = Second(), Second(later=True)\n"
+    code = (
+        "import os, time\nfrom sksurrogate._parallel._second import Second\none, other = Second(), Second(later=True)\n"
+    )
     code += "print(one.ask(os.getpid).answer(), other.ask(os.getpid).answer(), flush=True)\ntime.sleep(120)\n"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as first:
         pids = first.stdout.readline().split()
