@@ -123,7 +123,7 @@ def test_the_page_of_the_command_line_has_every_option():
 def test_the_bars_of_the_verdict_are_those_of_the_code():
     from sksurrogate.gap.decide import _verdict
 
-    page = (DOCS / "diagnosing.md").read_text(encoding="utf-8")
+    page = (DOCS / "verdict_rules.md").read_text(encoding="utf-8")
     told = set(re.findall(r"\d+(?:\.\d+)?", page.split("## The bars of the verdict")[1].split("\n## ")[0]))
     others = "CERTIFICATE CLEAR_FORCE CLEAR_LAW FAR FEW FORCE LARGE_ERROR LAW LAW_BY_TWO LEFT_BY_SEVERAL LEFT_FOR_MOST "
     others += "LEFT_LAWFUL LEFT_OF_LARGE MOVED NUMERICS_SHARE PRACTICAL PRACTICAL_LAWLESS ROUNDING SAME_NAMES WITHIN"
@@ -132,4 +132,4 @@ def test_the_bars_of_the_verdict_are_those_of_the_code():
     }
     assert len(bars) > 25
     lacking = {name for name in bars if f"{getattr(_verdict, name):g}" not in told}
-    assert not lacking, f"docs/diagnosing.md tells other numbers than {lacking}"
+    assert not lacking, f"docs/verdict_rules.md tells other numbers than {lacking}"

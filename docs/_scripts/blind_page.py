@@ -1,13 +1,14 @@
-"""Write the tables and figures of docs/blind_check.md from stored rows: ``python docs/_scripts/blind_page.py``.
+"""Write the tables of docs/blind_check.md and docs/blind_appendix.md from stored rows.
 
-With ``--complete``, detuned rows without the gap beyond re-tuning get it first (their cases are drawn once more: seconds each).
+``python docs/_scripts/blind_page.py``. With ``--complete``, detuned rows without the gap beyond re-tuning get it first (their
+cases are drawn again: seconds each).
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,126 +18,156 @@ from sksurrogate.blind._retune import with_retuning
 from sksurrogate.blind._table import table
 
 DOCS = Path(__file__).parents[1]
-BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
-#: Newest commits that are told together.
+#: Newest commits whose cases are counted together.
 RECENT = 3
-MISSES = ("<!-- misses: begin -->", "<!-- misses: end -->")
+WITHHELD = " (withheld)"
+#: Columns of the table of an arm, an excitation or a plant.
+COLUMNS = ("cases", "right", "named", "false", "place", "class", "covered", "shrink", "oracle")
+
+Row = Mapping[str, Any]
 
 
-def figures() -> str:
-    """All tables and figures as markdown."""
-    result = BlindResult.load(DOCS / "blind_rows.jsonl")
-    truths = sum(len(row.get("truths", [])) for row in result.rows)
+def commits(result: BlindResult) -> list[str]:
+    """Commits that answered, oldest first."""
+    return list(dict.fromkeys(row.get("code", "") for row in result.rows))
+
+
+def newest(result: BlindResult) -> BlindResult:
+    """Cases that the newest commits answered."""
+    chosen = commits(result)[-RECENT:]
+    return BlindResult(tuple(row for row in result.rows if row.get("code", "") in chosen))
+
+
+def short(rows: Iterable[Row], by: str, columns: Sequence[str] = COLUMNS) -> str:
+    """A table of some columns of the scores."""
+    return table([{key: row[key] for key in (by, *columns)} for row in rows])
+
+
+def count(result: BlindResult) -> str:
+    """Cases, plants, effects and right answers in one line."""
     known = [row for row in result.rows if row.get("truths") is not None]
-    names = {t["name"] for row in known for t in row["truths"]}
+    names = {truth["name"] for row in known for truth in row["truths"]}
     plants = {row["plant"] for row in known}
-    parts = [
-        f"{len(result.rows)} cases on {len(plants)} plants with {truths} effects ({len(names)} different ones), "
-        f"{sum(bool(r.get('right')) for r in result.rows)} right.",
-        *_bars(result),
-        "### By arm", table(result.scores()),
-        *picture(overview(result), "blind_scores", "Right answers by arm, detection, probabilities, shrink"),
-        "### Detection over the size of the gap", DETECTION, table(result.detection()),
-        "### Unknown", table(result.unknown()),
-        *picture(missing_terms(result.rows), "blind_missing", "Missing terms as learned and as they are"),
-        "### Stated probabilities", table(result.calibration()),
-        "### The suggested next experiment", EXPERIMENT, table(result.experiments()),
-        "### By excitation", table(result.scores("excitation")),
-        "### By plant", table(result.scores("plant")),
-        *_baselines(result), *_recorded(),
-    ]  # fmt: skip
-    return "\n\n".join(parts)
+    some = newest(result)
+    right, all_right = (sum(bool(row.get("right")) for row in rows) for rows in (some.rows, result.rows))
+    return (
+        f"Stored: {len(result.rows)} cases on {len(plants)} plants with {len(names)} different effects, {all_right} right. "
+        f"The newest {min(RECENT, len(commits(result)))} commits ({', '.join(commits(result)[-RECENT:])}) "
+        f"answered {len(some.rows)} of them, {right} right."
+    )
 
 
-def _bars(result: BlindResult) -> list[str]:
-    """The bars: of the rows that the newest code answered, and of all; rows tell their code where several are stored."""
-    codes = list(dict.fromkeys(row.get("code", "") for row in result.rows))
-    if len(codes) == 1:
-        return ["### The bars", BARS, table(result.bars())]
-    parts = ["### The bars", BARS]
-    for chosen, said in (
-        (codes[-1:], "Commit"),
-        (codes[-RECENT:], "The newest commits together, misses mended between them,"),
-    ):
-        some = BlindResult(tuple(row for row in result.rows if row.get("code", "") in chosen))
-        right = sum(bool(row.get("right")) for row in some.rows)
-        parts += [f"{said} {', '.join(chosen)}: {len(some.rows)} cases, {right} right.", table(some.bars())]
-    return [
-        *parts,
-        f"All {len(result.rows)} cases, commits {', '.join(codes)}; the tables after this one are of all.", table(result.bars()),
-    ]  # fmt: skip
+def limits(row: Row | None) -> str:
+    """A figure with its 90 % limits and its number of cases."""
+    if row is None:
+        return "-"
+    return f"{row['figure']:.3g} [{row['low']:.3g}, {row['high']:.3g}] of {row['cases']}"
 
 
-BARS = (
-    "Low and high are 90 % limits (Wilson's for shares, order statistics for medians). Open: the limits hold the bar between "
-    "them, more cases would tell."
-)
-DETECTION = (
-    "Arms with one effect. The gap is the root mean square of what the effect moves the measured outputs by, in units of "
-    "their noise."
-)
-EXPERIMENT = (
-    "Where names were tied, the experiment that the report suggests was carried out on the true plant and its run added to "
-    "the data; the tied names were asked again. The control is the first run recorded once more. The lead is the log "
-    "likelihood of the true effect over that of the best other member of its class."
-)
+def targets(result: BlindResult) -> str:
+    """The targets beside the figures of the newest commits and of all."""
+    recent = {row["question"]: row for row in newest(result).bars()}
+    return table(
+        [
+            {"question": row["question"], "target": row["bar"], "newest": limits(recent.get(row["question"])),
+             "all": f"{row['figure']:.3g} of {row['cases']}", "newest meets it": recent.get(row["question"], {"cleared": "-"})["cleared"]}
+            for row in result.bars()
+        ]
+    )  # fmt: skip
 
 
-def picture(figure: Any, name: str, text: str) -> list[str]:
-    """Store a figure and refer to it; nothing where there is none."""
-    if figure is None:
-        return []
-    figure.savefig(DOCS / "_static" / f"{name}.png", dpi=100)
-    return [f"![{text}](_static/{name}.png)"]
-
-
-def _baselines(result: BlindResult) -> list[str]:
-    """Simpler ways on the same cases, beside the diagnosis on them."""
-    stored = DOCS / "blind_baselines.jsonl"
-    if not stored.exists():
-        return []
-    others = BlindResult.load(stored)
+def baselines(result: BlindResult) -> str:
+    """Simpler methods on the same cases, beside the diagnosis."""
+    others = BlindResult.load(DOCS / "blind_baselines.jsonl")
     asked = {(row["arm"], row["seed"]) for row in others.rows}
     same = [row for row in result.rows if (row["arm"], row["seed"]) in asked]
-    lines = []
-    for row in BlindResult((*others.rows, *same)).scores("diagnosis"):
-        lines.append({**row, "diagnosis": row["diagnosis"].rpartition(":")[2]})
-    head = f"The same {len(asked)} cases." if same else "On other cases."
-    return ["### Baselines", head, table(lines)]
+    lines = [
+        {"method": row["diagnosis"].rpartition(":")[2], **{k: row[k] for k in ("cases", "right", "named", "false", "shrink")}}
+        for row in BlindResult((*others.rows, *same)).scores("diagnosis")
+    ]
+    return table(lines).replace("ask_gap_diagnoser", "GapDiagnoser")
 
 
-def _recorded() -> list[str]:
-    """Real recordings."""
-    stored = DOCS / "blind_recorded.jsonl"
-    if not stored.exists():
-        return []
-    rows = [json.loads(line) for line in stored.read_text(encoding="utf-8").splitlines()]
-    keys = ("recording", "verdict", "named", "place", "right", "before", "retuned", "after", "unit", "published")
-    text = [{key: _text(row.get(key, row.get("error", ""))) for key in keys} for row in rows]
-    drawn = picture(recorded_terms(rows), "blind_recorded", "Learned from real recordings without the name")
-    return ["### Real recordings", "Free run on the official test record, RMSE.", table(text), *drawn]
+def recordings() -> list[Row]:
+    """Stored answers on measured records."""
+    return [json.loads(line) for line in (DOCS / "blind_recorded.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
-def _text(value: object) -> str:
+def recorded(rows: Iterable[Row]) -> str:
+    """Answers on measured records: free run on the test record."""
+    return table(
+        [
+            {"recording": f"{row['recording'].removesuffix(WITHHELD)} / {row.get('unit', '')}",
+             **{key: text(row.get(key, row.get("error", ""))) for key in ("verdict", "named", "right", "before", "after")}}
+            for row in rows
+        ]
+    )  # fmt: skip
+
+
+def text(value: object) -> str:
+    """A cell: numbers with three digits, yes or no, a dash for nothing."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, list):
         return ", ".join(f"{v:.3g}" for v in value) or "-"
     return "-" if value in (None, "") else str(value)
 
 
-def misses() -> str:
-    """Every missed case, grouped by kind."""
-    lines: list[Mapping[str, Any]] = BlindResult.load(DOCS / "blind_rows.jsonl").misses()
-    return f"{len(lines)} cases.\n\n{table(lines)}"
+def runs(result: BlindResult) -> str:
+    """Cases and right answers by commit, newest first."""
+    lines = []
+    for code in reversed(commits(result)):
+        rows = [row for row in result.rows if row.get("code", "") == code]
+        lines.append({"commit": code, "cases": len(rows), "right": sum(bool(row.get("right")) for row in rows)})
+    return table(lines)
 
 
-def written(text: str, between: tuple[str, str], new: str) -> str:
-    """The page with what stands between two marks replaced."""
-    before, rest = text.split(between[0])
-    return f"{before}{between[0]}\n\n{new}\n\n{between[1]}{rest.split(between[1])[1]}"
+def picture(figure: Any, name: str, words: str) -> str:
+    """Store a figure and refer to it; nothing where there is none."""
+    if figure is None:
+        return ""
+    figure.savefig(DOCS / "_static" / f"{name}.png", dpi=100)
+    return f"![{words}](_static/{name}.png)"
+
+
+def parts(result: BlindResult) -> dict[str, str]:
+    """Every generated part of the two pages, by the name in its marks."""
+    named = [row for row in recordings() if not row["recording"].endswith(WITHHELD)]
+    withheld = [row for row in recordings() if row["recording"].endswith(WITHHELD)]
+    right = sum(bool(row.get("right")) for row in named)
+    return {
+        "count": count(result),
+        "targets": targets(result),
+        "arms": short(result.scores(), "arm"),
+        "scores": picture(overview(result), "blind_scores", "Right answers by arm, detection, probabilities, shrink"),
+        "detection": short(result.detection(), "gap/noise", ("cases", "named", "low", "high", "class")),
+        "unknown": table(result.unknown()),
+        "calibration": table(result.calibration()),
+        "baselines": baselines(result),
+        "recordings": f"{right} of {len(named)} answers agree with the documented effect.\n\n{recorded(named)}",
+        "withheld": recorded(withheld),
+        "missing": picture(missing_terms(result.rows), "blind_missing", "Missing terms, estimated and true"),
+        "learned": picture(recorded_terms(recordings()), "blind_recorded", "Missing terms on recordings"),
+        "experiments": table(result.experiments()),
+        "excitations": short(result.scores("excitation"), "excitation"),
+        "plants": short(result.scores("plant"), "plant"),
+        "kinds": table([{"kind of miss": row["failure"], "cases": row["count"]} for row in result.kinds()]),
+        "runs": runs(result),
+    }
+
+
+def written(page: str, new: Mapping[str, str]) -> str:
+    """The page with what stands between ``<!-- name: begin -->`` and ``<!-- name: end -->`` replaced."""
+    for name, body in new.items():
+        begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+        if begin in page:
+            before, rest = page.split(begin)
+            page = f"{before}{begin}\n\n{body}\n\n{end}{rest.split(end)[1]}"
+    return page
 
 
 def complete() -> None:
-    """Rows that were stored before the gap beyond re-tuning was told get it; their cases are drawn once more."""
+    """Rows that were stored without the gap beyond re-tuning get it; their cases are drawn again."""
     path = DOCS / "blind_rows.jsonl"
     rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     path.write_text("".join(json.dumps(with_retuning(row)) + "\n" for row in rows), encoding="utf-8")
@@ -145,6 +176,7 @@ def complete() -> None:
 if __name__ == "__main__":
     if "--complete" in sys.argv:
         complete()
-    page = DOCS / "blind_check.md"
-    text = written(page.read_text(encoding="utf-8"), (BEGIN, END), figures())
-    page.write_text(written(text, MISSES, misses()), encoding="utf-8")
+    new = parts(BlindResult.load(DOCS / "blind_rows.jsonl"))
+    for name in ("blind_check.md", "blind_appendix.md"):
+        page = DOCS / name
+        page.write_text(written(page.read_text(encoding="utf-8"), new), encoding="utf-8")
