@@ -156,7 +156,7 @@ class DynamicsCorrection:
         rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
         t = plant.dt * np.arange(U.shape[1])
         if plant.access == "rhs":
-            method = str(getattr(self.simulator, "method", "auto"))
+            method = str(getattr(self.simulator, "method", "auto")).replace("exact", "auto")  # terms are not linear
             order = 0 if plant.hold == "zoh" else 1
             return free_run(rate, U, X0, t, order=order, method=method, states=plant.states)
         X = np.empty((*U.shape[:2], X0.shape[1]))

@@ -292,7 +292,7 @@ class AugmentedSimulator(BaseSimulator):
         scale = (
             None if self.scale is None else np.broadcast_to(np.asarray(self.scale, dtype=float), (len(plant.states),))
         )
-        method = str(getattr(plant.simulator, "method", "auto"))
+        method = str(getattr(plant.simulator, "method", "auto")).replace("exact", "auto")  # effects are not linear
         with np.errstate(all="ignore"):
             X, bound = augmented_states(augmented, start.T, scale, method)
         own = tuple(f"{e.name} ({k})" for e in effects for k in range(getattr(e, "n_hidden", 0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -37,12 +38,18 @@ class ControlSimulator(ParametricSimulator):
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
     params : dict of float, optional
-        Parameters of a nonlinear system, in place of its own values; they can be calibrated and diagnosed.
+        Parameters of a nonlinear system, in place of its own values; they can be calibrated and diagnosed, those that are not
+        named here cannot. ``params=dict(system.params)`` names all of them.
 
     Raises
     ------
     MissingExtraError
         python-control is not installed (for transfer functions).
+
+    Notes
+    -----
+    A linear system is stepped exactly by the matrix exponential, at even or uneven times, and at any stiffness. Functions of
+    a nonlinear system that take arrays of points are found by a probe and called once for all points.
 
     Examples
     --------
@@ -60,13 +67,18 @@ class ControlSimulator(ParametricSimulator):
         self.x0 = x0
         self.params = params
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What is looked up again stays behind."""
+        return {key: value for key, value in super().__getstate__().items() if key not in ("_kept", "_abreast")}
+
     def _realised(self) -> Any:
-        """The system with states."""
-        return (
-            self.system
-            if hasattr(self.system, "nstates") and self.system.nstates is not None
-            else require("control", "control").ss(self.system)
-        )
+        """The system with states; a transfer function is realised once."""
+        if getattr(self.system, "nstates", None) is not None:
+            return self.system
+        kept = self.__dict__.get("_kept")
+        if kept is None or kept[0] is not self.system:
+            self._kept = kept = (self.system, require("control", "control").ss(self.system))
+        return kept[1]
 
     @property
     def states(self) -> list[str]:
@@ -97,12 +109,28 @@ class ControlSimulator(ParametricSimulator):
             return np.tensordot(np.asarray(first), xs, 1) + np.tensordot(np.asarray(second), us, 1)
         flat_x, flat_u = xs.reshape(len(xs), -1), us.reshape(len(us), -1)
         times = np.broadcast_to(t, (flat_x.shape[1],)) if np.ndim(t) < 2 else np.ravel(t)
-        function, given = getattr(system, what), dict(p or {})
-        columns = []
-        for k in range(flat_x.shape[1]):
-            own = {name: float(np.ravel(v)[k if np.ndim(v) else 0]) for name, v in given.items()} or None
-            columns.append(np.atleast_1d(function(times[k], flat_x[:, k], flat_u[:, k], own)))
-        return np.stack(columns, axis=1).reshape(-1, *xs.shape[1:])
+        given = {name: np.ravel(v) if np.ndim(v) else float(v) for name, v in dict(p or {}).items()}
+        found = self._together(system, what, times, flat_x, flat_u, given)
+        if found is None:
+            found = _one_by_one(system, what, times, flat_x, flat_u, given)
+        return found.reshape(-1, *xs.shape[1:])
+
+    def _together(
+        self, system: Any, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
+    ) -> np.ndarray | None:
+        """All points in one call, where the system's own function takes arrays; None where it does not.
+
+        It is asked for a few points together and one by one, once; an interconnected system holds its parameters itself
+        and is asked one by one.
+        """
+        function = {"dynamics": system.updfcn, "output": system.outfcn}[what]
+        if function is None or type(system).__name__ != "NonlinearIOSystem" or x.shape[1] < 2:
+            return None
+        kept = self.__dict__.setdefault("_abreast", {})
+        if kept.get(what, (None, True))[0] is not function:
+            size = system.nstates if what == "dynamics" else system.noutputs
+            kept[what] = (function, _takes_arrays(system, function, what, size, t, x, u, p))
+        return np.stack(list(map(_full(x), function(t, x, u, {**system.params, **p})))) if kept[what][1] else None
 
     def _written(self, system: Any, what: str, x: Any, u: Any) -> Any:
         """``dynamics`` or ``output`` at symbols."""
@@ -152,7 +180,8 @@ class ControlSimulator(ParametricSimulator):
             raise ValueError(
                 "dt=None: a continuous system needs its sample time, e.g. ControlSimulator(system, dt=0.1)."
             )
-        return ODESimulator(self.rhs, output=self.output, dt=self.dt, hold=self.hold, **names)
+        method = "exact" if hasattr(self._realised(), "A") else "auto"
+        return ODESimulator(self.rhs, output=self.output, dt=self.dt, hold=self.hold, method=method, **names)
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: (n_samples, n_outputs)."""
@@ -161,3 +190,42 @@ class ControlSimulator(ParametricSimulator):
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
         """Free runs of equal length, all abreast."""
         return self._inner().simulate_batch(U, X0, t)
+
+    @available_if(_is_continuous)
+    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """States and their derivatives of one run, both (n_samples, n_states)."""
+        return self._inner().simulate_states(U, x0, t)
+
+
+def _full(x: np.ndarray) -> Any:
+    """A component as an array over the points of x."""
+    return lambda component: np.broadcast_to(np.asarray(component, dtype=float), x.shape[1:])
+
+
+def _one_by_one(
+    system: Any, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
+) -> np.ndarray:  # fmt: skip
+    """``dynamics`` or ``output`` point by point."""
+    function, columns = getattr(system, what), []
+    for k in range(x.shape[1]):
+        own = {name: float(v[k if np.size(v) > 1 else 0]) if np.ndim(v) else v for name, v in p.items()} or None
+        columns.append(np.atleast_1d(function(t[k], x[:, k], u[:, k], own)))
+    size = system.nstates if what == "dynamics" else system.noutputs
+    return np.stack(columns, axis=1) if columns else np.empty((size, 0))
+
+
+def _takes_arrays(
+    system: Any, function: Any, what: str, size: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
+) -> bool:  # fmt: skip
+    """Whether a function of the system gives the same for points together as one by one, at points of both signs."""
+    spread = np.array([0.0, 1e-3, -1e-3, 0.5, -0.5, 2.0, -2.0])
+    xs, us = (v[:, :1] + spread[::side] * np.maximum(np.abs(v[:, :1]), 0.1) for v, side in ((x, 1), (u, -1)))
+    ts, own = t[0] + 0.1 * np.arange(len(spread)), {name: np.ravel(v)[0] for name, v in p.items()}
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            single = _one_by_one(system, what, ts, xs, us, own)
+            together = list(map(_full(xs), function(ts, xs, us, {**system.params, **own})))
+            return len(together) == size and bool(np.allclose(together, single, rtol=1e-9, atol=1e-12, equal_nan=True))
+        except Exception:  # a function of one point, whatever it says of arrays
+            return False

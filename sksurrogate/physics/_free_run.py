@@ -162,7 +162,7 @@ def _adaptive(
         except ValueError as error:
             if "method" in str(error):
                 raise SimulatorError(
-                    f'method={method!r} is unknown: use "auto", "RK4", "RK45", "DOP853", "LSODA", "Radau" or "BDF".'
+                    f'method={method!r} is unknown: use "auto", "RK4", "RK45", "DOP853", "LSODA", "Radau", "BDF" or "exact".'
                 ) from error
             return X  # scipy refuses non-finite states: the caller reports the divergence
         X[a : a + solution.y.shape[1]] = solution.y.T

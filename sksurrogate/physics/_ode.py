@@ -12,6 +12,7 @@ from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._events import EventMap
 from sksurrogate.physics._free_run import free_run, raise_if_diverged
+from sksurrogate.physics._linear import exact_run
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._rhs import PointwiseFunction
 from sksurrogate.physics._simulator import BaseSimulator, describe
@@ -41,7 +42,8 @@ class ODESimulator(BaseSimulator):
         ``U[k]`` acts on [t_k, t_k+1), or samples are joined linearly.
     method : str, default="auto"
         "auto": Runge-Kutta of order 4 with substeps chosen by their error, scipy's LSODA where the plant is stiff.
-        "RK4" forces the first, the name of a method of :func:`scipy.integrate.solve_ivp` the second.
+        "RK4" forces the first, the name of a method of :func:`scipy.integrate.solve_ivp` the second. "exact" steps a linear
+        right-hand side by the matrix exponential.
     output : callable ``output(t, x, u, p)``, optional
         Measured outputs where they are not states.
     x0 : array-like (n_states,), optional
@@ -246,7 +248,11 @@ class ODESimulator(BaseSimulator):
             raise_if_diverged(X, times, self._names("states"))
             return X, times, model
         order = 0 if self.hold == "zoh" else 1
-        X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=self._names("states"))
+        states = self._names("states")
+        if self.method == "exact":
+            X = exact_run(model.derivative, U, X0, times, order=order, states=states)
+        else:
+            X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=states)
         raise_if_diverged(X, times, self._names("states"))
         return X, times, model
 
