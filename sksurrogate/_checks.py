@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils.validation import validate_data
 
+from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.rows import RowSource
 
@@ -34,13 +35,14 @@ def checked(estimator: Any, X: Any, y: Any = _NOT_GIVEN, **checks: Any) -> Any:
     Raises
     ------
     DataError
-        A value is missing, infinite or no number; X and y differ in length.
+        A value is missing (nan, or masked), infinite or no number; X and y differ in length.
     ValueError
         As scikit-learn says.
     """
     if isinstance(X, RowSource):
         estimator.n_features_in_ = X.shape[1]
         return (X, y)
+    X, y = unmasked(X), unmasked(y)
     try:
         found = validate_data(estimator, X, y, **checks)
     except ValueError as error:

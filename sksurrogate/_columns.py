@@ -10,6 +10,7 @@ from typing import Any
 
 from sklearn.exceptions import DataConversionWarning
 
+from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 
 __all__ = ["by_name"]
@@ -19,7 +20,7 @@ _MADE_UP = re.compile(r"[uxy]?\d+")
 
 
 def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, warn: bool = True) -> Any:
-    """Columns of a frame in the order of a simulator's signals; arrays pass as they are.
+    """Columns of a frame in the order of a simulator's signals; arrays pass as they are, with nan where they are masked.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, wa
         (u0, y1, 0, 1) on either side pass without a word.
     """
     if names is None or not hasattr(data, "columns") or (run is not None and not isinstance(run, str)):
-        return data
+        return unmasked(data)
     wanted = [names] if isinstance(names, str) else [str(name) for name in names]
     kept = [run] if run is not None and run != "index" else []
     there = [str(column) for column in data.columns]

@@ -8,13 +8,43 @@ import numpy as np
 
 from sksurrogate.exceptions import DataError
 
-__all__ = ["as_table", "column_number", "floats", "labels_from_index", "outputs_of", "raw_column"]
+__all__ = [
+    "as_labels", "as_table", "column_number", "floats", "labels_from_index", "outputs_of", "raw_column", "unmasked",
+]  # fmt: skip
+
+#: Rows with this label (the gaps that :func:`~sksurrogate.runs.cut_runs` leaves) belong to no run.
+LEFT_OUT = -1
+
+
+def unmasked(values: Any) -> Any:
+    """A masked array with nan where it is masked, anything else as it is: numpy shows what lies under a mask."""
+    if not isinstance(values, np.ma.MaskedArray):
+        return values
+    if not np.ma.is_masked(values):
+        return values.data
+    kind = float if values.dtype.kind in "biuf" else object
+    return np.ma.filled(np.ma.asarray(values, dtype=kind), np.nan)
+
+
+def as_labels(given: Any) -> np.ndarray:
+    """Labels of the rows as they were written: 1 is not "1", and -1 leaves a row out where others are text, too."""
+    values = unmasked(given)
+    labels = values.to_numpy() if hasattr(values, "to_numpy") else np.asarray(values)
+    if labels.dtype.kind in "OU" and labels.ndim == 1:
+        listed = list(values) if isinstance(values, (list, tuple)) else labels.tolist()
+        texts = [isinstance(label, str) for label in listed]
+        left_out = [text and label.strip() in ("-1", "-1.0") for text, label in zip(texts, listed)]
+        if any(left_out) or (any(texts) and not all(texts)):
+            labels = np.empty(len(listed), dtype=object)
+            labels[:] = [LEFT_OUT if out else label for out, label in zip(left_out, listed)]
+    return labels
 
 
 def as_table(X: Any, name: str) -> np.ndarray:
     """A 2-D array of whatever dtype; 1-D and sparse are refused with the way out."""
     if hasattr(X, "toarray"):
         raise DataError(f"{name} is sparse; sparse input is not supported here: pass {name}.toarray().")
+    X = unmasked(X)
     table = X.to_numpy() if hasattr(X, "to_numpy") else np.asarray(X)
     if table.ndim == 1:
         raise DataError(
@@ -51,7 +81,8 @@ def raw_column(X: Any, table: np.ndarray, column: int) -> np.ndarray:
         listed = values.tolist()
         if any(value is None or value != value for value in listed):  # text would swallow what is missing
             return values
-        values = np.asarray(listed)
+        values = np.asarray(listed) if not any(isinstance(value, str) for value in listed) else values
+    values = as_labels(values)
     if values.dtype.kind == "f" and np.all(np.isfinite(values)) and np.all(values == np.round(values)):
         values = values.astype(int)
     return values
@@ -63,7 +94,7 @@ def labels_from_index(frame: Any) -> np.ndarray:
         raise DataError(
             'run="index" needs a pandas frame with the run in its index; name the column instead: run="...".'
         )
-    return np.asarray(frame.index.get_level_values(0))
+    return as_labels(np.asarray(frame.index.get_level_values(0)))
 
 
 def floats(values: np.ndarray, name: str, columns: list[str] | None = None) -> np.ndarray:
@@ -96,6 +127,7 @@ def outputs_of(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | N
     if y is None:
         return None, None, True
     names = [str(c) for c in y.columns] if hasattr(y, "columns") else None
+    y = unmasked(y)
     values = floats(y.to_numpy() if hasattr(y, "to_numpy") else np.asarray(y), "y")
     if values.ndim not in (1, 2):
         raise DataError(f"y has shape {values.shape}, expected (n_samples,) or (n_samples, n_outputs).")

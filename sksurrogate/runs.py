@@ -8,13 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate._tables import as_table, column_number, floats, labels_from_index, outputs_of, raw_column
+from sksurrogate._tables import (
+    LEFT_OUT,
+    as_labels,
+    as_table,
+    column_number,
+    floats,
+    labels_from_index,
+    outputs_of,
+    raw_column,
+    unmasked,
+)
 from sksurrogate.exceptions import DataError, RunError
 
 __all__ = ["Run", "Runs", "cut_runs", "resolve_runs", "stack_runs", "unstack_runs"]
-
-#: Rows with this label (the gaps that :func:`cut_runs` leaves) belong to no run.
-LEFT_OUT = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +124,7 @@ def resolve_runs(
     y : array-like (n_samples,) or (n_samples, n_outputs), optional
         Outputs.
     groups : array-like (n_samples,), optional
-        Label of the run of each row; wins over ``run``. Label -1 means: in no run.
+        Label of the run of each row; wins over ``run``. Label -1 (among texts "-1") means: in no run.
     run : None, column name, int or "index"
         Where X itself says which run a row belongs to. None: one run.
     time : column name or int, optional
@@ -164,7 +171,7 @@ def resolve_runs(
         drop.append(column)
         clock = floats(table[:, column], f"time={time!r}")
     if groups is not None:
-        labels = np.asarray(groups)
+        labels = as_labels(groups)
         if labels.ndim != 1 or len(labels) != n_samples:
             raise DataError(
                 f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
@@ -178,6 +185,8 @@ def resolve_runs(
         if outputs is not None:
             _refuse_missing(outputs, "y", output_names, labels)
     pieces = _pieces(labels, n_samples, min_rows)
+    if clock is not None:
+        _refuse_missing(clock[:, None], f"time={time!r}", None, labels)
     step, times = _times(clock, pieces, dt, allow_uneven, time)
     runs = tuple(
         Run(label, a, b, inputs[a:b], None if outputs is None else outputs[a:b], t)
@@ -214,7 +223,7 @@ def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
     """
     if y is not None and len(X) != len(y):
         raise DataError(f"X is a list of {len(X)} runs and y of {len(y)}: give one entry a run in both.")
-    parts = [np.asarray(part) for part in X]
+    parts = [np.asarray(unmasked(part)) for part in X]
     if not parts:
         raise DataError("X holds no run: give a list of at least one array.")
     for k, part in enumerate(parts):
@@ -225,7 +234,7 @@ def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
     groups = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if y is None:
         return np.concatenate(parts), None, groups
-    targets = [np.asarray(part) for part in y]
+    targets = [np.asarray(unmasked(part)) for part in y]
     for k, (a, b) in enumerate(zip(parts, targets)):
         if len(a) != len(b):
             raise DataError(f"run {k}: X has {len(a)} rows and y has {len(b)}: the rows of a run belong together.")
@@ -239,7 +248,7 @@ def unstack_runs(X: Any, groups: Any) -> list[np.ndarray]:
     ----------
     X : array-like (n_samples, ...)
     groups : array-like (n_samples,)
-        Rows labelled -1 are left out.
+        Rows labelled -1 (among texts "-1") are left out.
 
     Returns
     -------
@@ -250,8 +259,8 @@ def unstack_runs(X: Any, groups: Any) -> list[np.ndarray]:
     >>> unstack_runs([1.0, 2.0, 3.0], [0, 0, 1])
     [array([1., 2.]), array([3.])]
     """
-    rows = np.asarray(X)
-    return [rows[a:b] for _, a, b in _pieces(np.asarray(groups), len(rows), 1)]
+    rows = np.asarray(unmasked(X))
+    return [rows[a:b] for _, a, b in _pieces(as_labels(groups), len(rows), 1)]
 
 
 def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
@@ -279,7 +288,7 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
     for name, value, least in (("n_blocks", n_blocks, 1), ("gap", gap, 0)):
         if not isinstance(value, (int, np.integer)) or value < least:
             raise DataError(f"{name}={value!r} must be an int of at least {least}.")
-    labels = np.zeros(groups, dtype=int) if isinstance(groups, (int, np.integer)) else np.asarray(groups)
+    labels = np.zeros(groups, dtype=int) if isinstance(groups, (int, np.integer)) else as_labels(groups)
     out = np.full(len(labels), LEFT_OUT)
     count = 0
     for label, a, b in _pieces(labels, len(labels), 1):
@@ -312,7 +321,7 @@ def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None
         if np.isfinite(np.sum(values)):
             return
     bad = ~np.isfinite(values)
-    if labels is not None and np.issubdtype(labels.dtype, np.number):
+    if labels is not None and labels.dtype.kind in "iufO":
         bad[labels == LEFT_OUT] = False
     if bad.any():
         row, column = (int(i) for i in np.argwhere(bad)[0])
@@ -335,7 +344,7 @@ def _pieces(labels: np.ndarray | None, n_samples: int, min_rows: int) -> list[tu
         pieces = []
         seen: dict[Any, tuple[int, int]] = {}
         for label, a, b in zip(labels[starts].tolist(), starts.tolist(), stops.tolist()):
-            if label == LEFT_OUT and not isinstance(label, str):
+            if label == LEFT_OUT:
                 continue
             if label in seen:
                 raise RunError(

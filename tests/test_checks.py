@@ -67,3 +67,23 @@ def test_numbers_without_a_square_are_refused(model):
     X[1, 0] = 1e200
     with pytest.raises(DataError, match=r"X holds 1e.200, whose square .*row 1, column 0. Change the unit"):
         model.fit(X, [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
+def test_what_is_masked_counts_as_missing(model):
+    X, y = np.random.default_rng(0).normal(size=(2, 12, 2))
+    hidden = np.ma.masked_array(X, mask=False)
+    hidden.data[5, 1] = 1e6  # what lies under a mask is no reading
+    hidden.mask[5, 1] = True
+    with pytest.raises(DataError, match="Input X contains NaN: row 5, column 1; 1 values"):
+        model.fit(hidden, y)
+    if model in MODELS[4:]:
+        with pytest.raises(DataError, match="Input y contains NaN: row 5, column 1; 1 values"):
+            model.fit(y, hidden)
+
+
+@pytest.mark.parametrize("model", [MODELS[4], MODELS[6], MODELS[7]], ids=lambda model: type(model).__name__)
+def test_a_weight_that_is_masked_counts_as_missing(model):
+    X, y = np.random.default_rng(0).normal(size=(2, 12, 2))
+    with pytest.raises(ValueError, match="NaN"):
+        model.fit(X, y, sample_weight=np.ma.masked_array(np.ones(12), mask=np.arange(12) == 3))

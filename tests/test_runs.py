@@ -46,6 +46,57 @@ def test_short_runs_say_how_many_rows_are_needed():
         resolve_runs(np.zeros((3, 1)), groups=["a", "a", "b"], min_rows=2)
 
 
+def labels_of(groups, **how):
+    return [run.label for run in resolve_runs(np.zeros((4, 1)), groups=groups, **how)]
+
+
+@pytest.mark.parametrize("kind", [list, np.array, pd.Series, lambda g: pd.Series(g).astype("string")])
+def test_a_label_of_minus_one_leaves_rows_out_as_text_too(kind):
+    labels = kind(["a", "-1", "b", "b"])
+    assert labels_of(labels) == ["a", "b"]
+    assert [len(part) for part in unstack_runs(np.zeros(4), labels)] == [1, 2]
+    assert cut_runs(labels, 1).tolist() == [0, -1, 1, 1]
+    X = np.array([[1.0], [np.inf], [2.0], [3.0]])  # what is left out need not be finite
+    assert [run.start for run in resolve_runs(X, groups=labels)] == [0, 2]
+    with pytest.raises(RunError, match="every row is labelled -1"):
+        labels_of(kind(4 * ["-1"]))
+
+
+def test_a_run_column_of_texts_leaves_rows_out():
+    frame = pd.DataFrame({"u": [1.0, 2.0, 3.0], "run": ["a", "-1", "b"]})
+    assert [run.label for run in resolve_runs(frame, run="run")] == ["a", "b"]
+    assert [run.label for run in resolve_runs(frame.to_numpy(), run=1)] == ["a", "b"]
+    assert [run.label for run in resolve_runs(frame.to_numpy().astype(str), run=1)] == ["a", "b"]
+    assert [run.label for run in resolve_runs(frame.set_index("run"), run="index")] == ["a", "b"]
+
+
+def test_a_number_and_its_text_are_two_runs():
+    assert labels_of([1, 1, "1", "1"]) == [1, "1"]
+    assert labels_of(["a", -1, -1, 2]) == ["a", 2]
+    frame = pd.DataFrame({"u": np.zeros(3), "run": [1, "1", "-1"]})
+    assert [run.label for run in resolve_runs(frame, run="run")] == [1, "1"]
+    with pytest.raises(DataError, match="groups contains NaN: row 1"):
+        labels_of(["a", np.nan, "b", "b"])
+
+
+def test_what_is_masked_counts_as_missing():
+    hidden = np.ma.masked_array([[1.0], [1e6], [2.0], [3.0]], mask=[[0], [1], [0], [0]])
+    y = hidden[:, 0]
+    for X, target in ((hidden, None), (np.zeros((4, 1)), y), (np.zeros((4, 1)), hidden.astype(int))):
+        with pytest.raises(DataError, match="contains NaN: row 1, column 0"):
+            resolve_runs(X, target)
+    assert np.isnan(resolve_runs(np.zeros((4, 1)), y, allow_nan=True)[0].y[1, 0])
+    assert resolve_runs(np.ma.masked_array([[1.0], [2.0]]))[0].X.tolist() == [[1.0], [2.0]]
+    with pytest.raises(DataError, match="groups contains NaN: row 1"):
+        labels_of(np.ma.masked_array([0, 0, 0, 1], mask=[0, 1, 0, 0]))
+    assert np.isnan(stack_runs([hidden], [y])[1]).tolist() == [False, True, False, False]
+
+
+def test_a_time_that_is_missing_is_refused():
+    with pytest.raises(DataError, match="time=0 contains NaN: row 1"):
+        resolve_runs(np.array([[0.0, 1.0], [np.nan, 1.0]]), time=0, groups=[0, 1])
+
+
 @pytest.mark.parametrize("settings", [{"n_blocks": 2, "gap": -1}, {"n_blocks": 2.5}, {"n_blocks": 0}])
 def test_cut_runs_wants_counts(settings):
     with pytest.raises(DataError, match="must be an int of at least"):

@@ -18,6 +18,7 @@ from sklearn.utils.parallel import _get_threadpool_controller
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter
 
 from sksurrogate._checks import checked
+from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.export._jacobian import chained_slopes
 from sksurrogate.kernels.gram import Moments
@@ -195,7 +196,7 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Y = np.asarray(y, dtype=float).reshape(len(y), -1)
         if sample_weight is None:
             return X, Y, None
-        weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        weights = _check_sample_weight(unmasked(sample_weight), X, dtype=np.float64, ensure_non_negative=True)
         if not weights.any():
             raise DataError("sample_weight is zero in every row: at least one row must count.")
         # a weight of zero is as good as no row, to features that look at the data too

@@ -15,6 +15,7 @@ from sklearn.utils.parallel import _get_threadpool_controller
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from sksurrogate._checks import checked
+from sksurrogate._tables import unmasked
 from sksurrogate.kernels.least_squares import levenberg_marquardt, merge_rows, several_starts
 from sksurrogate.kernels.separable import Separable
 
@@ -249,7 +250,7 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         X, y = checked(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         Y, weights = np.asarray(y, dtype=float).reshape(len(X), -1), None
         if sample_weight is not None:
-            weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+            weights = _check_sample_weight(unmasked(sample_weight), X, dtype=np.float64, ensure_non_negative=True)
             X, Y, weights = X[weights > 0], Y[weights > 0], weights[weights > 0]
         if len(X) <= MERGE:
             X, Y, weights = merge_rows(X, Y, weights)

@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils import check_random_state
 
+from sksurrogate._tables import as_labels
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.runs import cut_runs, resolve_runs
 
@@ -156,7 +157,7 @@ def split_runs(
     shares = (validation, grading)
     if min(shares) < 0 or sum(shares) >= 1:
         raise DataError(f"validation={validation}, grading={grading}: shares of the rows, together below 1.")
-    labels = np.asarray(groups)
+    labels = as_labels(groups)
     runs = [np.arange(run.start, run.stop) for run in resolve_runs(np.zeros((len(labels), 1)), groups=labels)]
     needed = 1 + sum(share > 0 for share in shares)
     if len(runs) < needed:

@@ -15,6 +15,7 @@ from sklearn.utils.parallel import _get_threadpool_controller
 from sklearn.utils.validation import _check_sample_weight
 
 from sksurrogate._checks import checked
+from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.neural._callbacks import CallbackSupportMixin, Tasks, with_callbacks
 from sksurrogate.neural._net_access import NetAccess
@@ -336,7 +337,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
             self._one_column = y.ndim == 1
         weights = None
         if sample_weight is not None:
-            weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+            weights = _check_sample_weight(unmasked(sample_weight), X, dtype=np.float64, ensure_non_negative=True)
             if not weights.any():
                 raise DataError("sample_weight is zero everywhere: at least one row must count.")
         Y = np.asarray(y, dtype=float).reshape(len(X), -1)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._columns import by_name
+from sksurrogate._tables import as_labels
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._model import PlantModel
@@ -99,7 +100,7 @@ class TableSimulator(BaseSimulator):
             )
         if table.shape[1] != inputs.shape[1]:
             raise SimulatorError(f"U has {inputs.shape[1]} columns, the table {table.shape[1]} inputs.")
-        labels = np.zeros(len(table), int) if self.groups is None else np.asarray(self.groups)
+        labels = np.zeros(len(table), int) if self.groups is None else as_labels(self.groups)
         found = []
         for u, y in zip(unstack_runs(table, labels), unstack_runs(outputs, labels)):
             found += [y[k : k + len(inputs)] for k in _places(u, inputs)]

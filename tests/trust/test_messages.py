@@ -60,6 +60,18 @@ def test_missing_value(name):
         door(name).fit(holed, y, groups=groups)
 
 
+@ALL
+def test_masked_value(name):
+    hidden = np.zeros(len(y), dtype=bool)
+    hidden[70] = True
+    with pytest.raises(ValueError, match="Input X contains NaN"):
+        door(name).fit(np.ma.masked_array(X, hidden[:, None]), y, groups=groups)
+    with pytest.raises(ValueError, match="y contains NaN"):
+        door(name).fit(X, np.ma.masked_array(y, hidden), groups=groups)
+    with pytest.raises(ValueError, match="U is not finite in row 70"):
+        make_reactor().simulate(np.ma.masked_array(X[:99], hidden[:99, None]))
+
+
 @pytest.mark.parametrize("name", ["recursive", "gap", "calibrated"])
 def test_missing_value_says_row_run_and_way_out(name):
     holed = y.copy()
