@@ -1,6 +1,7 @@
 """Arrows go down the floors, and optional packages stay inside functions."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -9,12 +10,21 @@ import sksurrogate
 
 ROOT = Path(sksurrogate.__file__).parent
 FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py")
-FLOOR = {
-    "exceptions": 0, "kernels": 1, "runs": 2, "_columns": 2, "_checks": 2, "_csv": 2, "_dynamic": 2, "_tables": 1, "_parallel": 1, "export": 2, "physics": 3, "features": 3, "linear": 3, "neural": 3,
-    "metrics": 3, "displays": 3, "effects": 4, "model_selection": 4, "datasets": 4, "compose": 5, "gap": 6, "blind": 8,
-    "testing": 8, "demo": 9, "cli": 10,
-    "_fingerprint": 2,
-}  # fmt: skip
+#: From the ground up; a folder or file imports from lower floors only.
+FLOORS = (
+    {"exceptions"},
+    {"kernels", "export", "_csv", "_fingerprint", "_lags", "_parallel", "_tables"},
+    {"runs", "_checks", "_columns", "metrics"},
+    {"_dynamic"},
+    {"physics", "features", "linear", "neural", "displays"},
+    {"effects", "model_selection", "datasets"},
+    {"compose"},
+    {"gap"},
+    {"blind", "testing"},
+    {"demo"},
+    {"cli"},
+)
+FLOOR = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 OPTIONAL = {
     "torch",
     "skorch",
@@ -31,31 +41,92 @@ OPTIONAL = {
 }
 
 
-def room(path: Path) -> str:
-    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+def place(path: Path) -> tuple[str, ...]:
+    """Folders and file below the package, a face as its folder."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return parts[:-1] if parts[-1] == "__init__" else parts
 
 
+PLACES = {place(path) for path in ROOT.rglob("*.py")}
+
+
+@cache
 def imports(path: Path, *, top: bool) -> set[str]:
+    """Modules that a file names in its import statements, ``from module import name`` with the name behind a dot."""
     tree = ast.parse(path.read_text())
     nodes = tree.body if top else list(ast.walk(tree))
     found = set()
     for node in nodes:
         if isinstance(node, ast.ImportFrom) and node.module:
-            found.add(node.module)
+            found.update(f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
     return found
 
 
+def own_imports(path: Path) -> set[tuple[str, ...]]:
+    """Files and faces of the package that a file imports."""
+    found = set()
+    for module in imports(path, top=False):
+        parts = tuple(module.split("."))
+        if parts[0] == "sksurrogate":
+            found.add(parts[1:] if parts[1:] in PLACES else parts[1:-1])
+    return found
+
+
+ARROWS = {place(path): own_imports(path) for path in FILES}
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_go_down(path):
-    own = room(path)
-    for module in imports(path, top=False):
-        if module.startswith("sksurrogate."):
-            other = module.split(".")[1]
-            assert FLOOR[other] <= FLOOR[own], f"{own} imports {module}"
+    own = place(path)[0]
+    for other in ARROWS[place(path)]:
+        if other and other[0] != own:
+            assert FLOOR[other[0]] < FLOOR[own], f"{own} imports {'.'.join(other)}"
             if own == "blind":
-                assert other not in ("effects", "kernels")
+                assert other[0] not in ("effects", "kernels")
+
+
+def test_no_file_imports_the_face_of_a_folder_it_stands_in():
+    for own, others in ARROWS.items():
+        faces = {own[:k] for k in range(0 if own != ("cli",) else 1, len(own))}  # the command line shows the version
+        assert not others & faces, f"{'.'.join(own)} imports the face of its own folder"
+
+
+def rings(arrows: dict) -> list[set]:
+    """Groups of two and more that reach each other (strongly connected), by what each of them reaches."""
+    reached = {}
+    for start in arrows:
+        seen, waiting = set(), list(arrows[start])
+        while waiting:
+            here = waiting.pop()
+            if here not in seen:
+                seen.add(here)
+                waiting += arrows.get(here, ())
+        reached[start] = seen
+    groups = {frozenset({b for b in reached[a] if a in reached.get(b, ())}) for a in arrows if a in reached[a]}
+    return [set(group) for group in groups if len(group) > 1]
+
+
+def test_a_ring_is_found():
+    assert rings({"a": {"b"}, "b": {"c"}, "c": set()}) == []
+    assert rings({"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}) == [{"b", "c"}]
+
+
+def test_files_form_no_ring():
+    assert rings(ARROWS) == []
+
+
+@pytest.mark.parametrize("folder", sorted({own[:k] for own in ARROWS for k in range(len(own))}), ids=".".join)
+def test_the_rooms_of_a_folder_form_no_ring(folder):
+    depth = len(folder)
+    rooms: dict = {}
+    for own, others in ARROWS.items():
+        if own[:depth] == folder:
+            room = rooms.setdefault(own[depth], set())
+            room.update(other[depth] for other in others if other[:depth] == folder and len(other) > depth)
+            room.discard(own[depth])
+    assert rings(rooms) == []
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -66,10 +137,8 @@ def test_optional_packages_stay_inside_functions(path):
 def test_kernels_use_numpy_and_scipy_alone():
     for path in (ROOT / "kernels").glob("*.py"):
         for module in imports(path, top=False):
-            if module.startswith("sksurrogate."):
-                assert module.startswith("sksurrogate.kernels")
-            else:
-                assert module.split(".")[0] not in {"sklearn", "joblib"}
+            assert module.split(".")[0] not in {"sklearn", "joblib"}
+            assert not module.startswith("sksurrogate.") or module.startswith("sksurrogate.kernels.")
 
 
 def test_every_public_name_can_be_imported():
@@ -87,13 +156,13 @@ LARGER = {
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_files_and_functions_stay_readable(path):
-    text, place = path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix()
-    assert len(text.splitlines()) <= LARGER.get(place, 420)
+    text, name = path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix()
+    assert len(text.splitlines()) <= LARGER.get(name, 420)
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef):
             body = node.body[1:] if ast.get_docstring(node) is not None else node.body
             if body:
-                assert body[-1].end_lineno - body[0].lineno + 1 <= LARGER.get(f"{place}:{node.name}", 60), node.name
+                assert body[-1].end_lineno - body[0].lineno + 1 <= LARGER.get(f"{name}:{node.name}", 60), node.name
                 assert not (len(body) == 1 and isinstance(body[0], ast.Pass)), f"{node.name} does nothing"
     for word in ("TODO", "FIXME", "XXX", "NotImplementedError"):
         assert word not in text

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import prod
 from typing import Any
 
@@ -14,8 +14,8 @@ from sklearn.multioutput import MultiOutputRegressor
 from sklearn.utils import get_tags
 
 from sksurrogate._dynamic import FAR
+from sksurrogate._lags import lag_terms
 from sksurrogate.exceptions import SimulationDiverged
-from sksurrogate.features._lag import lag_list, named_position
 from sksurrogate.kernels.rows import LagRows
 from sksurrogate.linear._base import BaseBlockedRegressor
 from sksurrogate.neural._fnn import FNNRegressor
@@ -45,14 +45,7 @@ def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tu
     m, o = runs[0].X.shape[1], runs[0].y.shape[1]
     names = list(runs.input_names or (f"u{j}" if m > 1 else "u" for j in range(m)))
     outputs = list(runs.output_names or (f"y{i}" if o > 1 else "y" for i in range(o)))
-    if isinstance(input_lags, Mapping):
-        wanted = [
-            (named_position(key, names, "input_lags"), lag_list(k, 0, f"input_lags[{key!r}]"))
-            for key, k in input_lags.items()
-        ]
-    else:
-        wanted = [(j, lag_list(input_lags, 0, "input_lags")) for j in range(m)]
-    terms = [(j, k) for j, ks in wanted for k in ks]
+    terms = lag_terms(input_lags, names, "input_lags")
     return terms, [f"{name}_lag{k}" for k in output_lags for name in outputs] + [f"{names[j]}_lag{k}" for j, k in terms]
 
 

@@ -13,6 +13,7 @@ from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened, steps_ahead
+from sksurrogate._lags import lag_list
 from sksurrogate.compose._feature_fit import FeatureModel
 from sksurrogate.compose._lagged import (
     REPORTED,
@@ -30,7 +31,6 @@ from sksurrogate.compose._network import agrees, describe_network, write_network
 from sksurrogate.compose._penalty import shoot_with
 from sksurrogate.compose._stability import StabilityReport, growth_along
 from sksurrogate.exceptions import DataError, RunError
-from sksurrogate.features._lag import lag_list
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.rollout import free_run, march
 from sksurrogate.kernels.rows import LagRows

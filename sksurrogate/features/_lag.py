@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Real
 from typing import Any
@@ -18,36 +18,14 @@ from sklearn.utils.validation import (
 )
 
 from sksurrogate._checks import checked
+from sksurrogate._lags import lag_terms
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Runs, resolve_runs
 
 #: Rows that are written at a time, and numbers of a lag matrix from which threads share the work.
 _ROWS, _MANY = 65_536, 4_000_000
 
-__all__ = ["LagEmbedding", "lag_columns", "lag_list", "named_position"]
-
-
-def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
-    """The lags that an int (``first..lags``) or a list stands for, sorted."""
-    whole = isinstance(lags, (int, np.integer)) and not isinstance(lags, bool)
-    given: Any = lags
-    if whole and (lags == 0 or lags >= first):  # type: ignore[operator]
-        given = range(first, int(lags) + 1)  # type: ignore[arg-type]
-    elif whole:
-        given = [lags]
-    listed = not isinstance(given, (str, Mapping)) and np.iterable(given)
-    if not listed or any(not isinstance(k, (int, np.integer)) or k < first for k in given):
-        raise DataError(f"{name}={lags!r}: every lag must be at least {first}; give an int or a list of ints.")
-    return sorted({int(k) for k in given})
-
-
-def named_position(key: Any, names: Sequence[str], argument: str) -> int:
-    """Column that a key of a dict of lags means."""
-    if isinstance(key, str) and key in names:
-        return list(names).index(key)
-    if isinstance(key, (int, np.integer)) and 0 <= key < len(names):
-        return int(key)
-    raise DataError(f"{argument} names the column {key!r}, but the inputs are {list(names)}.")
+__all__ = ["LagEmbedding", "lag_columns"]
 
 
 def lag_columns(
@@ -228,11 +206,7 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
             raise DataError(f'fill={self.fill!r} must be "edge", "nan" or a number.')
         runs = self._resolve(X, groups, reset=True)
         names = runs.input_names or tuple(f"x{j}" for j in range(runs[0].X.shape[1]))
-        if isinstance(self.lags, Mapping):
-            wanted = [(named_position(key, names, "lags"), lag_list(k)) for key, k in self.lags.items()]
-        else:
-            wanted = [(j, lag_list(self.lags)) for j in range(len(names))]
-        self.columns_ = [(j, k) for j, ks in wanted for k in ks]
+        self.columns_ = lag_terms(self.lags, names)
         if not self.columns_:
             raise DataError(f"lags={self.lags!r} asks for no column at all: name at least one lag.")
         self.max_lag_ = max(k for _, k in self.columns_)

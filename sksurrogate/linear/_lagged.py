@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,8 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
 
 from sksurrogate._checks import checked
+from sksurrogate._lags import lag_terms
 from sksurrogate.exceptions import DataError, RunError
-from sksurrogate.features._lag import lag_list
 from sksurrogate.kernels.gram import Moments
 from sksurrogate.kernels.lag_moments import lag_moments
 from sksurrogate.linear._base import BaseBlockedRegressor
@@ -105,8 +104,7 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         runs = self._resolve(X, y, groups, reset=True)
         names = runs.input_names or tuple(f"x{j}" for j in range(runs[0].X.shape[1]))
-        keys = self.lags if isinstance(self.lags, Mapping) else dict.fromkeys(range(len(names)), self.lags)
-        self.columns_ = [(_position(key, names), k) for key, lags in keys.items() for k in lag_list(lags)]
+        self.columns_ = lag_terms(self.lags, names)
         if not self.columns_:
             raise DataError(f"lags={self.lags!r} asks for no column at all: name at least one lag.")
         self.max_lag_ = max(k for _, k in self.columns_)
@@ -256,12 +254,3 @@ def _whole_stretches(tables: list[np.ndarray], targets: list[np.ndarray]) -> tup
             out[0].append(x[a:b])
             out[1].append(y[a:b])
     return out
-
-
-def _position(key: Any, names: tuple[str, ...]) -> int:
-    """Column of a key of ``lags``."""
-    if isinstance(key, str) and key in names:
-        return list(names).index(key)
-    if isinstance(key, (int, np.integer)) and 0 <= key < len(names):
-        return int(key)
-    raise DataError(f"lags names the column {key!r}, but the inputs are {list(names)}.")
