@@ -61,6 +61,7 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         "predicted_retuning": _number(answer.get("shrink", {}).get("retuning")),
         "predicted_correction": _number(answer.get("shrink", {}).get("correction")),
         "sentence": answer.get("sentence"),
+        "reasons": answer.get("reasons"),
         "seconds": _number(answer.get("seconds")),
         "processor_seconds": _number(answer.get("processor_seconds")),
     }  # fmt: skip

@@ -15,7 +15,7 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -48,6 +48,7 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
     return {
         "verdict": report.verdict,
         "sentence": report.sentence,
+        "reasons": {"rule": report.reasons.rule, **plain(report.reasons.features)},
         "effects": [
             {
                 "name": e.name, "location": e.location, "variable": e.variable, "share": e.share, "params": e.params,
@@ -74,6 +75,11 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
         "seconds": seconds, "processor_seconds": busy,
         "columns": int(getattr(simulator.rhs, "columns", 0)),
     }  # fmt: skip
+
+
+def plain(features: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers and flags as JSON holds them."""
+    return {k: bool(v) if isinstance(v, bool | np.bool_) else float(v) for k, v in features.items()}
 
 
 def processor_seconds() -> float:

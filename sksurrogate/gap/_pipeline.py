@@ -14,6 +14,7 @@ from sksurrogate.gap.decide._baseline import WithoutNames
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
 from sksurrogate.gap.decide._equivalence import Slot, equivalents, next_experiment
 from sksurrogate.gap.decide._experiment import name_of, when_they_part
+from sksurrogate.gap.decide._features import certified, features_of, left_over
 from sksurrogate.gap.decide._held_out import (
     HeldOut,
     held_out,
@@ -23,20 +24,13 @@ from sksurrogate.gap.decide._held_out import (
     shares,
     traces,
 )
+from sksurrogate.gap.decide._intervals import intervals, parameter_errors
 from sksurrogate.gap.decide._partial_results import Found
 from sksurrogate.gap.decide._probability import probabilities
 from sksurrogate.gap.decide._ranking import ranking_of
 from sksurrogate.gap.decide._reported import reported
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
-from sksurrogate.gap.decide._verdict import (
-    ROUNDING,
-    certified,
-    decide,
-    facts_of,
-    intervals,
-    left_over,
-    parameter_errors,
-)
+from sksurrogate.gap.decide._rules import ROUNDING, decide
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import NEARLY_WHITE, NOTHING_LEFT, estimate_noise, left
@@ -47,7 +41,8 @@ from sksurrogate.gap.fit._rounding import STEPS, Rounding, unnamed_rounding
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
+from sksurrogate.gap.results._shrink import NOT_KNOWN
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._where import Where
 from sksurrogate.gap.search._search import Search
@@ -70,8 +65,6 @@ _NAN = float("nan")
 NEAR, DOUBTED = 2.0, 4.0
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
-#: What is known of the shrink after an early interrupt.
-NO_SHRINK = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
 
 
 class Questions:
@@ -232,17 +225,30 @@ class Questions:
         return bool(2.0 * (null.log_likelihood - nominal.log_likelihood) > self.search.bar(len(problem.free)))
 
     # ---- the report -------------------------------------------------------------------------------------------------
-    def verdict(self) -> str:
+    def decided(self) -> tuple[str, Reasons]:
+        """The verdict, and the rule that gave it."""
         found, final, null = self.found, self.final, self.search.null
         if found.shrink is None or found.remains is None or null is None:
-            return "unknown"  # interrupted: nothing is certified yet
+            return "unknown", UNDECIDED
         at = self.search.at(final)
         latent, law = found.remains.latent, found.remains.law
         beyond = left_over(final, latent, MOST_NOISE * self.problem.sd, found.retuned)
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
-        doubts = (self.imitation(), self.rounding(), found.retuned)
-        facts = facts_of(at, final, found.shrink, latent, law, found.curve, *doubts, gap, beyond)
-        return decide(facts)
+        return decide(
+            features_of(
+                problem=at,
+                final=final,
+                shrink=found.shrink,
+                latent=latent,
+                law=law,
+                curve=found.curve,
+                rival=self.imitation(),
+                rounding=self.rounding(),
+                retuned=found.retuned,
+                gap=gap,
+                beyond=beyond,
+            )
+        )
 
     def rounding(self) -> Rounding | None:
         """A grid of readings that nothing named explains, where it is coarse enough to matter."""
@@ -310,7 +316,7 @@ class Questions:
         )
         if named:
             location, kind, _ = named[0]
-        elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.closed():
+        elif verdict == "unknown" and (rounding := self.rounding()) is not None and left(self.final) < NEARLY_WHITE:
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (
             told := told_by_law(self.law_rival(left(self.final) < NEAR), accusable, self.problem.plant.inputs)
@@ -337,17 +343,13 @@ class Questions:
         certain = curve is not None and not self.final.effects and curve.gain > CERTAIN
         return curve.location if curve and certain and curve.location in self.problem.plant.inputs else None
 
-    def closed(self) -> bool:
-        """Whether the free run follows the readings but for what looks like noise."""
-        return left(self.final) < NEARLY_WHITE
-
     def answer(self, seconds: float) -> GapReport:
         """The report of what is known."""
         found, final, problem = self.found, self.final, self.problem
-        verdict = self.verdict()
+        verdict, reasons = self.decided()
         effects = self.effects(verdict) if verdict != "none" else []
         place = self.where(verdict, effects)
-        shrink = found.shrink or NO_SHRINK
+        shrink = found.shrink or NOT_KNOWN
         term = None
         if verdict == "unknown" and found.remains is not None and place.location is not None:
             term = missing_term(problem, self.null, place.location, str(place.kind))
@@ -371,6 +373,7 @@ class Questions:
             problem.plant.inputs,
             traces(found.held, self.labels),
             seconds,
+            reasons,
         )
 
     def notes(self, verdict: str) -> list[str]:

@@ -11,11 +11,11 @@ import numpy as np
 from sksurrogate.effects._catalogue import build_effects, left_out
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import SimulatorError, SurrogateError
+from sksurrogate.gap.decide._features import certified
 from sksurrogate.gap.decide._generic_correction import generic_correction
 from sksurrogate.gap.decide._held_out import HeldOut, measure, same_names
 from sksurrogate.gap.decide._trajectory_choice import names_by_fold
 from sksurrogate.gap.decide._trajectory_experiment import next_experiment
-from sksurrogate.gap.decide._verdict import certified
 from sksurrogate.gap.fit._folds import blocked, run_folds
 from sksurrogate.gap.fit._trajectory import Around, Trial
 from sksurrogate.gap.results._next_experiment import NextExperiment

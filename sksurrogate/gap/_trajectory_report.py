@@ -16,17 +16,20 @@ from sksurrogate.effects._catalogue import left_out
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._trajectory_pipeline import AroundQuestions
 from sksurrogate.gap.decide._experiment import name_of, when_they_part
+from sksurrogate.gap.decide._features import DecisionFeatures, needless, share_left
 from sksurrogate.gap.decide._held_out import notes_on_names, traces
+from sksurrogate.gap.decide._intervals import parameter_errors
 from sksurrogate.gap.decide._ranking import ranking
 from sksurrogate.gap.decide._reported import reported
-from sksurrogate.gap.decide._verdict import Facts, decide, needless, parameter_errors, share_left
+from sksurrogate.gap.decide._rules import decide
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._retuned import retuned_table
 from sksurrogate.gap.fit._trajectory import Trial
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import sentence_of
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
+from sksurrogate.gap.results._shrink import NOT_KNOWN
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._where import Where
 from sksurrogate.gap.unnamed._shape import shape_of
@@ -73,13 +76,14 @@ def diagnose_trajectory(
 class _Answers(AroundQuestions):
     """The report made of the answers."""
 
-    def verdict(self) -> str:
+    def decided(self) -> tuple[str, Reasons]:
+        """The verdict, and the rule that gave it."""
         final, shrink = self.final, self.shrink
         if shrink is None:
-            return "unknown"  # interrupted: nothing is certified yet
+            return "unknown", UNDECIDED
         left = left_of(self.around, final)
         return decide(
-            Facts(
+            DecisionFeatures(
                 accepted=bool(final.effects),
                 share_left=share_left(shrink),
                 left=left,
@@ -110,7 +114,7 @@ class _Answers(AroundQuestions):
     def answer(self, seconds: float) -> GapReport:
         """The report of what is known."""
         final, around = self.final, self.around
-        verdict = self.verdict()
+        verdict, reasons = self.decided()
         low, high = self.intervals(final)
         effects = self.estimates(low, high) if verdict != "none" else []
         own = slice(final.n_parameters, None)
@@ -121,7 +125,7 @@ class _Answers(AroundQuestions):
         if verdict == "unknown" and self.shrink is not None and where.location is not None:
             assert self.search.null is not None
             term = shape_of(channel_of(around, self.search.null, where.location), where.location, str(where.kind))
-        shrink = self.shrink or Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
+        shrink = self.shrink or NOT_KNOWN
         return GapReport(
             verdict,
             sentence_of(verdict, effects, where, shrink, self.experiment, term),
@@ -140,6 +144,7 @@ class _Answers(AroundQuestions):
             self.plant.inputs,
             traces(self.held, self.labels()),
             seconds,
+            reasons,
         )
 
     def intervals(self, final: Trial) -> tuple[np.ndarray, np.ndarray]:

@@ -35,7 +35,6 @@ from typing import Any
 
 import numpy as np
 from frozen_cases import CASES, Asked, Task
-from verdict_rules import rule_of
 
 import sksurrogate.gap
 
@@ -138,7 +137,7 @@ def answer_row(report: Any, decisions: Decisions) -> dict[str, Any]:
     shrink = {f.name: plain(getattr(report.shrink, f.name)) for f in dataclasses.fields(report.shrink)}
     return {
         "verdict": report.verdict,
-        "rule": rule_of(decisions.features) if decisions.features else None,
+        "rule": getattr(getattr(report, "reasons", None), "rule", None),
         "sentence": report.sentence,
         "effects": [effect_row(effect) for effect in report.effects],
         "where": [report.where.location, report.where.kind],

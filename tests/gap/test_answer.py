@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from sksurrogate.gap.decide._verdict import PRACTICAL
+from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of
 
 

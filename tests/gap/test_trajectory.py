@@ -7,7 +7,7 @@ from sksurrogate.effects import BalanceEffect, LawEffect, Parameter
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap._trajectory_pipeline import AroundQuestions
-from sksurrogate.gap.decide._verdict import decide
+from sksurrogate.gap.decide._rules import decide
 
 
 class FirstOrder:

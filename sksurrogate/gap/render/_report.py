@@ -40,6 +40,8 @@ class GapReport(ReportData):
     outputs, states, inputs : tuple of str
     traces : tuple of Trace
     seconds : float
+    reasons : Reasons
+        The rule that decided the verdict, and the numbers that it was given.
 
     Examples
     --------

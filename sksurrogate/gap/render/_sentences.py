@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sksurrogate.gap.decide._verdict import PRACTICAL
+from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment

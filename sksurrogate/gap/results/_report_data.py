@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
@@ -36,3 +37,4 @@ class ReportData:
     inputs: tuple[str, ...] = ()
     traces: tuple[Trace, ...] = ()
     seconds: float = float("nan")
+    reasons: Reasons = UNDECIDED

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from sksurrogate.gap.results._table import EMPTY, Table
 
-__all__ = ["Shrink"]
+__all__ = ["NOT_KNOWN", "Shrink"]
 
 
 @dataclass(frozen=True)
@@ -55,3 +55,8 @@ class Shrink:
     fraction_power: float = float("nan")
     measurable: bool = True
     same_names: float = float("nan")
+
+
+_NAN = float("nan")
+#: After an early interrupt.
+NOT_KNOWN = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))

@@ -1,26 +1,24 @@
-"""The verdict as an ordered table: the first rule that applies decides.
-
-Run: ``python tests/benchmarks/verdict_rules.py [1000000]`` compares the table with ``decide`` on random features that cross every
-bar from both sides, boundary values and infinities included, and prints how often each rule decided.
-"""
+"""The verdict as an ordered table: the first rule that applies decides."""
 
 from __future__ import annotations
 
-import sys
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 
-import numpy as np
+from sksurrogate.gap.decide._features import DecisionFeatures
+from sksurrogate.gap.fit._closeness import FAR
+from sksurrogate.gap.fit._problem import LARGEST_DISTURBANCE
+from sksurrogate.gap.results._reasons import Reasons
+from sksurrogate.gap.search._search import MOST_EFFECTS
+from sksurrogate.gap.search._stopping import LEFT_BY_SEVERAL, STACK
+from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 
-__all__ = ["RULES", "Rule", "first_rule", "rule_of"]
+__all__ = ["RULES", "Rule", "decide", "first_rule"]
 
 #: A reading's grid counts from this share of the output's deviation on.
 ROUNDING = 0.01
-#: Free-run error over the noise: beyond FAR a model is far from the data; below WITHIN it is at the noise.
-FAR, WITHIN, BEYOND_NOISE, LEFT_LAWFUL, LEFT_FOR_MOST = 5.0, 1.15, 1.05, 1.1, 1.5
+#: Free-run error over the noise: below WITHIN the free run is at the noise.
+WITHIN, BEYOND_NOISE, LEFT_LAWFUL, LEFT_FOR_MOST = 1.15, 1.05, 1.1, 1.5
 #: R2 of a law of states and inputs in what is left: a law, a clear one, one beside two names; FEW over the samples is chance.
 LAW, CLEAR_LAW, LAW_BY_TWO, FEW = 0.10, 0.3, 0.03, 20.0
 #: Latent force over the RMS of dx/dt: what any model of a real plant leaves, and the largest that is called a disturbance.
@@ -33,16 +31,14 @@ MOST_LEFT, MOST_LEFT_BY_SEVERAL, MOST_LEFT_LAWLESS = 0.4, 0.3, 0.5
 MOVED, CURVE_MOVED, CURVE_MOVED_WITHIN = 0.03, 0.005, 0.001
 #: Share of the gap that a free curve must make up, beyond the noise and at it.
 CURVE_SHARE, CURVE_SHARE_WITHIN = 0.01, 0.003
-#: Gain of a free curve, or of a law in the place of one name, that is certain; of a law in the place of several names.
-CERTAIN, ONE_FOR_SEVERAL = 10.0, 3.0
-#: Names: the largest set that is looked for, a stack, the noise beyond which a stack is doubted, the folds that agree.
-MOST_EFFECTS, STACK, LEFT_BY_SEVERAL, SAME_NAMES = 4, 3, 1.03, 0.5
+#: Gain of a law in the place of several names that makes it likelier.
+ONE_FOR_SEVERAL = 3.0
+#: Share of the folds that must choose the same names.
+SAME_NAMES = 0.5
 #: A gap below these shares of the outputs' deviation is of no practical size, the second only where no law is in it.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
 #: A free run beyond both (error over the deviation, over the noise) is wrong by more than a disturbance.
-LARGE_ERROR, LEFT_OF_LARGE = 0.10, 2.0
-
-Features = Any
+LARGE_ERROR, LEFT_OF_LARGE = LARGEST_DISTURBANCE, 2.0
 
 
 @dataclass(frozen=True)
@@ -60,44 +56,44 @@ class Rule:
     """
 
     name: str
-    applies: Callable[[Features], bool]
+    applies: Callable[[DecisionFeatures], bool]
     verdict: str
     sentence: str
 
 
 # ---- conditions -----------------------------------------------------------------------------------------------------
-def closed(f: Features) -> bool:
+def closed(f: DecisionFeatures) -> bool:
     """Effects passed, or re-tuning did."""
     return bool(f.accepted or f.retuned)
 
 
-def far(f: Features) -> bool:
+def far(f: DecisionFeatures) -> bool:
     """The free run is far from the data."""
     return bool(f.left > FAR)
 
 
-def lawful(f: Features) -> bool:
+def lawful(f: DecisionFeatures) -> bool:
     """States and inputs repeat what is left on runs left out, more than chance does."""
     return bool(f.law > max(LAW, FEW / f.n_samples))
 
 
-def forceful(f: Features) -> bool:
+def forceful(f: DecisionFeatures) -> bool:
     """The latent force is larger than a disturbance."""
     return bool(f.force > FORCE)
 
 
-def certain_curve(f: Features, moved: float) -> bool:
+def certain_curve(f: DecisionFeatures, moved: float) -> bool:
     """A free curve of one signal is certain, and moves an output."""
     return bool(f.curve > CERTAIN and f.curve_moved > moved)
 
 
-def hidden_curve(f: Features) -> bool:
+def hidden_curve(f: DecisionFeatures) -> bool:
     """A certain free curve beside what is named; less of it counts where the free run is at the noise."""
     moved, share = (CURVE_MOVED_WITHIN, CURVE_SHARE_WITHIN) if f.left < WITHIN else (CURVE_MOVED, CURVE_SHARE)
     return certain_curve(f, moved) and bool(f.curve_share > share)
 
 
-def most_share(f: Features) -> float:
+def most_share(f: DecisionFeatures) -> float:
     """Share of the gap that names may leave."""
     if f.needless:
         return SHARE
@@ -107,22 +103,22 @@ def most_share(f: Features) -> float:
     return MOST_LEFT_LAWLESS if lawless else MOST_LEFT
 
 
-def much_left(f: Features) -> bool:
+def much_left(f: DecisionFeatures) -> bool:
     """More of the gap is left than a lawful rest may be, beyond the noise."""
     return bool(f.share_left > SHARE and f.left > BEYOND_NOISE)
 
 
-def doubted(f: Features) -> bool:
+def doubted(f: DecisionFeatures) -> bool:
     """Several names leave more than the noise and their numerics."""
     return bool(f.left > max(LEFT_BY_SEVERAL, 1.0 + f.n_samples**-0.5) and f.share_left > NUMERICS_SHARE)
 
 
-def when_far(condition: Callable[[Features], bool]) -> Callable[[Features], bool]:
+def when_far(condition: Callable[[DecisionFeatures], bool]) -> Callable[[DecisionFeatures], bool]:
     """The gap was closed by names or re-tuning, but the free run is far from the data; and the condition."""
     return lambda f: closed(f) and far(f) and condition(f)
 
 
-def when_near(condition: Callable[[Features], bool]) -> Callable[[Features], bool]:
+def when_near(condition: Callable[[DecisionFeatures], bool]) -> Callable[[DecisionFeatures], bool]:
     """The gap was closed by names or re-tuning, the free run is near the data; and the condition."""
     return lambda f: closed(f) and not far(f) and condition(f)
 
@@ -262,101 +258,12 @@ RULES: tuple[Rule, ...] = (
 )
 
 
-def first_rule(features: Features) -> Rule:
+def first_rule(features: DecisionFeatures) -> Rule:
     """The rule that decides."""
     return next(rule for rule in RULES if rule.applies(features))
 
 
-def rule_of(features: Mapping[str, Any]) -> str:
-    """Name of the rule that decides on features by name; numbers may be written by ``float.hex``."""
-    real = {k: float.fromhex(v) if isinstance(v, str) else v for k, v in features.items()}
-    return first_rule(SimpleNamespace(**real)).name
-
-
-# ---- the proof ------------------------------------------------------------------------------------------------------
-SAMPLES = (4, 100, 199, 200, 201, 1000, 1112, 2000, 60000)
-#: Bars of each real feature.
-BARS: dict[str, tuple[float, ...]] = {
-    "share_left": (
-        0.0, NUMERICS_SHARE, SHARE_LAWFUL, SHARE_BY_TWO, SMALL_SHARE, SHARE, MOST_LEFT_BY_SEVERAL, MOST_LEFT, MOST_LEFT_LAWLESS,
-        *(LAWFUL_SHARE / law**0.5 for law in (0.11, 0.2, 0.31, 0.5, 0.9)),
-    ),
-    "left": (
-        1.0, LEFT_BY_SEVERAL, BEYOND_NOISE, LEFT_LAWFUL, WITHIN, LEFT_FOR_MOST, LEFT_OF_LARGE, *6 * (FAR,),
-        *(1.0 + n**-0.5 for n in SAMPLES),
-    ),
-    "law": (0.0, LAW_BY_TWO, LAW, CLEAR_LAW, 0.11, 0.2, 0.31, 0.5, 0.9, *(FEW / n for n in SAMPLES)),
-    "force": (CLEAR_FORCE, FORCE),
-    "error": (PRACTICAL, PRACTICAL_LAWLESS, LARGE_ERROR),
-    "moved": (MOVED,),
-    "curve": (0.0, CERTAIN),
-    "curve_share": (CURVE_SHARE_WITHIN, CURVE_SHARE),
-    "curve_moved": (CURVE_MOVED_WITHIN, CURVE_MOVED, PRACTICAL),
-    "rounding": (ROUNDING,),
-    "rival": (ONE_FOR_SEVERAL, CERTAIN),
-    "same_names": (SAME_NAMES,),
-}  # fmt: skip
-#: Values that keep most rules quiet, so that the later ones are reached.
-QUIET = {
-    "share_left": 0.02, "left": 1.01, "law": 0.0, "force": 0.004, "error": 0.05, "moved": 0.001, "curve": -5.0,
-    "curve_share": 0.0, "curve_moved": 0.0, "rounding": 0.0, "rival": -np.inf, "same_names": 1.0,
-}  # fmt: skip
-#: How often a feature is quiet, where that is not half the time.
-OFTEN_QUIET = {
-    "rounding": 0.95,
-    "curve": 0.35,
-    "curve_share": 0.2,
-    "curve_moved": 0.2,
-    "share_left": 0.35,
-    "rival": 0.8,
-    "same_names": 0.85,
-    "left": 0.2,
-}
-YES_OR_NO = {"accepted": 0.6, "retuned": 0.3, "one_curve": 0.3, "input_curve": 0.03, "opposed": 0.03, "needless": 0.3}
-
-
-def _values(rng: np.random.Generator, name: str, count: int) -> np.ndarray:
-    """Half quiet; of the others most anywhere near a bar, some on it, some a rounding error beside it, some infinite or nan."""
-    bar = rng.choice(BARS[name], count)
-    spread = np.where(bar == 0.0, rng.normal(size=count), bar * rng.uniform(0.4, 2.5, count))
-    ends = (
-        rng.choice([np.inf, -np.inf, 0.0, -0.1, np.nan], count)
-        if name != "law"
-        else rng.choice([1.0, 0.0, np.nan], count)
-    )
-    kinds = [np.full(count, QUIET[name]), bar, np.nextafter(bar, np.inf), np.nextafter(bar, -np.inf), spread, ends]
-    quiet = OFTEN_QUIET.get(name, 0.5)
-    return np.choose(rng.choice(6, count, p=[quiet, *((1.0 - quiet) * np.array([0.12, 0.12, 0.12, 0.54, 0.1]))]), kinds)
-
-
-def random_features(count: int, seed: int) -> Iterator[dict[str, Any]]:
-    """Features by name."""
-    rng = np.random.default_rng(seed)
-    columns: dict[str, list[Any]] = {name: _values(rng, name, count).tolist() for name in BARS}
-    columns |= {name: (rng.random(count) < chance).tolist() for name, chance in YES_OR_NO.items()}
-    columns["names"] = rng.integers(0, 6, count).tolist()
-    columns["n_samples"] = rng.choice(SAMPLES, count).tolist()
-    for row in zip(*columns.values()):
-        yield dict(zip(columns, row))
-
-
-def check(count: int, seed: int = 0) -> int:
-    """Compare the table with ``decide``; 1 where they differ."""
-    from sksurrogate.gap._verdict import Facts, decide
-
-    found: Counter[str] = Counter()
-    for features in random_features(count, seed):
-        facts = Facts(**features)
-        rule = first_rule(facts)
-        found[rule.name] += 1
-        if rule.verdict != decide(facts):
-            print(f"{rule.name} says {rule.verdict}, decide says {decide(facts)}: {facts}")
-            return 1
-    for rule in RULES:
-        print(f"{found[rule.name]:8d}  {rule.verdict:9s}  {rule.name}: {rule.sentence}")
-    print(f"equal on {count} features")
-    return int(any(not found[rule.name] for rule in RULES))
-
-
-if __name__ == "__main__":
-    sys.exit(check(int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000))
+def decide(features: DecisionFeatures) -> tuple[str, Reasons]:
+    """The verdict, and the rule that gave it."""
+    rule = first_rule(features)
+    return rule.verdict, Reasons(rule.name, rule.sentence, asdict(features))
