@@ -269,7 +269,7 @@ def run(out: Path, part: str, count: int | None, only: str) -> None:
 
 
 def merge(out: Path, parts: Sequence[Path]) -> None:
-    """Rows of several files in one, with the rule of each."""
+    """Rows of several files in one."""
     rows = {key: row for part in parts for key, row in read_rows(part).items()}
     write_rows(out, list(rows.values()))
     print(f"{len(rows)} rows, {out.stat().st_size / 1e3:.0f} kB")

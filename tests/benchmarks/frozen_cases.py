@@ -31,8 +31,14 @@ ORDER = (
     "reactor", "vehicle", "rlc_circuit", "oscillator", "cascaded_tanks", "cooled_reactor", "two_rooms", "pendulum",
     "battery", "mixing_tank", "heat_exchanger", "dc_motor", "two_mass_drive", "bioprocess", "quarter_car",
 )  # fmt: skip
-#: Blind cases asked once more through ``simulate`` alone.
-AGAIN: tuple[str, ...] = ()
+#: Blind cases of plants with two or three states, by arm, asked once more through ``simulate`` alone: most with an effect on an
+#: input, a sensor or a parameter, or with none.
+AGAIN: dict[str, tuple[int, ...]] = {
+    "none": (4, 7, 9, 11), "unexcited": (2, 3, 9, 10), "coloured": (2, 4, 5, 9, 11), "disturbed": (3, 6, 7, 10),
+    "effect": (2, 3, 8, 11), "time": (5, 6, 7, 8, 9), "region": (4, 6, 8), "sizes": (3, 5, 9, 10),
+    "weak": (4, 5, 6, 7, 9, 11), "detuned": (2, 3, 7, 8, 10), "effect_disturbed": (2, 4, 8), "two": (5, 6, 8),
+    "outside": (2, 3, 5, 7), "outside_disturbed": (4, 6, 10), "novel": (2, 3, 4),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -134,7 +140,7 @@ def _cases() -> tuple[Task, ...]:
     rounds = range(max(COUNTS.values()))
     blinds = [_blind_task(arm, k) for k in rounds for arm, count in COUNTS.items() if k < count]
     known = {task.id: task for task in blinds}
-    alone = [_again(known[f"blind/{key}"]) for key in AGAIN]
+    alone = [_again(known[f"blind/{arm}/{k:02d}"]) for arm, numbers in AGAIN.items() for k in numbers]
     stories = [
         Task(f"demo/{name}", "demo", {"access": "rhs"}, partial(told, f"story_{name}"))
         for name in ("actuator_and_sensor", "linearised")
