@@ -15,6 +15,22 @@ from sksurrogate.runs import resolve_runs
 __all__ = ["plant_of"]
 
 
+class Copied:
+    """A right-hand side that may write into what it is handed.
+
+    Parameters
+    ----------
+    rhs : callable
+    """
+
+    def __init__(self, rhs: Callable[..., Any]):
+        self.rhs = rhs
+
+    def __call__(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> Any:
+        own = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in p.items()}
+        return self.rhs(t, np.array(x), np.array(u), own)
+
+
 class Looped:
     """A right-hand side for one column, asked column by column.
 
@@ -85,12 +101,12 @@ def plant_of(
         raise SimulatorError(
             f"x0_spread has {spread.size} values, expected one for each of states={list(known.states)}."
         )
-    rhs, output = _abreast(simulator.rhs, known), getattr(simulator, "output", None)
+    rhs, output = _abreast(Copied(simulator.rhs), known), getattr(simulator, "output", None)
     positive = bool(len(known.x0) and np.all(known.x0 > 0) and np.all(known.x0 - np.abs(spread) > 0))
     plant = PlantSpec(
         "yours", "yours", rhs, known.states, drives, known.outputs, dict(known.params), known.dt,
         tuple(known.x0 if len(known.x0) else np.zeros(len(known.states))), tuple(spread), known.outputs,
-        _kinematic(rhs, known), positive, False, output if callable(output) else None, known.hold,
+        _kinematic(rhs, known), positive, False, Copied(output) if callable(output) else None, known.hold,
     )  # fmt: skip
     return plant, runs
 

@@ -20,7 +20,7 @@ from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._free_run import free_run
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import prepared
-from sksurrogate.physics._simulator import Plant, describe
+from sksurrogate.physics._simulator import Plant, describe, simulated
 
 __all__ = ["DynamicsCorrection", "ends_linear"]
 
@@ -99,7 +99,7 @@ class DynamicsCorrection:
         """What the free runs leave, and how large the gap is without the correction."""
         free = self.run(inputs, [y[:1] for y in measured])
         self.rmse = np.sqrt(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2, axis=0))
-        alone = [np.asarray(self.simulator.simulate(U, x0=self._start(plant, y[:1]))) for U, y in zip(inputs, measured)]
+        alone = [simulated(self.simulator, U, self._start(plant, y[:1])) for U, y in zip(inputs, measured)]
         self.reach = np.sqrt(
             np.mean(np.concatenate([a.reshape(y.shape) - y for a, y in zip(alone, measured)]) ** 2, axis=0)
         )

@@ -17,7 +17,7 @@ from sksurrogate.kernels.smoother import noise_of_differences, smooth
 from sksurrogate.kernels.stiff import rosenbrock
 from sksurrogate.physics._free_run import hold_inputs
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._simulator import Plant
+from sksurrogate.physics._simulator import Plant, simulated
 
 __all__ = ["ForceCorrection"]
 
@@ -65,7 +65,9 @@ class ForceCorrection(DynamicsCorrection):
         if isinstance(before, ForceCorrection) and before.targets == self.targets:
             self.fitted, self.domain = before.fitted, before.domain
             known = self.force(guess, u)
-        self.noise = self._noise([np.asarray(self.simulator.simulate(U, x0=self._start(plant, y[:1]))) for U, y in zip(inputs, measured)])  # fmt: skip
+        self.noise = self._noise(
+            [simulated(self.simulator, U, self._start(plant, y[:1])) for U, y in zip(inputs, measured)]
+        )
         best: tuple[float, Any, Domain] | None = None
         for _ in range(_ROUNDS):
             guess, force = self._estimated(guess, known, size)

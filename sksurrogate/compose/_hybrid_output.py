@@ -17,7 +17,7 @@ from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting
 from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
 from sksurrogate.exceptions import DataError
-from sksurrogate.physics._simulator import describe
+from sksurrogate.physics._simulator import describe, simulated, simulated_batch
 
 __all__ = ["Free", "OutputCorrection", "simulate_runs"]
 
@@ -62,8 +62,8 @@ def _simulated(simulator: Any, plant: Any, inputs: Sequence[np.ndarray], starts:
     """Free runs of the simulator, abreast where runs are of one length and it can."""
     if len(inputs) > 1 and len({len(U) for U in inputs}) == 1 and plant.states and callable(getattr(simulator, "simulate_batch", None)):  # fmt: skip
         X0 = np.stack([plant.x0 if x0 is None else x0 for x0 in starts])
-        return list(np.asarray(simulator.simulate_batch(np.stack(inputs), X0), dtype=float))
-    runs = (np.asarray(simulator.simulate(U, x0=x0), dtype=float) for U, x0 in zip(inputs, starts))
+        return list(simulated_batch(simulator, np.stack(inputs), X0))
+    runs = (simulated(simulator, U, x0) for U, x0 in zip(inputs, starts))
     return [y.reshape(len(U), -1) for U, y in zip(inputs, runs)]
 
 

@@ -20,7 +20,7 @@ from sksurrogate._fingerprint import fingerprint
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._simulator import Plant, describe
+from sksurrogate.physics._simulator import Plant, describe, simulated, simulated_batch
 
 __all__ = ["Experiments", "simulate_experiments"]
 
@@ -328,7 +328,7 @@ def _simulate(simulator: Any, U: np.ndarray, X0: np.ndarray) -> list[Any]:
     plain = not callable(getattr(simulator, "simulate_states", None))
     if plain and callable(getattr(simulator, "simulate_batch", None)):
         try:
-            return [(np.asarray(y), None, None) for y in simulator.simulate_batch(U, X0 if X0.shape[1] else None)]
+            return [(y, None, None) for y in simulated_batch(simulator, U, X0 if X0.shape[1] else None)]
         except SimulationDiverged:
             return [_alone(simulator, U[r], X0[r]) for r in range(len(U))]
     return [_alone(simulator, U[r], X0[r]) for r in range(len(U))]
@@ -355,10 +355,13 @@ def _alone(simulator: Any, U: np.ndarray, x0: np.ndarray) -> Any:
     positions = describe(simulator).output_states if told else None
     try:
         if positions is None or not told:
-            y = np.asarray(simulator.simulate(U, start), float).reshape(len(U), -1)
+            y = simulated(simulator, U, start).reshape(len(U), -1)
             if not told:
                 return y, None, None
-        states, dxdt = (np.asarray(part, float) for part in simulator.simulate_states(U, start))
+        states, dxdt = (
+            np.asarray(part, float)
+            for part in simulator.simulate_states(U.copy(), None if start is None else start.copy())
+        )
         # one call where the outputs are states: a simulator may be slow
         return (states[:, list(positions)] if positions is not None else y), states, dxdt
     except SimulationDiverged:

@@ -26,7 +26,7 @@ from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._intervals import known
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import prepared
-from sksurrogate.physics._simulator import describe
+from sksurrogate.physics._simulator import describe, simulated
 from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["CalibratedSimulator"]
@@ -241,7 +241,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                     "first rows of every run."
                 )
             starts[:, list(plant.output_states)] = first[0] if first.ndim == 2 else first[:, 0]
-        stacked = runs.stack([self.simulator_.simulate(run.X, start) for run, start in zip(runs, starts)])
+        stacked = runs.stack([simulated(self.simulator_, run.X, start) for run, start in zip(runs, starts)])
         return stacked[:, 0] if self.y_is_1d_ else stacked
 
     def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.physics._rhs import PointwiseFunction
+from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant
 
 __all__ = ["PlantModel"]
@@ -60,10 +60,20 @@ class PlantModel:
         shape = x.shape[1:]
         p: Mapping[str, Any] = self.plant.params
         size = math.prod(shape)
-        inputs = _flat(u, (len(u), *shape)).reshape(len(u), size)
+        inputs, states, times = (
+            _flat(u, (len(u), *shape)).reshape(len(u), size),
+            x.reshape(len(x), size),
+            _flat(t, shape),
+        )
+        for view in (
+            inputs,
+            states,
+            times,
+        ):  # arrays of their own, whatever x, u and t are: what they show stays writable
+            view.setflags(write=False)
         if varied:
-            p = {**p, **{name: _flat(value, shape) for name, value in varied.items()}}
-        return function(_flat(t, shape), x.reshape(len(x), size), inputs, p, *extra).reshape(function.size, *shape)
+            p = {**p, **{name: locked(_flat(value, shape)) for name, value in varied.items()}}
+        return function.points(times, states, inputs, p, *extra).reshape(function.size, *shape)
 
     def derivative_points(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any]) -> np.ndarray:
         """dx/dt at flat points: t (n_points,), x (n_states, n_points), u (n_inputs, n_points), all parameters in ``p``."""

@@ -31,7 +31,8 @@ class ODESimulator(BaseSimulator):
     ----------
     rhs : callable ``rhs(t, x, u, p)``
         x is ``(n_states, *s)``, u ``(n_inputs, *s)``, p a dict of floats (or arrays of shape s); returns ``len(states)``
-        components of shape s, or scalars. One that branches on values works too, sample by sample, with a warning.
+        components of shape s, or scalars. One that branches on values works too, sample by sample, with a warning; one
+        that writes into x, u or t is handed copies, with a warning.
     states, inputs, outputs : list of str
         Names. Outputs are states by name, unless ``output`` is given. A state and an output may share a name.
     params : dict of float

@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate.exceptions import SimulatorError
 
-__all__ = ["PointwiseFunction"]
+__all__ = ["PointwiseFunction", "locked"]
 
 
 #: Whole powers up to this are taken by multiplication.
@@ -39,7 +39,8 @@ class PointwiseFunction:
     """``function(t, x, u, p)`` on points ``(n, *s)``, whatever the user wrote.
 
     The function is probed on a few points: one that handles ``(n_states, n_points)`` arrays is called once for all
-    points; one that branches on values is called point by point, with one warning that shows how to vectorise it.
+    points; one that branches on values is called point by point, with one warning that shows how to vectorise it. It
+    sees arrays that cannot be written; one that wants to write is handed copies, with one warning.
 
     Parameters
     ----------
@@ -58,6 +59,7 @@ class PointwiseFunction:
         self.what = what
         self.names = tuple(names)
         self.vectorised: bool | None = None
+        self._copies, self._wrote = False, ""
 
     def probe(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> None:
         """Decide how to call the function, at points around ``x`` (n_states,), ``u`` (n_inputs,).
@@ -73,14 +75,16 @@ class PointwiseFunction:
         spread = np.array([0.0, 1e-3, -1e-3, 0.5, -0.5])
         xs = x[:, None] + spread * np.maximum(np.abs(x), 0.1)[:, None]
         us = u[:, None] + spread[::-1] * np.maximum(np.abs(u), 0.1)[:, None]
+        xs, us, times = locked(xs), locked(us), locked(np.full(len(spread), t))
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             single = np.stack([self._one(t, xs[:, k], us[:, k], p, *extra) for k in range(len(spread))], axis=1)
             try:
-                together = self._many(np.full(len(spread), t), xs, us, p, *extra)
+                together = self._many(times, xs, us, p, *extra)
                 self.vectorised = bool(np.allclose(single, together, rtol=1e-9, atol=1e-12, equal_nan=True))
             except Exception:
                 self.vectorised = False
+        self._tell()
         if not self.vectorised:
             warnings.warn(
                 f"{self.what} does not take arrays of points and is called point by point, which is slow. Write it so that every "
@@ -90,10 +94,39 @@ class PointwiseFunction:
                 stacklevel=4,
             )
 
+    def _ask(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
+        """The user's function at locked points; on copies where it wants to write into them."""
+        if not self._copies:
+            try:
+                return self.function(t, x, u, dict(p), *extra)
+            except (BufferError, TypeError, ValueError) as error:  # of numpy, Cython and numba
+                if "read-only" not in str(error) and "readonly" not in str(error):
+                    raise
+        given = (_copied(t), x.copy(), u.copy(), {k: _copied(v) for k, v in p.items()})  # writable ones
+        value = self.function(*given, *extra)
+        if not self._copies or self.vectorised is None:  # at the first call, and all through a probe
+            pairs = zip("txu", given, (t, x, u))
+            changed = (name for name, own, kept in pairs if not np.array_equal(own, kept, equal_nan=True))
+            self._wrote, self._copies = self._wrote or next(changed, ""), True
+            if self.vectorised is not None:  # a probe says it when it is done
+                self._tell()
+        return value
+
+    def _tell(self) -> None:
+        """Say once that the function writes into its arguments."""
+        name, self._wrote = self._wrote, ""
+        if name:
+            warnings.warn(
+                f"{self.what} writes into its argument {name} and is handed copies, which is slow. Let it make its own: "
+                f"{name} = {name}.copy(), or write np.maximum(x[0], 0) in place of x[0] = max(x[0], 0).",
+                UserWarning,
+                stacklevel=5,
+            )
+
     def _one(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
         """One point."""
         try:
-            value = self.function(t, x, u, p, *extra)
+            value = self._ask(t, x, u, p, *extra)
         except SimulatorError:  # says what is wrong already
             raise
         except (KeyError, NameError, AttributeError, TypeError, IndexError, ValueError) as error:
@@ -127,7 +160,7 @@ class PointwiseFunction:
         """All points in one call."""
         if x.size > _MANY * len(x):
             x, u = x.view(_Points), u.view(_Points)
-        value = self.function(t, x, u, p, *extra)
+        value = self._ask(t, x, u, p, *extra)
         out = np.empty((self.size, *x.shape[1:])) if x.ndim > 1 else np.empty(self.size)
         if len(value) != self.size:
             raise SimulatorError(
@@ -139,6 +172,10 @@ class PointwiseFunction:
 
     def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
         """Points ``x`` (n_states, n_points) -> (size, n_points); t and entries of p are floats or (n_points,)."""
+        return self.points(locked(t), locked(x), locked(u), {k: locked(v) for k, v in p.items()}, *extra)
+
+    def points(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
+        """The same for arrays that cannot be written."""
         if self.vectorised is None:
             points = x.reshape(len(x), -1)
             at = (float(np.ravel(t)[0]), points[:, 0], u.reshape(len(u), points.shape[1])[:, 0])
@@ -155,6 +192,19 @@ class PointwiseFunction:
             q = {**p, **{k: float(v[m]) for k, v in varied.items()}} if varied else p
             out[:, m] = self._one(float(times[m]), x[:, m], u[:, m], q, *extra)
         return out
+
+
+def locked(value: Any) -> Any:
+    """A view of an array that cannot be written."""
+    if not isinstance(value, np.ndarray) or not value.flags.writeable:
+        return value
+    view = value.view()
+    view.setflags(write=False)
+    return view
+
+
+def _copied(value: Any) -> Any:
+    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 def _components(value: Any) -> Any:

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["BaseSimulator", "Plant", "describe"]
+__all__ = ["BaseSimulator", "Plant", "describe", "simulated", "simulated_batch"]
 
 
 class BaseSimulator(BaseEstimator):
@@ -65,14 +65,16 @@ class BaseSimulator(BaseEstimator):
 
         def moved(t: Any, x: Any, u: Any, p: Any) -> np.ndarray:
             if plant.access == "rhs":
-                return np.array([float(np.squeeze(v)) for v in self.rhs(t, x, u, p)])  # type: ignore[attr-defined]
-            return np.array([float(np.squeeze(v)) for v in self.step(t, x, u, p, plant.dt)])  # type: ignore[attr-defined]
+                found = self.rhs(t, np.array(x), np.array(u), dict(p))  # type: ignore[attr-defined]
+            else:
+                found = self.step(t, np.array(x), np.array(u), dict(p), plant.dt)  # type: ignore[attr-defined]
+            return np.array([float(np.squeeze(v)) for v in found])
 
         def seen(t: Any, x: Any, u: Any, p: Any) -> np.ndarray:
             if places is not None:
                 return np.asarray(x)[list(places)]
             assert callable(output)
-            return np.array([float(np.squeeze(v)) for v in output(t, x, u, p)])
+            return np.array([float(np.squeeze(v)) for v in output(t, np.array(x), np.array(u), dict(p))])
 
         names = {"states": list(plant.states), "inputs": list(plant.inputs), "outputs": list(plant.outputs)}
         dt = 0 if plant.access == "rhs" else plant.dt
@@ -116,6 +118,19 @@ class Plant:
         if not set(self.outputs) <= set(self.states):
             return None
         return tuple(self.states.index(name) for name in self.outputs)
+
+
+def simulated(simulator: Any, U: np.ndarray, x0: Any = None, *t: Any) -> np.ndarray:
+    """``simulate`` of a run, on copies: what it writes into its arguments stays its own."""
+    return np.asarray(
+        simulator.simulate(np.array(U), None if x0 is None else np.array(x0, dtype=float), *t), dtype=float
+    )
+
+
+def simulated_batch(simulator: Any, U: np.ndarray, X0: Any = None, *t: Any) -> np.ndarray:
+    """``simulate_batch``, on copies."""
+    start = None if X0 is None else np.array(X0, dtype=float)
+    return np.asarray(simulator.simulate_batch(np.array(U), start, *t), dtype=float)
 
 
 def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple[str, ...]:

@@ -198,15 +198,16 @@ class CallableSimulator(ParametricSimulator):
         """Free run of one run: (n_samples, n_outputs)."""
         inputs = _inputs(U, self.inputs)
         if hasattr(self.function, "predict"):
-            out = self.function.predict(inputs)
+            out = self.function.predict(inputs.copy())
         elif callable(self.function):
             start = self.x0 if x0 is None else x0
-            offered = {"x0": start, "t": self.dt * np.arange(len(inputs)) if t is None else t}
+            start = start.copy() if isinstance(start, np.ndarray) else start
+            offered = {"x0": start, "t": self.dt * np.arange(len(inputs)) if t is None else np.array(t)}
             offered["p"] = offered["params"] = dict(self.params or {})
             wanted = dict(list(inspect.signature(self.function).parameters.items())[1:])
             if start is None and "x0" in wanted and wanted["x0"].default is not inspect.Parameter.empty:
                 del wanted["x0"]  # the function knows its own initial state
-            out = self.function(inputs, **{name: value for name, value in offered.items() if name in wanted})
+            out = self.function(inputs.copy(), **{name: value for name, value in offered.items() if name in wanted})
         else:
             raise SimulatorError(f"function={self.function!r} is neither callable nor an estimator with predict.")
         outputs = np.asarray(out, dtype=float)
