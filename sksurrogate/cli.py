@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import sys
+import tempfile
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ import numpy as np
 
 from sksurrogate import __version__
 from sksurrogate._csv import read_csv
+from sksurrogate._terminal import patient_terminal
 from sksurrogate.exceptions import DataError, RunError, SimulatorError, SurrogateError
 
 __all__ = ["load_simulator", "main", "read_csv"]
@@ -22,13 +25,26 @@ __all__ = ["load_simulator", "main", "read_csv"]
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     arguments = _parser().parse_args(argv)
+    with patient_terminal() as shown:
+        status = _status(arguments)
+        shown.flush()
+        if shown.error is not None:
+            status = status or 1
+            if not isinstance(shown.error, BrokenPipeError):
+                print(f"sksurrogate: the output could not be printed ({_why(shown.error)})", file=sys.stderr)
+    return status
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    """Do it; the exit status."""
     try:
         return int(arguments.action(arguments))
     except SurrogateError as error:
         print(f"sksurrogate: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("sksurrogate: interrupted before anything was known", file=sys.stderr)
+        when = "while results were written" if getattr(arguments, "known", False) else "before anything was known"
+        print(f"sksurrogate: interrupted {when}", file=sys.stderr)
         return 130
 
 
@@ -82,8 +98,7 @@ def _blind(arguments: argparse.Namespace) -> int:
     from sksurrogate.blind import run_blind_check
 
     own: dict[str, Any] = {}
-    if arguments.html and not Path(arguments.html).absolute().parent.is_dir():
-        raise DataError(f"--html {arguments.html}: there is no such folder.")
+    _check_target("--html", arguments.html)
     if arguments.simulator:
         if not arguments.data:
             raise DataError("--simulator needs --data CSV: the recorded inputs that the check repeats.")
@@ -94,12 +109,11 @@ def _blind(arguments: argparse.Namespace) -> int:
         arguments.cases, arguments.arms, seed=arguments.seed, resume=arguments.resume, n_jobs=arguments.jobs,
         follow_up=arguments.follow_up, verbose=0 if arguments.quiet else 1, **own,
     )  # fmt: skip
-    print(result)
-    if arguments.html:
-        result.to_html(arguments.html)
-        print(f"page: {arguments.html}")
+    arguments.known = True
+    said, whole = _written("page", arguments.html, result.to_html)
+    print("\n".join([str(result), *said]))
     if result.complete:
-        return 0
+        return 0 if whole else 1
     way_on = (
         f"the same command goes on with {arguments.resume}" if arguments.resume else "with --resume FILE it could go on"
     )
@@ -143,16 +157,61 @@ def load_simulator(reference: str) -> Any:
     return getattr(module, name)
 
 
+def _check_target(option: str, target: str | None) -> None:
+    """A file can be written there: said before minutes of work, not after."""
+    if not target:
+        return
+    path = Path(target)
+    if path.is_dir():
+        raise DataError(f"{option} {target} is a folder: name a file in it.")
+    if not path.resolve().parent.is_dir():
+        raise DataError(f"{option} {target}: there is no folder {str(path.parent)!r}; make it first.")
+    if path.exists() and not path.is_file():
+        return  # a pipe, a terminal
+    try:
+        if path.exists() and not os.access(path, os.W_OK):
+            raise PermissionError(13, "is write-protected")
+        tempfile.TemporaryFile(dir=path.resolve().parent).close()
+    except OSError as error:
+        raise DataError(
+            f"{option} {target} cannot be written ({_why(error)}): name a file in another folder."
+        ) from error
+
+
+def _written(what: str, target: str | None, write: Callable[[Path], object]) -> tuple[list[str], bool]:
+    """Write a file, into the temporary folder where it cannot stand in its place; what to say, and whether it stands."""
+    if not target:
+        return [], True
+    try:
+        write(Path(target))
+        return [f"{what}: {target}"], True
+    except (OSError, SurrogateError) as error:
+        place, why = None, _why(error)
+    try:
+        place = Path(tempfile.mkdtemp(prefix="sksurrogate-")) / Path(target).name
+        write(place)
+    except (OSError, SurrogateError):
+        place = None
+    where = f"; it is in {place}" if place else ""
+    print(f"sksurrogate: the {what} was not written to {target} ({why}){where}", file=sys.stderr)
+    return ([f"{what}: {place}"] if place else []), False
+
+
+def _why(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
+
+
 def _diagnose(arguments: argparse.Namespace) -> int:
-    from sksurrogate.effects import save_augmented
+    from sksurrogate.effects._store import augmented_text, save_augmented
     from sksurrogate.gap import GapDiagnoser
     from sksurrogate.physics._simulator import describe
 
     if arguments.jobs == 0:
         raise DataError("--jobs 0: give the number of worker processes, or -1 for one a core.")
-    for option, target in (("--html", arguments.html), ("--save", arguments.save)):
-        if target and not Path(target).resolve().parent.is_dir():  # before minutes of work, not after
-            raise DataError(f"{option} {target}: there is no folder {str(Path(target).parent)!r}; make it first.")
+    _check_target("--html", arguments.html)
+    _check_target("--save", arguments.save)
+    if arguments.html and arguments.save and Path(arguments.html).resolve() == Path(arguments.save).resolve():
+        raise DataError(f"--html {arguments.html} and --save name one file: give each its own.")
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
     signals = list(dict.fromkeys([*plant.inputs, *plant.outputs]))
@@ -175,14 +234,15 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         if "row" not in str(error):
             raise
         raise type(error)(f"{error} Row 0 is the first line below the header of {arguments.data}.") from None
-    print(diagnoser.report_)
-    if arguments.html:
-        diagnoser.report_.to_html(arguments.html)
-        print(f"\npage: {arguments.html}")
-    if arguments.save:
-        save_augmented(diagnoser.augmented_, arguments.save, verdict=diagnoser.report_.verdict)
-        print(f"augmented simulator: {arguments.save}")
-    return 0
+    arguments.known, report, better = True, diagnoser.report_, diagnoser.augmented_
+    saved, safe = _written(
+        "augmented simulator", arguments.save, lambda path: save_augmented(better, path, verdict=report.verdict)
+    )
+    page, whole = _written("page", arguments.html, report.to_html)
+    print("\n".join([str(report), "", *page, *saved]).rstrip("\n"))
+    if arguments.save and not saved:
+        print(augmented_text(better, verdict=report.verdict), end="")
+    return 0 if safe and whole else 1
 
 
 def _check_time(column: str, X: np.ndarray, y: np.ndarray, clock: np.ndarray, labels: Any, dt: float) -> None:
@@ -206,18 +266,24 @@ def _check_time(column: str, X: np.ndarray, y: np.ndarray, clock: np.ndarray, la
 def _demo(arguments: argparse.Namespace) -> int:
     from sksurrogate.demo import story_actuator_and_sensor, story_linearised
 
+    folder = Path(arguments.html) if arguments.html else None
+    if folder is not None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DataError(f"--html {folder}: no folder can be made there ({_why(error)}).") from error
+    good = True
     for number, story in enumerate((story_actuator_and_sensor, story_linearised), start=1):
         print(f"[demo] story {number} of 2: a diagnosis, less than a minute on a free machine ...", file=sys.stderr)
         told = story()
+        target = None if folder is None else str(folder / f"story_{number}.html")
+        said, whole = _written("page", target, told.report.to_html)
+        good = good and whole
         print(
             f"{'=' * 80}\nStory {number}: {told.title}\n{'=' * 80}\n{told.report}\n\n{textwrap.fill(told.ending, 80)}\n"
         )
-        if arguments.html:
-            folder = Path(arguments.html)
-            folder.mkdir(parents=True, exist_ok=True)
-            told.report.to_html(folder / f"story_{number}.html")
-            print(f"page: {folder / f'story_{number}.html'}\n")
-    return 0
+        print("".join(f"{line}\n\n" for line in said), end="")
+    return 0 if good else 1
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ ROOT = Path(sksurrogate.__file__).parent
 FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py")
 #: From the ground up; a folder or file imports from lower floors only.
 FLOORS = (
-    {"exceptions"},
+    {"exceptions", "_files", "_terminal"},
     {"kernels", "export", "_csv", "_fingerprint", "_lags", "_parallel", "_tables"},
     {"runs", "_checks", "_columns", "metrics"},
     {"_dynamic"},

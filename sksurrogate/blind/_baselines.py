@@ -21,6 +21,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 from sklearn.preprocessing import StandardScaler
 
+from sksurrogate._files import append_line
 from sksurrogate.blind._cases import Question, draw
 from sksurrogate.blind._score import score
 from sksurrogate.blind._solve import Solver, predict
@@ -274,8 +275,8 @@ def run_baselines(rows: Any, out: Any, *, first: int = 10, limit: float = 120.0,
     for found in Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)(
         delayed(_asked)(*t) for t in todo
     ):
-        with open(out, "a", encoding="utf-8") as file:
-            file.writelines(json.dumps(row, default=float) + "\n" for row in found)
+        for row in found:
+            append_line(out, json.dumps(row, default=float))
         count += len(found)
     return count
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
+from sksurrogate._files import append_line
+from sksurrogate._fingerprint import fingerprint
 from sksurrogate.blind._cases import ARMS, draw
 from sksurrogate.blind._follow import followed
 from sksurrogate.blind._own import plant_of
@@ -65,7 +68,9 @@ def run_blind_check(
     x0_spread : array-like (n_states,), optional
         For your own simulator: how far initial states lie about ``simulator.x0``; by default 0.
     resume : path, optional
-        File of rows (JSON lines): rows found there count, new ones are appended.
+        File of rows (JSON lines): rows found there count, those of another diagnosis or another simulator of your own
+        excepted; new ones are appended. Where the file cannot be written, a warning says so and the rows stay in the
+        result.
     n_jobs : int, optional
         Cases abreast, through joblib; each has a diagnosing process of its own.
     diagnosis : str
@@ -103,7 +108,10 @@ def run_blind_check(
     plant = runs = None
     if simulator is not None:
         plant, runs = plant_of(simulator, X=X, groups=groups, input_ranges=input_ranges, x0_spread=x0_spread)
-    rows = stored_rows(resume)
+    own = None  # the value of your own simulator and of what its cases are drawn from
+    if simulator is not None and resume is not None:
+        own = fingerprint((simulator, X, groups, input_ranges, x0_spread), "with resume=, simulator")
+    rows = [row for row in stored_rows(resume) if _belongs(row, diagnosis, own)]
     wanted = [(names[k % len(names)], k // len(names)) for k in range(int(cases))]
     if seed is None:
         have = {arm: sum(row["arm"] == arm for row in rows) for arm in names}
@@ -116,6 +124,7 @@ def run_blind_check(
     try:
         for row in _answered(jobs, n_jobs):
             row["abreast"] = effective_n_jobs(n_jobs)
+            row |= {} if own is None else {"simulator": own}
             rows.append(row)
             _store(resume, row)
             if verbose:
@@ -135,6 +144,8 @@ def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any) -> None:
         raise SurrogateError("n_jobs=0: expected 1 or more cases abreast, or -1 for all cores.")
     if not 0 <= follow_up <= 1:
         raise SurrogateError(f"follow_up={follow_up!r}: expected a share between 0 and 1.")
+    if resume is not None and Path(resume).is_dir():
+        raise SurrogateError(f"resume={str(resume)!r} is a folder: name a file in it.")
     if resume is not None and not Path(resume).absolute().parent.is_dir():
         raise SurrogateError(f"resume={str(resume)!r}: there is no folder {str(Path(resume).absolute().parent)!r}.")
 
@@ -251,8 +262,19 @@ def line(row: dict[str, Any]) -> str:
 
 
 def _store(path: Any, row: dict[str, Any]) -> None:
-    """Append a row."""
-    if path is not None:
-        broken_off = Path(path).exists() and Path(path).read_bytes()[-1:] not in (b"", b"\n")
-        with open(path, "a", encoding="utf-8") as file:
-            file.write("\n" * broken_off + json.dumps(row, default=float) + "\n")
+    """Append a row; a disk that is full must not cost the rows that are known."""
+    if path is None:
+        return
+    try:
+        append_line(path, json.dumps(row, default=float))
+    except OSError as error:
+        warnings.warn(
+            f"resume={str(path)!r} cannot be written ({error.strerror or error}): this row is in the result alone.",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+def _belongs(row: dict[str, Any], diagnosis: str, own: str | None) -> bool:
+    """Whether a stored row answers what is asked now."""
+    return row.get("diagnosis", diagnosis) == diagnosis and row.get("simulator") == own

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._files import write_text
 from sksurrogate.blind import _bars
 from sksurrogate.blind._cases import ARMS
 from sksurrogate.blind._pictures import embedded, missing_terms, overview
@@ -165,7 +166,7 @@ class BlindResult:
             f"</style><h1>Check on withheld effects</h1><p>{len(self.rows)} cases.</p>{picture}{body}</html>\n"
         )
         if path is not None:
-            Path(path).write_text(page, encoding="utf-8")
+            write_text(path, page)
         return page
 
     def __str__(self) -> str:
@@ -179,8 +180,8 @@ class BlindResult:
 
 
 def stored_rows(path: Any) -> list[dict[str, Any]]:
-    """Rows of a file; a line that was broken off is left out."""
-    rows = []
+    """Rows of a file; a line that was broken off is left out, and a case that two processes have answered counts once."""
+    rows, seen = [], set()
     if path is not None and Path(path).exists():
         for text in Path(path).read_text(encoding="utf-8").splitlines():
             try:
@@ -188,7 +189,10 @@ def stored_rows(path: Any) -> list[dict[str, Any]]:
             except json.JSONDecodeError:
                 continue
             if isinstance(row, dict) and "arm" in row:
-                rows.append(row)
+                case = (row["arm"], row.get("seed"), row.get("diagnosis"), row.get("simulator"))
+                if case not in seen or row.get("seed") is None:
+                    rows.append(row)
+                seen.add(case)
     return rows
 
 

@@ -16,6 +16,7 @@ from scipy.stats import qmc
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
+from sksurrogate._files import beside
 from sksurrogate._fingerprint import fingerprint
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.physics import ODESimulator
@@ -310,11 +311,17 @@ def _cached(simulator: Any, U: np.ndarray, X0: np.ndarray, store: tuple[Path, st
     digest.update(np.ascontiguousarray(U).tobytes() + np.ascontiguousarray(X0).tobytes())
     path = store[0] / f"batch_{digest.hexdigest()[:24]}.joblib"
     if path.exists():
-        return joblib.load(path)
+        try:
+            return joblib.load(path)
+        except Exception as error:  # a damaged pickle fails in whatever way its bytes say
+            warnings.warn(
+                f"cache=: {path} is damaged ({type(error).__name__}): its runs are simulated again.",
+                RuntimeWarning,
+                stacklevel=2,
+            )
     runs = _simulate(simulator, U, X0)
-    partial = path.with_suffix(".part")  # an interrupt while writing must not leave half a batch behind
-    joblib.dump(runs, partial)
-    partial.replace(path)
+    with beside(path) as part:  # neither an interrupt nor another process on the same folder leaves half a batch behind
+        joblib.dump(runs, part)
     return runs
 
 

@@ -15,6 +15,7 @@ from scipy.io import loadmat
 from sklearn.datasets import get_data_home
 from sklearn.utils import Bunch
 
+from sksurrogate._files import beside, write_bytes, write_text
 from sksurrogate.exceptions import DataError, require
 
 __all__ = ["fetch_ball_drops", "fetch_cascaded_tanks", "fetch_heat_exchanger", "fetch_silverbox"]
@@ -180,8 +181,8 @@ def fetch_heat_exchanger(data_home: Any = None, *, download_if_missing: bool = T
     path = home / "heat_exchanger.npz"
     if not path.exists() and download_if_missing:
         table = _convert_exchanger(_retrieved(url or _EXCHANGER[0], home, "exchanger.dat"))
-        np.savez(path, q=table[:, 1], th=table[:, 2], Ts=np.array([1.0]))
-        path.with_suffix(".ours").write_text("converted from the text; numpy's file differs from the known one\n")
+        arrays = {"q": table[:, 1], "th": table[:, 2], "Ts": np.array([1.0])}
+        _keep(path, arrays, "converted from the text; numpy's file differs from the known one\n")
     arrays = _known(path, _EXCHANGER[1])
     return Bunch(
         q=arrays["q"].ravel(), th=arrays["th"].ravel(), Ts=float(arrays["Ts"].ravel()[0]),
@@ -225,8 +226,9 @@ def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True,
     path = home / "ball_drops.csv"
     if not path.exists() and download_if_missing and url is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(_retrieved(url, home, "ball_drops.download").read_bytes())
-        path.with_suffix(".ours").write_text(f"from {url}\n")
+        content = _retrieved(url, home, "ball_drops.download").read_bytes()
+        write_text(path.with_suffix(".ours"), f"from {url}\n")
+        write_bytes(path, content)
     if not path.exists():
         raise DataError(
             f"{path} is not there: save the authors' spreadsheet there as CSV with the columns {_BALLS_COLUMNS}, or give url= "
@@ -297,11 +299,15 @@ def _fetch(
             )
         arrays = convert(content)
     path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez(path, **arrays)  # type: ignore[arg-type]
-    path.with_suffix(".ours").write_text(
-        "converted from the official archive; numpy's file differs from the known one\n"
-    )
+    _keep(path, arrays, "converted from the official archive; numpy's file differs from the known one\n")
     return arrays
+
+
+def _keep(path: Path, arrays: dict[str, np.ndarray], note: str) -> None:
+    """Arrays, and beside them the note that they were converted here; the note first, so that none stand without it."""
+    write_text(path.with_suffix(".ours"), note)
+    with beside(path) as part:
+        np.savez(part, **arrays)  # type: ignore[arg-type]
 
 
 def _download(url: str, folder: Path) -> Path:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._files import write_text
 from sksurrogate.effects._arguments import as_arguments, as_text
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
@@ -17,7 +18,7 @@ from sksurrogate.effects._law import LawEffect
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError
 
-__all__ = ["load_augmented", "save_augmented"]
+__all__ = ["augmented_text", "load_augmented", "save_augmented"]
 
 #: A file of names and numbers is small; a larger one is refused unread.
 LARGEST = 2**20
@@ -39,6 +40,8 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     DataError
         An effect has a constructor argument that is no number, text, list, tuple or dict of those; a note cannot be
         written; the text is larger than :func:`load_augmented` reads.
+    OSError
+        The disk is full, or ``path`` is a folder or in none; a file that was there is as it was.
 
     See Also
     --------
@@ -55,6 +58,11 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     ...     load_augmented(make_reactor(), os.path.join(folder, "better.json")).values
     [{'time_constant': 0.05}]
     """
+    write_text(path, augmented_text(augmented, **notes))
+
+
+def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
+    """What :func:`save_augmented` writes."""
     scale = augmented.scale
     for note, value in notes.items():
         try:
@@ -86,7 +94,7 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
             f"the effects and notes make {len(written)} bytes, load_augmented reads at most {LARGEST}: give shorter arguments "
             "and notes, or keep the simulator with skops or joblib."
         )
-    Path(path).write_text(written, encoding="utf-8")
+    return written
 
 
 def _values(effect: BaseEffect, values: Any) -> list[float]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._files import write_text
 from sksurrogate.exceptions import require
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph, Node
@@ -112,6 +113,8 @@ def to_c(model: Any, path: Any = None, name: str = "surrogate", n_sub: int = 4) 
         generator.add(function)
         generator.generate(folder + os.sep)
         code = (Path(folder) / f"{name}.c").read_text()
+        if generator.dump() not in code:  # casadi says nothing where the disk is full
+            raise OSError(28, f"{name}.c came out shorter than it is: is the disk of temporary files full?", folder)
     if path is not None:
-        Path(path).write_text(code)
+        write_text(path, code)
     return code

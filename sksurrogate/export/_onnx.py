@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sksurrogate._files import write_bytes
 from sksurrogate.exceptions import require
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph, Node
@@ -76,7 +76,7 @@ def to_onnx(model: Any, path: Any = None, name: str = "surrogate", n_sub: int = 
     proto = onnx.helper.make_model(body, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=9)
     onnx.checker.check_model(proto)
     if path is not None:
-        Path(path).write_bytes(proto.SerializeToString())
+        write_bytes(path, proto.SerializeToString())
     return proto
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from sksurrogate._files import write_text
 from sksurrogate.gap.render._display import GapDisplay
 from sksurrogate.gap.render._page import html_fragment, html_page, terminal_page
 from sksurrogate.gap.results._report_data import ReportData
@@ -65,8 +66,7 @@ class GapReport(ReportData):
         """One self-contained page; written to ``path`` where given, returned as text."""
         page = html_page(self)
         if path is not None:
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(page)
+            write_text(path, page)
         return page
 
     def _repr_html_(self) -> str:
