@@ -112,12 +112,12 @@ class AugmentedSimulator(BaseSimulator):
     @property
     def inputs(self) -> Any:
         """Names of the inputs."""
-        return getattr(self.simulator, "inputs", None)
+        return self._named("inputs")
 
     @property
     def outputs(self) -> Any:
         """Names of the outputs."""
-        return getattr(self.simulator, "outputs", None)
+        return self._named("outputs")
 
     @property
     def params(self) -> dict[str, float]:
@@ -137,7 +137,14 @@ class AugmentedSimulator(BaseSimulator):
     @property
     def x0(self) -> Any:
         """Initial states by default."""
-        return getattr(self.simulator, "x0", None)
+        return self._named("x0")
+
+    def _named(self, what: str) -> Any:
+        """What the simulator was given, else what it knows by itself."""
+        given = getattr(self.simulator, what, None)
+        if given is None and callable(getattr(self.simulator, "described", None)):
+            return self.simulator.described().get(what)
+        return given
 
     def set_params(self, **params: Any) -> AugmentedSimulator:
         """Set constructor arguments, or single parameters of the simulator as ``params__k=2.0``."""

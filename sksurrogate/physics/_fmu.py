@@ -3,22 +3,63 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from sklearn.utils.metaestimators import available_if
 
 from sksurrogate._columns import by_name
-from sksurrogate.exceptions import SimulatorError, require
-from sksurrogate.physics._fmu_unit import OpenUnit, describe, equal_steps, unpack
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError
+from sksurrogate.physics._fmu_access import Access, Engine, Question, find_access, open_engine
+from sksurrogate.physics._fmu_events import EventSteps
+from sksurrogate.physics._fmu_exchange import ExchangeUnit, offered
+from sksurrogate.physics._fmu_run import check_settable, run_whole
+from sksurrogate.physics._fmu_unit import OpenUnit, describe, unpack
 from sksurrogate.physics._free_run import raise_if_diverged
+from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator
+from sksurrogate.physics._simulator import describe as physics_describe
 
 __all__ = ["FMUSimulator"]
 
+T = TypeVar("T")
+#: Folder of an unpacked unit -> its description; question -> what the unit gives.
+_DESCRIPTIONS: dict[str, Any] = {}
+_FOUND: dict[Question, Access] = {}
+
+
+class _Looked(NamedTuple):
+    """What was found, and for what."""
+
+    key: tuple[Any, ...]
+    folder: str
+    description: Any
+    question: Question
+    found: Access
+
+
+def _has(access: str) -> Callable[[FMUSimulator], bool]:
+    """Whether the unit gives this access."""
+    return lambda self: self._look().found.access == access
+
+
+def _has_output(self: FMUSimulator) -> bool:
+    """Whether outputs are more than states by name."""
+    looked = self._look()
+    if looked.found.access == "trajectory" or looked.found.signals is None:
+        return False
+    return not set(looked.question.outputs) <= set(looked.found.signals.states)
+
 
 class FMUSimulator(ParametricSimulator):
-    """A functional mock-up unit, co-simulation or model exchange, FMI 2 or 3.
+    """A functional mock-up unit, model exchange or co-simulation, FMI 2 or 3.
+
+    What the unit offers decides what can be asked of it. A unit for model exchange without events is a right-hand side of
+    its continuous states. One with events, and a unit for co-simulation that offers a copy of its state, is a step from
+    sample to sample, provided that a chain of single steps from its states alone gives the run that goes through. Any
+    other unit gives trajectories.
 
     Parameters
     ----------
@@ -27,8 +68,8 @@ class FMUSimulator(ParametricSimulator):
     inputs, outputs : list of str, optional
         Variables; those of causality input and output by default.
     initial : list of str, optional
-        Variables that ``x0`` sets, in its order. (They are not called states: a unit gives no access to a right-hand
-        side, so only its trajectories are used.)
+        Variables that ``x0`` sets, in its order; by default the continuous states that the unit names. Other variables,
+        start values say, leave the unit at trajectories.
     params : dict of float, optional
         Start values of parameters.
     dt : float, default=1.0
@@ -36,21 +77,28 @@ class FMUSimulator(ParametricSimulator):
     x0 : array-like, optional
         Values of ``initial`` where ``simulate`` gets none; those of the unit by default.
     fmi_type : {"CoSimulation", "ModelExchange"}, optional
-        First that the unit offers by default.
+        By default the one with the finest access, co-simulation where both give trajectories alone.
+    hold : {"zoh", "foh"}, default="zoh"
+        Inputs are held over a sample, or joined linearly (with a right-hand side only).
+    access : {"rhs", "step", "trajectory"}, optional
+        What is used of the unit; the finest by default. "step" also tries a unit for co-simulation that can only be reset.
 
     Raises
     ------
     MissingExtraError
         FMPy is not installed.
     SimulatorError
-        The file is no safe unit, or a variable is unknown.
+        The file is no safe unit, a variable is unknown, or the unit does not give the access that is asked for.
 
     Notes
     -----
-    Inputs are held over a sample. The unit is unpacked once a process and one instance is used again, put back to its
-    start between runs by a copy of its state where the unit offers one, else by a reset, else by a new instance; a way
-    is kept only once it has given a run equal to that of a new instance (``restart`` tells which). Pickle and clone
-    leave the instance behind and open their own.
+    A point that the unit refuses is nan; points that are not finite, or beyond 1e100, are not offered to it. What the unit
+    says goes into the errors, not onto the screen. ``explain_access()`` says what is used and why nothing finer.
+
+    The unit is unpacked once a process. For trajectories one instance is used again, put back to its start between runs by
+    a copy of its state where the unit offers one, else by a reset, else by a new instance; a way is kept only once it has
+    given a run equal to that of a new instance (``restart`` tells which). Pickle and clone leave the instance behind and
+    open their own.
 
     Examples
     --------
@@ -70,6 +118,8 @@ class FMUSimulator(ParametricSimulator):
         dt: float = 1.0,
         x0: Any = None,
         fmi_type: str | None = None,
+        hold: str = "zoh",
+        access: str | None = None,
     ):
         self.path = path
         self.inputs = inputs
@@ -79,10 +129,16 @@ class FMUSimulator(ParametricSimulator):
         self.dt = dt
         self.x0 = x0
         self.fmi_type = fmi_type
+        self.hold = hold
+        self.access = access
 
     def __getstate__(self) -> dict[str, Any]:
         """Handles stay behind."""
-        return {key: value for key, value in super().__getstate__().items() if key != "_handle"}
+        return {
+            key: value
+            for key, value in super().__getstate__().items()
+            if key not in ("_handle", "_engine_kept", "_looked")
+        }
 
     def _files(self) -> list[Any]:
         """Files whose content is part of the simulator's value."""
@@ -90,33 +146,140 @@ class FMUSimulator(ParametricSimulator):
 
     def close(self) -> None:
         """Free the unit; the next simulation opens it again."""
-        handle = self.__dict__.pop("_handle", None)
-        if handle is not None:
-            handle[0].close()
+        for name in ("_handle", "_engine_kept"):
+            kept = self.__dict__.pop(name, None)
+            if kept is not None:
+                kept[0].close()
 
     @property
     def restart(self) -> str:
         """How the next run gets its start: "state" (copy of the unit's state), "reset" or "new" (another instance)."""
         return self._opened().way
 
+    # ---- what the unit gives ----------------------------------------------------------------------------------------
+    def explain_access(self) -> str:
+        """What is used of the unit, and why nothing finer.
+
+        Returns
+        -------
+        str
+        """
+        found = self._look().found
+        words = {
+            "rhs": "its right-hand side",
+            "step": "its step from sample to sample",
+            "trajectory": "trajectories alone",
+        }
+        states = f", states {list(found.signals.states)}" if found.signals is not None else ""
+        because = f" ({'; '.join(found.reasons)})" if found.reasons else ""
+        return f"{os.fspath(self.path)}: {words[found.access]} by {found.kind}{states}{because}"
+
+    def described(self) -> dict[str, Any]:
+        """What the arguments leave to the unit: names of ``inputs`` and ``outputs``, and the initial states ``x0``."""
+        looked = self._look()
+        own: dict[str, Any] = {"inputs": looked.question.inputs, "outputs": looked.question.outputs}
+        return own if looked.found.start is None else {**own, "x0": looked.found.start}
+
+    @property
+    def states(self) -> list[str] | None:
+        """Names of the continuous states; None where the unit gives trajectories alone."""
+        found = self._look().found
+        return None if found.access == "trajectory" or found.signals is None else list(found.signals.states)
+
+    @available_if(_has("rhs"))
+    def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
+        """dx/dt at points (n_states, *s); nan where the unit refuses."""
+        engine = self._engine()
+        assert isinstance(engine, ExchangeUnit)
+        return _at_points(engine.derivatives, t, x, u, p)
+
+    @available_if(_has("step"))
+    def step(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], dt: float) -> np.ndarray:
+        """The states a time ``dt`` later under held inputs, (n_states, *s); nan where the unit refuses."""
+        engine = self._engine()
+        assert not isinstance(engine, ExchangeUnit)
+        return _at_points(partial(engine.sample, dt=float(dt)), t, x, u, p)
+
+    @available_if(_has_output)
+    def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
+        """Outputs at points, (n_outputs, *s)."""
+        return _at_points(self._engine().outputs, t, x, u, p)
+
+    def _look(self, at_file: bool = True) -> _Looked:
+        """What the unit gives, found out once a process and unit.
+
+        ``at_file`` looks whether the file has changed; between two points of one run it has not.
+        """
+        given = (self.inputs, self.outputs, self.initial)
+        names = tuple(None if one is None else tuple(one) for one in given)
+        params = tuple(dict(self.params or {}).items())
+        key = (os.getpid(), os.fspath(self.path), self.fmi_type, self.access, self.dt, *names, params)
+        kept = self.__dict__.get("_looked")
+        if kept is None or kept.key != key or (at_file and kept.folder != unpack(key[1])):
+            folder = unpack(key[1])
+            if folder not in _DESCRIPTIONS:
+                _DESCRIPTIONS[folder] = describe(folder, self.path)
+            question = self._question(folder, _DESCRIPTIONS[folder])
+            found = self._find(question, _DESCRIPTIONS[folder])
+            self._looked = kept = _Looked(key, folder, _DESCRIPTIONS[folder], question, found)
+        return kept
+
+    def _question(self, folder: str, description: Any) -> Question:
+        """What is asked of the unit."""
+        if self.access not in (None, "rhs", "step", "trajectory"):
+            raise SimulatorError(
+                f'access={self.access!r}: expected "rhs", "step", "trajectory", or None for the finest.'
+            )
+        both = (("CoSimulation", description.coSimulation), ("ModelExchange", description.modelExchange))
+        kinds = [kind for kind, has in both if has]
+        if not kinds or (self.fmi_type is not None and self.fmi_type not in kinds):
+            raise SimulatorError(f"fmi_type={self.fmi_type!r}: the unit {self.path!s} offers {kinds}.")
+        params = dict(self.params or {})
+        self._variables(description, list(params), "parameter")
+        return Question(
+            folder,
+            tuple(kinds) if self.fmi_type is None else (self.fmi_type,),
+            self.access,
+            tuple(self._variables(description, self.inputs, "input")),
+            tuple(self._variables(description, self.outputs, "output")),
+            None if self.initial is None else tuple(self._variables(description, self.initial, "local")),
+            tuple((name, float(value)) for name, value in params.items()),
+            float(self.dt),
+        )
+
+    def _find(self, question: Question, description: Any) -> Access:
+        """The finest access, or that which is asked for."""
+        if question not in _FOUND:
+
+            def through(U: np.ndarray, names: list[str]) -> np.ndarray:
+                unit, t = OpenUnit(question.folder, description, "CoSimulation"), self.dt * np.arange(len(U))
+                try:
+                    return run_whole(
+                        unit, self.path, U, t, self.dt, dict(question.params), list(question.inputs), names
+                    )
+                finally:
+                    unit.close()
+
+            _FOUND[question] = find_access(question, description, through)
+        return _FOUND[question]
+
+    def _engine(self) -> Engine:
+        """The instance that answers for the equations; one for each simulator and process."""
+        looked = self._look(at_file=False)
+        names = tuple(name for name, _ in looked.question.params)
+        key = (looked.key[:-1], looked.folder, names, looked.found.kind, looked.found.access)
+        kept = self.__dict__.get("_engine_kept")
+        if kept is None or kept[1] != key:
+            self._engine_kept = kept = (open_engine(looked.found, looked.question, looked.description), key)
+        return kept[0]
+
     def _opened(self) -> OpenUnit:
-        """The unit in memory; opened on first use and after a change of file or process."""
-        folder = unpack(os.fspath(self.path))
-        handle = self.__dict__.get("_handle")
-        if handle is not None and handle[0].folder == folder and handle[1] == (os.getpid(), self.fmi_type):
-            return handle[0]
-        description = describe(folder, self.path)
-        offered = [
-            k
-            for k, has in (("CoSimulation", description.coSimulation), ("ModelExchange", description.modelExchange))
-            if has
-        ]
-        kind = self.fmi_type or (offered[0] if offered else "")
-        if kind not in offered:
-            raise SimulatorError(f"fmi_type={self.fmi_type!r}: the unit {self.path!s} offers {offered}.")
-        self.close()
-        self._handle = (OpenUnit(folder, description, kind), (os.getpid(), self.fmi_type))
-        return self._handle[0]
+        """The unit in memory for whole runs; opened on first use and after a change of file or process."""
+        looked = self._look()
+        kind, handle = looked.found.kind, self.__dict__.get("_handle")
+        if handle is None or handle[0].folder != looked.folder or handle[1] != (os.getpid(), kind):
+            self._handle = handle = (OpenUnit(looked.folder, looked.description, kind), (os.getpid(), kind))
+        return handle[0]
 
     def _variables(self, description: Any, given: Sequence[str] | None, causality: str) -> list[str]:
         """Names as given, else by causality."""
@@ -129,104 +292,121 @@ class FMUSimulator(ParametricSimulator):
             raise SimulatorError(f"the unit {self.path!s} has no variable {unknown[0]!r}; it has {sorted(known)[:30]}.")
         return names
 
-    def _check_settable(self, description: Any, names: list[str]) -> None:
-        """A unit ignores start values of what it calculates itself: that must not pass in silence."""
-        for variable in description.modelVariables:
-            if (
-                variable.name in names
-                and variable.causality in ("output", "local")
-                and variable.initial not in ("exact", "approx")
-            ):
-                raise SimulatorError(
-                    f"variable {variable.name!r} cannot be set: the unit {self.path!s} calculates it. Name in initial=[...] a start parameter "
-                    'or a variable with initial="exact".'
-                )
-
+    # ---- simulation -------------------------------------------------------------------------------------------------
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: (n_samples, n_outputs)."""
+        looked = self._look()
+        found, question = looked.found, looked.question
+        if found.access == "rhs":
+            return self._integrated(lambda inner: inner.simulate(U, x0, t))
+        if self.hold != "zoh":
+            raise SimulatorError(
+                f'hold={self.hold!r}: inputs of a unit without right-hand side are held over a sample; hold="zoh".'
+            )
+        rows, times = self._checked(U, t, list(question.inputs))
+        start = self._start(question, found, x0)
+        if found.access == "step" and found.kind == "ModelExchange":
+            return self._run_with_events(question, rows, times, start)
+        values = dict(question.params)
+        if start is not None:
+            values |= dict(zip(question.initial or (found.signals.states if found.signals else ()), start.tolist()))
+        check_settable(looked.description, self.path, list(values))
         unit = self._opened()
-        description = unit.description
-        inputs, outputs = (
-            self._variables(description, self.inputs, "input"),
-            self._variables(description, self.outputs, "output"),
-        )
-        initial = self._variables(description, self.initial or (), "local")
+        try:
+            Y = run_whole(unit, self.path, rows, times, self.dt, values, list(question.inputs), list(question.outputs))
+        except SimulatorError:
+            self.__dict__.pop("_handle", None)
+            raise
+        raise_if_diverged(Y[None], times, question.outputs)
+        return Y
+
+    @available_if(_has("rhs"))
+    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
+        """Free runs of equal length, all abreast: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
+        return self._integrated(lambda inner: inner.simulate_batch(U, X0, t))
+
+    @available_if(_has("rhs"))
+    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """States and their derivatives of one run, both (n_samples, n_states)."""
+        return self._integrated(lambda inner: inner.simulate_states(U, x0, t))
+
+    def _integrated(self, run: Callable[[ODESimulator], T]) -> T:
+        """A run of the same equations by this package's integrators."""
+        known = physics_describe(self)
+        inner = ODESimulator(
+            self.rhs, states=known.states, inputs=known.inputs, outputs=known.outputs, params=dict(self.params or {}),
+            dt=self.dt, hold=self.hold, output=self.output if _has_output(self) else None, x0=known.x0,
+        )  # fmt: skip
+        try:
+            return run(inner)
+        except SimulationDiverged as error:
+            raise _with_words(error, str(self._engine().messages)) from error  # type: ignore[union-attr]
+
+    def _run_with_events(
+        self, question: Question, U: np.ndarray, t: np.ndarray, x0: np.ndarray | None
+    ) -> np.ndarray:  # fmt: skip
+        """One run that goes through all events."""
+        engine = self._engine()
+        assert isinstance(engine, EventSteps)
+        try:
+            X, Y = engine.run(t, U, x0, tuple(value for _, value in question.params))
+        except Exception as error:  # whatever a binary and its wrapper raise
+            self.__dict__.pop("_engine_kept", None)
+            said = f"{type(error).__name__}: {error}.{engine.unit.messages}"
+            raise SimulatorError(f"the unit {self.path!s} stopped: {said}") from error
+        raise_if_diverged(X[None], t, engine.unit.signals.states)
+        return Y
+
+    def _checked(self, U: Any, t: Any, inputs: list[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Inputs (n_samples, n_inputs) and times."""
         rows = np.asarray(by_name(U, inputs), dtype=float)
         rows = rows[:, None] if rows.ndim == 1 else rows
         if rows.ndim != 2 or rows.shape[1] != len(inputs):
             raise SimulatorError(
                 f"U has shape {rows.shape}, expected (n_samples, {len(inputs)}): one column for each of {inputs}."
             )
+        if not offered(rows.T).all():
+            row = int(np.flatnonzero(~offered(rows.T))[0])
+            raise SimulatorError(
+                f"U={rows[row].tolist()} in row {row}: a unit is given finite inputs up to 1e100 alone."
+            )
         times = self.dt * np.arange(len(rows)) if t is None else np.asarray(t, dtype=float)
         if times.shape != (len(rows),) or not np.all(np.diff(times) > 0):
             raise SimulatorError(
                 f"t has shape {times.shape}, expected ({len(rows)},): one time for each row of U, each later than the one before."
             )
-        values = dict(self.params or {})
-        self._variables(description, list(values), "parameter")
+        return rows, times
+
+    def _start(self, question: Question, found: Access, x0: Any) -> np.ndarray | None:
+        """Values of the initial states; None: those of the unit."""
         start = self.x0 if x0 is None else x0
-        if start is not None:
-            given = np.asarray(start, dtype=float).reshape(-1)
-            if len(given) != len(initial):
-                raise SimulatorError(
-                    f"x0 has {len(given)} values, expected {len(initial)}: name the variables that it sets, initial=[...]."
-                )
-            values |= dict(zip(initial, given.tolist()))
-        self._check_settable(description, list(values))
-        found = self._run(unit, rows, times, values, inputs, outputs)
-        raise_if_diverged(found[None], times, tuple(outputs))
-        return found
-
-    def _run(
-        self, unit: OpenUnit, rows: np.ndarray, times: np.ndarray, values: dict[str, float], inputs: list[str],
-        outputs: list[str],
-    ) -> np.ndarray:  # fmt: skip
-        """One run; inputs are held by stating each both at its first and just before the next sample."""
-        single = len(rows) == 1
-        if single:
-            rows, times = np.repeat(rows, 2, axis=0), np.array([times[0], times[0] + self.dt])
-        exchange = unit.kind == "ModelExchange"
-        # Two rows at one time are an event: there the solver of a model exchange halts and writes its outputs down.
-        doubled, held = (np.repeat(times, 2)[1:-1], np.repeat(rows[:-1], 2, axis=0)) if exchange else (times, rows)
-        signal = None
-        if inputs or exchange:
-            signal = np.array(
-                [(a, *b) for a, b in zip(doubled, held)], dtype=[("time", float), *((name, float) for name in inputs)]
-            )
-        stretches = [(0, len(times) - 1)] if exchange else equal_steps(times)
-        if len(stretches) > 1 and not unit.description.coSimulation.canHandleVariableCommunicationStepSize:
+        if start is None:
+            return None
+        given = np.asarray(start, dtype=float).reshape(-1)
+        names = question.initial if question.initial is not None else found.signals.states if found.signals else ()
+        if len(given) != len(names):
             raise SimulatorError(
-                f"t has steps from {np.diff(times).min():g} to {np.diff(times).max():g}, but the unit {self.path!s} takes steps of one "
-                "width only (canHandleVariableCommunicationStepSize is false): resample U and t evenly."
+                f"x0 has {len(given)} values, expected {len(names)}: name the variables that it sets, initial=[...]."
             )
+        return given
 
-        def once(instance: Any) -> np.ndarray:
-            parts = [self._stretch(unit, instance, times, a, b, values, signal, outputs) for a, b in stretches]
-            return np.concatenate([part[k > 0 :] for k, part in enumerate(parts)])
 
-        try:
-            found = unit.run(once)
-        except SimulatorError:
-            self.__dict__.pop("_handle", None)
-            raise
-        except Exception as error:
-            self.__dict__.pop("_handle", None)
-            raise SimulatorError(f"the unit {self.path!s} stopped: {type(error).__name__}: {error}.") from error
-        return found[:1] if single else found
+def _at_points(function: Callable[..., np.ndarray], t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
+    """A function of flat points at points of any shape."""
+    states = np.asarray(x, dtype=float)
+    shape = states.shape[1:]
+    if len(shape) == 1 and isinstance(u, np.ndarray) and u.shape[1:] == shape:
+        return function(t, states, u, p)
+    flat = states.reshape(len(states), -1)
 
-    def _stretch(
-        self, unit: OpenUnit, instance: Any, times: np.ndarray, a: int, b: int, values: dict[str, float], signal: np.ndarray | None,
-        outputs: list[str],
-    ) -> np.ndarray:  # fmt: skip
-        """Outputs at the rows a to b, which are evenly apart for a co-simulation; it goes on where the last one ended."""
-        step, last = float(times[a + 1] - times[a]), b == len(times) - 1
-        result = require("fmpy", "fmu").simulate_fmu(
-            unit.folder, model_description=unit.description, fmu_instance=instance, fmi_type=unit.kind, start_time=times[a],
-            stop_time=times[b], step_size=step, output_interval=step, start_values=dict(values), input=signal, output=outputs,
-            relative_tolerance=1e-8, validate=False, initialize=a == 0, terminate=last, set_stop_time=a == 0 and last,
-        )  # fmt: skip
-        clock = np.asarray(result["time"], dtype=float)
-        rows_at = np.searchsorted(clock, times[a : b + 1] - 1e-9 * step, side="left")
-        if rows_at.max() >= len(clock):
-            raise SimulatorError(f"the unit {self.path!s} ended at t = {clock[-1]:g}, before t = {times[b]:g}.")
-        return np.stack([np.asarray(result[name], dtype=float)[rows_at] for name in outputs], axis=1)
+    def spread(value: Any) -> np.ndarray:
+        return np.broadcast_to(np.asarray(value, dtype=float), shape).reshape(-1)
+
+    inputs = np.array([spread(row) for row in u], dtype=float).reshape(-1, flat.shape[1])
+    params = {name: spread(value) if np.ndim(value) else value for name, value in p.items()}
+    return function(spread(t), flat, inputs, params).reshape(-1, *shape)
+
+
+def _with_words(error: SimulationDiverged, said: str) -> SimulationDiverged:
+    """The same error with what the unit said."""
+    return SimulationDiverged(f"{error}{said}", run=error.run, row=error.row, time=error.time, state=error.state)

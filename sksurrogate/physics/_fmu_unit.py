@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 import zipfile
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["OpenUnit", "describe", "equal_steps", "unpack"]
+__all__ = ["Messages", "OpenUnit", "describe", "equal_steps", "new_instance", "unpack"]
 
 #: Largest size of an unpacked unit, bytes.
 _LARGEST = 2_000_000_000
@@ -87,6 +88,31 @@ def equal_steps(times: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(edges[:-1], edges[1:]))
 
 
+class Messages:
+    """The last words of a unit: they go into an error, not onto the screen."""
+
+    def __init__(self) -> None:
+        self._last: deque[str] = deque(maxlen=3)
+
+    def keep(self, text: str) -> None:
+        """Remember what the unit said."""
+        if text not in self._last:
+            self._last.append(text)
+
+    def __str__(self) -> str:
+        return f" The unit said: {' | '.join(self._last)}." if self._last else ""
+
+
+def new_instance(folder: str, description: Any, kind: str, messages: Messages) -> Any:
+    """An instance of an unpacked unit, whose log is kept."""
+
+    def hear(*said: Any) -> None:
+        messages.keep(said[-1].decode(errors="replace") if isinstance(said[-1], bytes) else str(said[-1]))
+
+    simulation = require("fmpy", "fmu").simulation
+    return simulation.instantiate_fmu(folder, description, fmi_type=kind, logger=hear)
+
+
 class OpenUnit:
     """One instance of a unit and its way back to the start.
 
@@ -105,6 +131,7 @@ class OpenUnit:
         offer = description.coSimulation if kind == "CoSimulation" else description.modelExchange
         offered = ["state", "reset", "new"] if offer.canGetAndSetFMUstate else ["reset", "new"]
         self._left = self.ways.setdefault((folder, kind), offered)
+        self.messages = Messages()
         self._open()
 
     @property
@@ -114,8 +141,7 @@ class OpenUnit:
 
     def _open(self) -> None:
         """A new instance, and the copy of its state where that is the way."""
-        fmpy = require("fmpy", "fmu")
-        self.instance = fmpy.simulation.instantiate_fmu(self.folder, self.description, fmi_type=self.kind)
+        self.instance = new_instance(self.folder, self.description, self.kind, self.messages)
         self._state: Any = None
         self._used = False
         if self.way == "state":

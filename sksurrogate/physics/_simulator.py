@@ -22,7 +22,7 @@ class BaseSimulator(BaseEstimator):
     A subclass gives ``simulate(U, x0=None, t=None) -> Y`` for one run. It may give ``rhs(t, x, u, p)``,
     ``step(t, x, u, p, dt)``, ``output(t, x, u, p)``, ``simulate_states(U, x0, t)``, ``simulate_batch(U, X0, t)``,
     ``jacobian(t, x, u, p)``, and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
-    and ``x0``. Any object with ``simulate`` is a simulator; this base only adds ``get_params``, ``clone`` and ``repr``.
+    and ``x0``; ``described()``, a dict of "inputs", "outputs" and "x0", answers where these are None. Any object with ``simulate`` is a simulator; this base only adds ``get_params``, ``clone`` and ``repr``.
 
     Examples
     --------
@@ -140,6 +140,11 @@ def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple
     return tuple(f"{letter}{k}" for k in range(count or 0))
 
 
+def _or(given: Any, own: Any) -> Any:
+    """What the user gave, else what the simulator knows by itself."""
+    return own if given is None else given
+
+
 def describe(
     simulator: Any, *, n_inputs: int | None = None, n_outputs: int | None = None, dt: float | None = None
 ) -> Plant:
@@ -175,8 +180,9 @@ def describe(
         access = "step"
     else:
         access = "trajectory"
-    inputs = _names(getattr(simulator, "inputs", None), n_inputs, "u")
-    outputs = _names(getattr(simulator, "outputs", None), n_outputs, "y")
+    own = simulator.described() if callable(getattr(simulator, "described", None)) else {}
+    inputs = _names(_or(getattr(simulator, "inputs", None), own.get("inputs")), n_inputs, "u")
+    outputs = _names(_or(getattr(simulator, "outputs", None), own.get("outputs")), n_outputs, "y")
     states = _names(getattr(simulator, "states", None), 0, "x")
     twice = [name for k, name in enumerate(states) if name in states[:k]]
     if twice:
@@ -189,7 +195,7 @@ def describe(
                 f"{argument} has {count} columns, but the simulator has {len(given)} {what} {list(given)}: "
                 f"give {argument} the columns of the simulator, in its order."
             )
-    x0 = getattr(simulator, "x0", None)
+    x0 = _or(getattr(simulator, "x0", None), own.get("x0") if access != "trajectory" else None)
     start = np.zeros(len(states)) if x0 is None else np.asarray(x0, dtype=float).reshape(-1)
     own_dt = getattr(simulator, "dt", None)
     return Plant(
