@@ -39,6 +39,7 @@ _HOME = {
     "RecurrentRegressor": "neural",
     "Remembered": "model_selection",
     "RecursivePredictor": "compose",
+    "SparseRegressor": "linear",
     "SplineFeatures": "features",
     "StateSpaceRegressor": "compose",
     "StepSimulator": "physics",
