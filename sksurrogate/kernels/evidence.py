@@ -84,7 +84,7 @@ def weigh(
     --------
     >>> import numpy as np
     >>> found = weigh(np.diag([3.0]), np.array([2.0]), np.array([0]), np.array([1.0]), 4.0, 10.0)
-    >>> found.effective, round(found.noise, 4), found.penalty.round(4)
+    >>> found.effective.round(2), round(found.noise, 4), found.penalty.round(4)
     (array([0.75]), 0.4324, array([0.0811]))
     """
     weight = np.where(groups >= 0, penalty[np.maximum(groups, 0)], 0.0)

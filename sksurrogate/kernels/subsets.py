@@ -65,7 +65,7 @@ def eliminate(A: np.ndarray, b: np.ndarray) -> Elimination:
     norms = np.sqrt(np.einsum("ij,ij->j", A, A))
     norms[norms == 0] = 1.0
     whole = np.vstack([A / norms, TIE * np.eye(p)])
-    R: np.ndarray = np.linalg.qr(np.column_stack([whole, np.append(b, np.zeros(p))]), mode="r")
+    R = np.asarray(np.linalg.qr(np.column_stack([whole, np.append(b, np.zeros(p))]), mode="r"))
     left, order, squares = np.arange(p), [], []
     while len(left):
         k = len(left)
@@ -75,7 +75,7 @@ def eliminate(A: np.ndarray, b: np.ndarray) -> Elimination:
         worst = int(np.argmin(x**2 / np.einsum("ij,ij->i", inverse, inverse)))
         order.append(left[worst])
         left = np.delete(left, worst)
-        R = np.linalg.qr(np.delete(R, worst, axis=1), mode="r")
+        R = np.asarray(np.linalg.qr(np.delete(R, worst, axis=1), mode="r"))
     squares.append(total)
     return Elimination(np.array(order, dtype=int), np.maximum(squares[::-1], ROUNDING * total))
 

@@ -10,7 +10,7 @@ import numpy as np
 __all__ = ["equation"]
 
 
-def equation(left: str, coef: np.ndarray, names: Sequence[Any], intercept: float, digits: int = 4) -> str:
+def equation(left: str, coef: np.ndarray, names: Sequence[Any] | np.ndarray, intercept: float, digits: int = 4) -> str:
     """``left = intercept + coef * name ...`` with the terms that are not zero.
 
     Parameters
