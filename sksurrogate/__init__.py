@@ -17,6 +17,7 @@ _HOME = {
     "CATALOGUE": "effects",
     "CalibratedSimulator": "physics",
     "CallableSimulator": "physics",
+    "CasadiSimulator": "physics",
     "ConformalFreeRun": "model_selection",
     "ControlSimulator": "physics",
     "DerivativeRegressor": "compose",
