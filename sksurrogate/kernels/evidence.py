@@ -94,7 +94,7 @@ def weigh(
     traces = np.array([own[groups == g].sum() for g in range(len(penalty))])
     effective = np.clip(sizes - penalty * traces, 0.0, sizes)
     free = float(np.sum(groups < 0))
-    noise = max(squares / max(n_rows - free - effective.sum(), 1.0), LEAST_NOISE)
+    noise = max(squares / max(n_rows - free - float(effective.sum()), 1.0), LEAST_NOISE)
     lengths = np.array([np.sum(theta[groups == g] ** 2) for g in range(len(penalty))])
     # a penalty beyond the largest curvature leaves nothing of a group: more is the same
     most = float(np.diag(gram).max(initial=0.0)) + LEAST_NOISE
