@@ -36,6 +36,7 @@ OPTIONAL = {
     "fmpy",
     "control",
     "casadi",
+    "mujoco",
     "onnx",
     "dask",
 }

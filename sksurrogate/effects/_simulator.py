@@ -33,7 +33,7 @@ def _is_pointwise(effect: BaseEffect) -> bool:
 
 def _has_rhs(self: AugmentedSimulator) -> bool:
     """Whether the simulator with its effects is a right-hand side of its own states."""
-    return callable(getattr(self.simulator, "rhs", None)) and all(map(_is_pointwise, self.effects))
+    return describe(self.simulator).access == "rhs" and all(map(_is_pointwise, self.effects))
 
 
 def _has_output(self: AugmentedSimulator) -> bool:

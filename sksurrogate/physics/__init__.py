@@ -1,10 +1,10 @@
 """Simulators: the protocol, wrappers, calibration."""
 
 from sksurrogate.physics._calibrate import CalibratedSimulator
-from sksurrogate.physics._casadi import CasadiSimulator
 from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._fmu import FMUSimulator
 from sksurrogate.physics._linearise import Linearisation, linearise, steady_state
+from sksurrogate.physics._mujoco import MuJoCoSimulator
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator
 from sksurrogate.physics._wrappers import CallableSimulator, StepSimulator, TableSimulator
@@ -13,10 +13,10 @@ __all__ = [
     "BaseSimulator",
     "CalibratedSimulator",
     "CallableSimulator",
-    "CasadiSimulator",
     "ControlSimulator",
     "FMUSimulator",
     "Linearisation",
+    "MuJoCoSimulator",
     "ODESimulator",
     "StepSimulator",
     "TableSimulator",

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from sksurrogate.physics._fmu_exchange import ExchangeUnit, Refused
-from sksurrogate.physics._foreign import offered
+from sksurrogate.physics._fmu_exchange import ExchangeUnit, Refused, offered
 
 __all__ = ["EventSteps"]
 

@@ -22,7 +22,9 @@ class BaseSimulator(BaseEstimator):
     A subclass gives ``simulate(U, x0=None, t=None) -> Y`` for one run. It may give ``rhs(t, x, u, p)``,
     ``step(t, x, u, p, dt)``, ``output(t, x, u, p)``, ``simulate_states(U, x0, t)``, ``simulate_batch(U, X0, t)``,
     ``jacobian(t, x, u, p)``, and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
-    and ``x0``; ``described()``, a dict of "inputs", "outputs" and "x0", answers where these are None. Any object with ``simulate`` is a simulator; this base only adds ``get_params``, ``clone`` and ``repr``.
+    and ``x0``; ``described()``, a dict of "inputs", "outputs" and "x0", answers where these are None. ``exact_step = True``
+    says that ``step`` is what the simulator itself does, and ``rhs`` only its limit: then ``step`` is used where both are
+    there. Any object with ``simulate`` is a simulator; this base only adds ``get_params``, ``clone`` and ``repr``.
 
     Examples
     --------
@@ -173,7 +175,8 @@ def describe(
             "for example in sksurrogate.physics.CallableSimulator or ODESimulator."
         )
     has_states = getattr(simulator, "states", None) is not None
-    jumps = bool(getattr(simulator, "events", None)) and callable(getattr(simulator, "step", None))
+    stepwise = bool(getattr(simulator, "events", None)) or bool(getattr(simulator, "exact_step", False))
+    jumps = stepwise and callable(getattr(simulator, "step", None))
     if callable(getattr(simulator, "rhs", None)) and has_states and not jumps:
         access = "rhs"
     elif callable(getattr(simulator, "step", None)) and has_states:

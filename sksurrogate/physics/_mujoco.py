@@ -1,0 +1,414 @@
+"""Robots and mechanisms of MuJoCo as simulators."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from sklearn.utils.metaestimators import available_if
+
+from sksurrogate._columns import by_name
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._free_run import raise_if_diverged
+from sksurrogate.physics._mujoco_engine import Engine, Points
+from sksurrogate.physics._mujoco_patch import patched
+from sksurrogate.physics._mujoco_read import Resolved, known_names, listed, whole_steps
+from sksurrogate.physics._mujoco_source import identity, read_model
+from sksurrogate.physics._params import ParametricSimulator
+
+__all__ = ["MuJoCoSimulator"]
+
+
+def _is_markov(self: MuJoCoSimulator) -> bool:
+    return self._engine().markov
+
+
+def _has_sensors(self: MuJoCoSimulator) -> bool:
+    return self._engine().markov and not set(self.outputs) <= set(self.states)
+
+
+class MuJoCoSimulator(ParametricSimulator):
+    """A MuJoCo model: robots, hands, mechanisms, with contacts.
+
+    Parameters
+    ----------
+    model : path, str or ``mujoco.MjModel``
+        File of MJCF or URDF, XML text (it starts with ``<``), or a compiled model. The model given is never written.
+    inputs : list of str, optional
+        Actuators by name; all of them by default. A port (a joint, see Attributes) may stand here too: a force in it is
+        then an input, which is the way to drive a URDF, since a URDF has no actuators.
+    outputs : list of str, optional
+        States or sensors by name; by default the sensors, or the states where the model has no sensor. Components of a
+        sensor of three numbers are ``<sensor>.x``, ``.y``, ``.z``, of a quaternion ``.w``, ``.x``, ``.y``, ``.z``.
+    params : dict of float, or list of str, optional
+        Parameters and their values, or names whose values are the model's. By default all: ``<joint>.damping``,
+        ``.frictionloss``, ``.armature``, ``.stiffness``; ``<body>.mass`` (the inertia goes with it); ``<actuator>.gear``,
+        and ``.kp``, ``.kv`` of servos; ``<geom>.friction``, ``.torsional_friction``, ``.rolling_friction`` of geoms that
+        collide.
+    dt : float, optional
+        Sample time, a multiple of the model's timestep; by default the timestep.
+    x0 : array-like (n_states,), optional
+        Initial state; by default the model's (``qpos0`` at rest). :meth:`keyframe` gives those that the model stores.
+    n_threads : int, optional
+        Threads over which runs and points are spread; 1 by default, -1: one for each core.
+
+    Attributes
+    ----------
+    states : list of str
+        ``<joint>.pos`` of every joint, then ``<joint>.vel``, then ``<actuator>.act`` of actuators with a state. A free
+        joint has ``.pos.x``, ``.y``, ``.z``, ``.qw``, ``.qx``, ``.qy``, ``.qz`` and ``.vel.x``, ``.y``, ``.z``, ``.rx``,
+        ``.ry``, ``.rz``; a ball joint the last four and the last three. Units are those of the model (rad, m, s).
+    ports : list of str
+        Where a generalised force can enter beside the inputs: the joints; ``<joint>.x`` to ``<joint>.rz`` of those with
+        several degrees of freedom; ``<joint>.force`` where an actuator has the joint's name. In N m or N.
+    kinematic : list of str
+        States that are integrals of others: all positions.
+
+    Raises
+    ------
+    MissingExtraError
+        MuJoCo is not installed.
+    SimulatorError
+        The model cannot be read, or has no such actuator, state, sensor or parameter; ``dt`` is no multiple of the
+        timestep.
+
+    Notes
+    -----
+    ``simulate`` takes the steps that ``mujoco.mj_step`` takes: same integrator, same timestep, same numbers. That step is
+    what a diagnosis uses (``exact_step``). ``rhs`` is the forward dynamics, the limit of short steps: the same as
+    ``mujoco.mj_forward``. Points and runs go through MuJoCo's batched rollout, with one copy of the model for each set of
+    parameters. Models with a memory beyond these states (delayed actuators or sensors, plastic joints, plugins) give
+    trajectories only. Inputs are held over a sample. A sensor's row k is its reading at the state and input of row k.
+
+    Elements without a name are called ``joint0``, ``body1``, ``actuator2`` by their kind and number.
+
+    References
+    ----------
+    Todorov, Erez, Tassa, *MuJoCo: A physics engine for model-based control*, IROS (2012) 5026-5033.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sksurrogate.physics import MuJoCoSimulator
+    >>> pendulum = MuJoCoSimulator('''
+    ...     <mujoco>
+    ...       <worldbody>
+    ...         <body>
+    ...           <joint name="hinge" axis="0 1 0" damping="0.1"/>
+    ...           <geom type="sphere" size="0.05" pos="0 0 -0.5" mass="1"/>
+    ...         </body>
+    ...       </worldbody>
+    ...       <actuator><motor name="torque" joint="hinge"/></actuator>
+    ...     </mujoco>''', outputs=["hinge.pos"], dt=0.01)
+    >>> pendulum.states, pendulum.inputs, pendulum.ports
+    (['hinge.pos', 'hinge.vel'], ['torque'], ['hinge'])
+    >>> float(pendulum.simulate(np.full((200, 1), 0.5)).max().round(3))
+    0.191
+    """
+
+    inputs: Any = Resolved()
+    outputs: Any = Resolved()
+    params: Any = Resolved()
+    dt: Any = Resolved()
+    x0: Any = Resolved()
+    hold = "zoh"
+    exact_step = True
+
+    def __init__(
+        self,
+        model: Any,
+        *,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        params: Mapping[str, float] | Sequence[str] | None = None,
+        dt: float | None = None,
+        x0: Any = None,
+        n_threads: int | None = None,
+    ):
+        self.model = model
+        self.inputs = inputs
+        self.outputs = outputs
+        self.params = params
+        self.dt = dt
+        self.x0 = x0
+        self.n_threads = n_threads
+
+    # ---- what was given, and what it means --------------------------------------------------------------------------
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Constructor arguments as given; with ``deep`` also every parameter as ``params__<name>``."""
+        out = {name: self.__dict__[name] for name in self._get_param_names()}
+        if deep:
+            out.update({f"params__{name}": value for name, value in self.params.items()})
+        return out
+
+    def set_params(self, **params: Any) -> MuJoCoSimulator:
+        """Set constructor arguments, or single parameters as ``params__<name>`` (in a new dict)."""
+        for name in set(params) & set(self._get_param_names()):
+            setattr(self, name, params.pop(name))
+        super().set_params(**params)
+        return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The model in memory stays behind."""
+        return {key: value for key, value in super().__getstate__().items() if key != "_handle"}
+
+    def close(self) -> None:
+        """Free the model in memory and its threads; the next simulation opens it again."""
+        handle = self.__dict__.pop("_handle", None)
+        if handle is not None and handle[1].alive:
+            handle[1].close()
+
+    def _engine(self) -> Engine:
+        """The model in memory; opened on first use and after a change of source, threads or process."""
+        key = (identity(self.model), self._threads())
+        handle = self.__dict__.get("_handle")
+        if handle is None or handle[0] != key or not handle[1].alive:
+            self._handle = handle = (key, Engine(read_model(self.model), key[1]))
+        return handle[1]
+
+    def _threads(self) -> int:
+        given = self.n_threads
+        if given is None:
+            return 1
+        if not isinstance(given, Integral) or (given < 1 and given != -1):
+            raise SimulatorError(f"n_threads={given!r}: expected None, -1 or a positive integer.")
+        return os.cpu_count() or 1 if given == -1 else int(given)
+
+    def _read_inputs(self, given: Sequence[str] | None) -> list[str]:
+        layout = self._engine().layout
+        names = list(layout.controls) if given is None else listed(given)
+        return known_names(names, (*layout.controls, *layout.ports), "inputs", "is neither an actuator nor a joint")
+
+    def _read_outputs(self, given: Sequence[str] | None) -> list[str]:
+        layout = self._engine().layout
+        names = list(layout.sensors or layout.states) if given is None else listed(given)
+        return known_names(names, (*layout.states, *layout.sensors), "outputs", "is neither a state nor a sensor")
+
+    def _read_params(self, given: Any) -> dict[str, float]:
+        own = self._engine().parameters
+        names = list(own) if given is None else known_names(listed(given), tuple(own), "params", "is no parameter")
+        return {name: float(given[name]) if isinstance(given, Mapping) else own[name].value for name in names}
+
+    def _read_dt(self, given: float | None) -> float:
+        step = self._engine().timestep
+        if given is not None:
+            whole_steps(np.array([float(given)]), step, "dt is")
+        return step if given is None else float(given)
+
+    def _read_x0(self, given: Any) -> np.ndarray:
+        engine = self._engine()
+        return engine.start if given is None else self._checked_x0(np.asarray(given, dtype=float).reshape(-1), engine)
+
+    def _checked_x0(self, start: np.ndarray, engine: Engine) -> np.ndarray:
+        if start.shape[-1] != engine.n_states:
+            raise SimulatorError(
+                f"x0 has {start.shape[-1]} values, expected {engine.n_states}: one for each of states={self.states}."
+            )
+        return start
+
+    @property
+    def states(self) -> list[str]:
+        """Positions, velocities and activations by name."""
+        return list(self._engine().layout.states)
+
+    @property
+    def ports(self) -> list[str]:
+        """Where forces can enter that are no inputs."""
+        taken = set(self.inputs)
+        return [name for name in self._engine().layout.ports if name not in taken]
+
+    @property
+    def kinematic(self) -> list[str]:
+        """States that are integrals of others."""
+        return list(self._engine().layout.positions)
+
+    @property
+    def timestep(self) -> float:
+        """Step of the model's integrator."""
+        return self._engine().timestep
+
+    def keyframe(self, name: str) -> np.ndarray:
+        """State (n_states,) of a keyframe of the model, to be given as ``x0``.
+
+        Raises
+        ------
+        SimulatorError
+            The model has no such keyframe.
+        """
+        model = self._engine().origin
+        known = [model.key(i).name for i in range(model.nkey)]
+        known_names([name], known, "name", "is no keyframe")
+        key = model.key(name)
+        return np.concatenate([key.qpos, key.qvel, key.act])
+
+    # ---- points -----------------------------------------------------------------------------------------------------
+    @available_if(_is_markov)
+    def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any = None) -> np.ndarray:
+        """Time derivative of the states: the model's forward dynamics.
+
+        Parameters
+        ----------
+        t : float or array of shape s
+        x : array-like (n_states, *s)
+        u : array-like (n_inputs, *s)
+        p : dict of float or of arrays of shape s
+            Those that are missing have the model's values.
+        forces : array-like (n_ports, *s), optional
+            What enters at the ports; nothing by default.
+
+        Returns
+        -------
+        ndarray (n_states, *s)
+            nan where MuJoCo cannot go on.
+        """
+        shape, at = self._points(t, x, u, p, forces)
+        return self._engine().rates(at).reshape(-1, *shape)
+
+    @available_if(_is_markov)
+    def step(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], dt: float, forces: Any = None) -> np.ndarray:
+        """States (n_states, *s) a time ``dt`` later; inputs and forces are held. Other arguments as in :meth:`rhs`.
+
+        A time that is no multiple of the model's timestep is cut into equal shorter steps.
+        """
+        shape, at = self._points(t, x, u, p, forces)
+        return self._engine().step(at, float(dt)).reshape(-1, *shape)
+
+    @available_if(_has_sensors)
+    def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any = None) -> np.ndarray:
+        """Outputs (n_outputs, *s), where some are sensors. Arguments as in :meth:`rhs`."""
+        shape, at = self._points(t, x, u, p, forces)
+        read = self._engine().sensors(at)
+        return self._select(at.x, read, axis=0).reshape(-1, *shape)
+
+    def _points(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any) -> tuple[tuple[int, ...], Points]:
+        """Shape s, and where the engine is asked."""
+        states = np.asarray(x, dtype=float)
+        shape, size = states.shape[1:], int(np.prod(states.shape[1:]))
+
+        def flat(value: Any) -> np.ndarray:
+            return np.broadcast_to(np.asarray(value, dtype=float), shape).reshape(-1)
+
+        layout = self._engine().layout
+        controls, entering = np.zeros((len(layout.controls), size)), None
+        rows = list(zip(self.inputs, u)) + ([] if forces is None else list(zip(self.ports, forces)))
+        for name, value in rows:
+            if name in layout.controls:
+                controls[layout.controls.index(name)] = flat(value)
+            else:
+                entering = np.zeros((len(layout.ports), size)) if entering is None else entering
+                entering[layout.ports.index(name)] = flat(value)
+        params = {name: value if np.ndim(value) == 0 else flat(value) for name, value in p.items()}
+        return shape, Points(flat(t), states.reshape(len(states), size), controls, entering, params)
+
+    def _select(self, states: np.ndarray, sensors: np.ndarray, axis: int) -> np.ndarray:
+        """Outputs, stacked along an axis, from states and sensor components."""
+        layout = self._engine().layout
+        known = layout.states
+        parts = [
+            np.take(states, known.index(name), axis) if name in known else np.take(sensors, layout.sensors[name], axis)
+            for name in self.outputs
+        ]
+        return np.stack(parts, axis)
+
+    # ---- runs -------------------------------------------------------------------------------------------------------
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run.
+
+        Parameters
+        ----------
+        U : array-like (n_samples, n_inputs)
+        x0 : array-like (n_states,), optional
+        t : array-like (n_samples,), optional
+            Times, multiples of the model's timestep apart; default ``dt * arange(n_samples)``.
+
+        Returns
+        -------
+        ndarray (n_samples, n_outputs)
+
+        Raises
+        ------
+        SimulationDiverged
+            A state left the finite numbers.
+        SimulatorError
+            U, x0 or t does not fit the model.
+        """
+        inputs = np.asarray(by_name(U, self.inputs), dtype=float)
+        inputs = inputs[:, None] if inputs.ndim == 1 else inputs
+        X, read, _ = self._run(inputs[None], x0, t)
+        return self._select(X, read, axis=2)[0]
+
+    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
+        """Free runs of equal length: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
+        X, read, _ = self._run(np.asarray(U, dtype=float), X0, t)
+        return self._select(X, read, axis=2)
+
+    @available_if(_is_markov)
+    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """States of one run and their derivatives with the input that acts from t_k on, both (n_samples, n_states)."""
+        inputs = np.asarray(by_name(U, self.inputs), dtype=float)
+        inputs = inputs[:, None] if inputs.ndim == 1 else inputs
+        X, _, times = self._run(inputs[None], x0, t)
+        return X[0], self.rhs(times, X[0].T, inputs.T, self.params).T
+
+    def _run(self, U: np.ndarray, X0: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States (n_runs, n_samples, n_states), sensor components (n_runs, n_samples, n_components), times."""
+        engine, names = self._engine(), self.inputs
+        if U.ndim != 3 or U.shape[2] != len(names):
+            raise SimulatorError(
+                f"U has shape {U.shape if U.ndim != 3 or len(U) > 1 else U.shape[1:]}, expected (n_samples, {len(names)}): "
+                f"one column for each of inputs={names}."
+            )
+        if not np.all(np.isfinite(U)):
+            row = int(np.flatnonzero(~np.isfinite(U).all(axis=(0, 2)))[0])
+            raise SimulatorError(f"U is not finite in row {row}: interpolate or cut the record there.")
+        times = self.dt * np.arange(U.shape[1]) if t is None else np.asarray(t, dtype=float)
+        if times.shape != (U.shape[1],) or not len(times):
+            raise SimulatorError(f"t has shape {times.shape}, expected ({U.shape[1]},): one time for each row of U.")
+        start = self.x0 if X0 is None else self._checked_x0(np.asarray(X0, dtype=float), engine)
+        counts = whole_steps(np.diff(times), engine.timestep, "rows of t are apart by")
+        layout = engine.layout
+        entries = (*layout.controls, *layout.ports)
+        controls = np.zeros((len(U), int(counts.sum()) + 1, len(entries)))
+        controls[:, :, [entries.index(name) for name in names]] = np.repeat(U, np.append(counts, 1), axis=1)
+        rows = np.concatenate([[0], np.cumsum(counts)])
+        X0 = np.broadcast_to(start, (len(U), engine.n_states))
+        X, read = engine.runs(float(times[0]), X0, controls, self.params, rows)
+        raise_if_diverged(X, times, layout.states)
+        return X, read, times
+
+    # ---- back to MuJoCo ---------------------------------------------------------------------------------------------
+    def to_mjcf(self, path: Any = None) -> str:
+        """The model with the parameters of this simulator, as MJCF.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write.
+
+        Returns
+        -------
+        str
+            The text. An MJCF file keeps its own text but for the numbers that changed. Where an element stands in an
+            included file or has no name, and for a URDF, MuJoCo writes the whole model anew (numbers of six digits).
+
+        Raises
+        ------
+        SimulatorError
+            ``model`` is compiled and holds no XML, or MJCF cannot say what ``params`` says.
+
+        Examples
+        --------
+        >>> from sksurrogate.physics import MuJoCoSimulator
+        >>> slider = MuJoCoSimulator('''<mujoco><worldbody><body><joint name="rail" type="slide"/>
+        ...     <geom size="0.1"/></body></worldbody></mujoco>''')
+        >>> print(slider.set_params(**{"params__rail.damping": 0.25}).to_mjcf())
+        <mujoco><worldbody><body><joint name="rail" type="slide" damping="0.25" />
+            <geom size="0.1" /></body></worldbody></mujoco>
+        """
+        engine = self._engine()
+        return patched(
+            self.model, engine.with_values(self.params), engine.changed(self.params), engine.parameters, path
+        )

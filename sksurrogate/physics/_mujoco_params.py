@@ -1,0 +1,124 @@
+"""Parameters of a MuJoCo model by name: where they stand, how they are read and written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import require
+from sksurrogate.physics._mujoco_layout import name_of
+
+__all__ = ["ModelParameter", "assign", "read_parameters"]
+
+#: Friction of a geom: its three columns.
+_FRICTION = ("friction", "torsional_friction", "rolling_friction")
+
+
+@dataclass(frozen=True)
+class ModelParameter:
+    """One number of a model.
+
+    Attributes
+    ----------
+    element : {"joint", "body", "actuator", "geom"}
+    index : int
+        Number of the element.
+    quantity : str
+        Last part of the name.
+    value : float
+        The model's own.
+    """
+
+    element: str
+    index: int
+    quantity: str
+    value: float
+
+    def admits(self, value: Any) -> Any:
+        """Whether a model can have this value (elementwise)."""
+        return np.isfinite(value) & ((np.asarray(value) > 0) | (self.quantity != "mass"))
+
+
+def read_parameters(model: Any) -> dict[str, ModelParameter]:
+    """Everything that can be re-tuned, by name.
+
+    Parameters
+    ----------
+    model : ``mujoco.MjModel``
+
+    Returns
+    -------
+    dict of ModelParameter
+    """
+    found: list[tuple[str, int, str, float]] = []
+    for i, dof in enumerate(model.jnt_dofadr):
+        found += [("joint", i, name, float(getattr(model, f"dof_{name}")[dof])) for name in ("damping", "frictionloss", "armature")]  # fmt: skip
+        found.append(("joint", i, "stiffness", float(model.jnt_stiffness[i])))
+    for i in range(1, model.nbody):
+        if model.body_mass[i] > 0:
+            found.append(("body", i, "mass", float(model.body_mass[i])))
+    for i in range(len(model.actuator_trntype)):
+        found += [("actuator", i, *item) for item in _of_actuator(model, i)]
+    for i in range(model.ngeom):
+        if model.geom_contype[i] or model.geom_conaffinity[i]:
+            found += [("geom", i, name, float(model.geom_friction[i, k])) for k, name in enumerate(_FRICTION)]
+    out: dict[str, ModelParameter] = {}
+    for element, i, quantity, value in found:
+        out.setdefault(f"{name_of(model, element, i)}.{quantity}", ModelParameter(element, i, quantity, value))
+    return out
+
+
+def _of_actuator(model: Any, i: int) -> list[tuple[str, float]]:
+    """Gear, and the gains of servos."""
+    mujoco = require("mujoco", "mujoco")
+    gear, out = float(model.actuator_gear[i, 0]), []
+    if gear != 0:
+        out.append(("gear", gear))
+    fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    affine = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+    gain, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
+    if fixed and affine and gain > 0:
+        if gain == -bias[1]:  # a position servo: force = kp (target - length) - kv velocity
+            out += [("kp", gain), ("kv", float(-bias[2]))]
+        elif gain == -bias[2] and bias[1] == 0:  # a velocity servo: force = kv (target - velocity)
+            out.append(("kv", gain))
+    return out
+
+
+def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], values: Mapping[str, float]) -> None:
+    """Write values into a copy of a model (what follows from them, ``mj_setConst`` computes).
+
+    Parameters
+    ----------
+    model : ``mujoco.MjModel``
+        Written.
+    origin : ``mujoco.MjModel``
+        The model as it was read.
+    parameters : dict of ModelParameter
+        Those of ``origin``.
+    values : dict of float
+    """
+    for name, value in values.items():
+        one = parameters[name]
+        i = one.index
+        if one.element == "joint":
+            if one.quantity == "stiffness":
+                model.jnt_stiffness[i] = value
+            else:
+                getattr(model, f"dof_{one.quantity}")[model.dof_jntid == i] = value
+        elif one.element == "body":  # same shape, another density: the inertia goes with the mass
+            model.body_mass[i] = value
+            model.body_inertia[i] = origin.body_inertia[i] * (value / origin.body_mass[i])
+        elif one.element == "geom":
+            model.geom_friction[i, _FRICTION.index(one.quantity)] = value
+        elif one.quantity == "gear":
+            model.actuator_gear[i, 0] = value
+        elif one.quantity == "kp":
+            model.actuator_gainprm[i, 0], model.actuator_biasprm[i, 1] = value, -value
+        else:
+            model.actuator_biasprm[i, 2] = -value
+            if origin.actuator_gainprm[i, 0] == -origin.actuator_biasprm[i, 2] and origin.actuator_biasprm[i, 1] == 0:
+                model.actuator_gainprm[i, 0] = value
