@@ -3,8 +3,8 @@ What can be said about a model that comes as a binary?
 ======================================================
 
 A unit for co-simulation without a copy of its state gives trajectories and nothing else: no equation, no state to add a term to.
-Effects on inputs, sensors and parameters can still be told, and the report says what could not be tested. The unit is built here, of the paper's Eq. (9); the plant is the
-same reactor, started at the same point, with an analyser that reads half a unit high.
+Effects on inputs, sensors and parameters can still be told, and the report says what could not be tested. The unit is built here,
+of the paper's Eq. (9); the plant is the same reactor, started at the same point, with an analyser that reads half a unit high.
 """
 
 import tempfile

@@ -16,6 +16,9 @@ from sksurrogate.compose._network import describe_network
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.integrate import rk4
+from sksurrogate.linear import SparseRegressor
+from sksurrogate.linear._base import BaseBlockedRegressor
+from sksurrogate.linear._equation import equation
 from sksurrogate.physics._free_run import hold_inputs
 from sksurrogate.runs import Runs
 
@@ -60,6 +63,8 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     n_sub_ : int
     free_run_rmse_ : float
         On the training runs; inf where one diverges.
+    output_names_, input_names_ : list of str
+        Columns of the frames, else "y" and "u" (numbered where there are several).
     n_features_in_ : int
 
     Notes
@@ -140,6 +145,9 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             raise ValueError(f"window={self.window!r}, n_sub={self.n_sub!r}: both must be at least 1.")
         runs = self._resolve(X, y, groups, reset=True, min_rows=2 if dydt is None else 1)
         self.n_initial_ = 1
+        o, m = len(self.y_mean_), runs[0].X.shape[1]
+        self.output_names_ = list(runs.output_names or (["y"] if o == 1 else [f"y{k}" for k in range(o)]))
+        self.input_names_ = list(runs.input_names or (["u"] if m == 1 else [f"u{k}" for k in range(m)]))
         if dydt is None:
             self._fit_weak(WeakForm(runs, self.window, self.hold == "zoh"))
         else:
@@ -237,19 +245,57 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         points = np.concatenate([rows.reshape(len(rows), -1), np.asarray(X, dtype=float)], axis=1)
         return self._f(points).reshape(rows.shape)
 
+    def equations(self, digits: int = 4) -> list[str]:
+        """The differential equations as text, where the model is linear in named features.
+
+        Parameters
+        ----------
+        digits : int, default=4
+            Significant digits.
+
+        Returns
+        -------
+        list of str
+            One an output, such as ``"dy/dt = 8 - 2 y"``.
+
+        Raises
+        ------
+        DataError
+            The regressor has no ``coef_``, or a transformer before it no ``get_feature_names_out``.
+        """
+        check_is_fitted(self, "estimator_")
+        steps = [step for _, step in getattr(self.estimator_, "steps", None) or [("model", self.estimator_)]]
+        model, made = steps[-1], [*steps[:-1], getattr(steps[-1], "features_", None)]
+        if not hasattr(model, "coef_"):
+            raise DataError(f"{type(model).__name__} has no coef_: equations need a model that is linear in features.")
+        names = np.array([*self.output_names_, *self.input_names_], dtype=object)
+        for step in made:
+            if step is None or step == "passthrough":
+                continue
+            if not hasattr(step, "get_feature_names_out"):
+                raise DataError(f"{type(step).__name__} names no features: it needs get_feature_names_out.")
+            names = step.get_feature_names_out(names)
+        coef = np.atleast_2d(model.coef_)
+        constant = np.broadcast_to(np.atleast_1d(model.intercept_), (len(coef),))
+        left = [f"d{name}/dt" for name in self.output_names_]
+        return [equation(name, c, names, b, digits) for name, c, b in zip(left, coef, constant)]
+
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _fit_weak(self, weak: WeakForm) -> None:
         """One linear fit to the integrals of the features, or a few rounds of corrected targets."""
         found = clone(self.estimator)
         steps = list(getattr(found, "steps", None) or [("model", found)])
         model = steps[-1][1]
-        if type(model).__module__.startswith("sklearn.linear_model"):
+        own = isinstance(model, BaseBlockedRegressor) and model.features is None
+        if own or type(model).__module__.startswith("sklearn.linear_model"):
             features = weak.points
             for _, step in steps[:-1]:
                 if step is not None and not isinstance(step, str):
                     features = step.fit_transform(features)
             features = features.toarray() if hasattr(features, "toarray") else np.asarray(features)
-            model.fit(weak.mean(features), _narrow(weak.targets))
+            # windows overlap: the evidence of terms must not take every row for a witness of its own
+            weight = {"sample_weight": weak.weights} if isinstance(model, SparseRegressor) else {}
+            model.fit(weak.mean(features), _narrow(weak.targets), **weight)
             self.estimator_ = found
             return
         target = weak.targets

@@ -11,10 +11,8 @@ from sklearn.base import clone
 from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
 from sksurrogate.exceptions import DataError
-from sksurrogate.kernels.integrate import rk4
-from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.smoother import noise_of_differences, smooth
-from sksurrogate.kernels.stiff import rosenbrock
+from sksurrogate.kernels.stiff import one_sample
 from sksurrogate.physics._free_run import hold_inputs
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant, simulated
@@ -139,10 +137,7 @@ class ForceCorrection(DynamicsCorrection):
             )
         if inner.access == "step":
             return self._moved(t, x, mean[0])
-        if self.model.stiff:
-            first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
-            return rosenbrock(self._moved, t, x, first, last, dt, self.model.n_sub)
-        return rk4(self._moved, t, x, mean, half, dt / len(mean))
+        return one_sample(self._moved, t, x, mean, half, dt, self.model.stiff)
 
     def _order(self) -> int:
         plant = self._inner.plant
@@ -235,23 +230,19 @@ class _Path:
     """States and force of the training runs as one state vector, in the form that the smoother asks for."""
 
     def __init__(self, correction: ForceCorrection, known: np.ndarray):
-        self.c, record = correction, correction.model.record
-        signals = [hold(u, correction.model.n_sub, correction._order(), record.starts) for u in record.u]
-        shape = (correction.model.n_sub, 0, 1, record.n_samples)
-        self.mean = np.stack([s.mean for s in signals], axis=1) if signals else np.zeros(shape)
-        halves: Sequence[Any] = [s.half for s in signals]
-        self.half = np.stack(halves, axis=1) if halves and halves[0] is not None else None
+        self.c = correction
+        self.mean, self.half = correction.model.held
         self.n = correction.model.n_states
         self.after = np.concatenate([known[:, 1:], known[:, -1:]], axis=1)
         self.known = known
 
-    def __call__(self, z: np.ndarray) -> np.ndarray:
+    def __call__(self, x: np.ndarray) -> np.ndarray:
         """(n_states + n_targets, n_columns, n_samples) one sample later: the force is expected where it is known to be."""
-        x, force = z[: self.n], z[self.n :]
-        moved = self.c._sample(self.c.model.record.t, x, self.mean, self.half, force)
+        force = x[self.n :]
+        moved = self.c._sample(self.c.model.record.t, x[: self.n], self.mean, self.half, force)
         return np.concatenate([moved, self.after[:, None] + force - self.known[:, None]])
 
-    def outputs(self, z: np.ndarray) -> np.ndarray:
+    def outputs(self, x: np.ndarray) -> np.ndarray:
         """Measured outputs (n_outputs, n_columns, n_samples)."""
         u = self.mean[0] if self.half is None else self.mean[0] - self.half[0]
-        return self.c._inner.output(self.c.model.record.t, z[: self.n], u)
+        return self.c._inner.output(self.c.model.record.t, x[: self.n], u)

@@ -1,8 +1,7 @@
-"""A learned term inside a plant, linear in its coefficients, in the form that the kernel of free-run fits asks for."""
+"""A learned term inside a plant, linear in its coefficients: a :class:`~sksurrogate.kernels.free_run_model.FreeRunModel`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Any
@@ -11,9 +10,8 @@ import numpy as np
 from sklearn.base import clone
 
 from sksurrogate.compose._domain import Domain
-from sksurrogate.kernels.integrate import rk4
-from sksurrogate.kernels.signals import hold
-from sksurrogate.kernels.stiff import rosenbrock
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.stiff import one_sample
 from sksurrogate.physics._fit_model import FitModel
 
 __all__ = ["Basis", "BoundTermModel", "TermModel"]
@@ -86,7 +84,7 @@ class TermModel:
     on_inputs: bool
 
     @property
-    def record(self) -> Any:
+    def record(self) -> Record:
         """The data."""
         return self.plant.record
 
@@ -121,7 +119,7 @@ class TermModel:
         return self.plant.plain_outputs
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
-        """Size to which every state of a free run is to be closed."""
+        """Size to which every state of a free run is closed."""
         return self.plant.closing_weight(sd)
 
     def bind(self, theta: np.ndarray) -> BoundTermModel:
@@ -168,14 +166,8 @@ class BoundTermModel:
     """A :class:`TermModel` with its coefficients filled in."""
 
     def __init__(self, model: TermModel, theta: np.ndarray):
-        self.m, plant = model, model.plant
-        self.step = plant.inner.plant.access == "step"
-        order = 0 if plant.inner.plant.hold == "zoh" or self.step else 1
-        signals = [hold(u, plant.n_sub, order, plant.record.starts) for u in plant.record.u]
-        n = plant.record.n_samples
-        self.mean = np.stack([s.mean for s in signals], axis=1) if signals else np.zeros((plant.n_sub, 0, 1, n))
-        halves: Sequence[Any] = [s.half for s in signals]
-        self.half = np.stack(halves, axis=1) if halves and halves[0] is not None else None
+        self.m = model
+        self.mean, self.half = model.plant.held
         self.rate = model.derivative(model.coefficients(theta))
 
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
@@ -184,12 +176,9 @@ class BoundTermModel:
         t = record.t
         if rows is not None:
             t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]
-        if self.step:
+        if self.m.plant.inner.plant.access == "step":
             return self.rate(t, x, mean[0])
-        if self.m.plant.stiff:
-            first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
-            return rosenbrock(self.rate, t, x, first, last, record.dt, self.m.plant.n_sub)
-        return rk4(self.rate, t, x, mean, half, record.dt / self.m.plant.n_sub)
+        return one_sample(self.rate, t, x, mean, half, record.dt, self.m.plant.stiff)
 
     def start(self, x0: np.ndarray) -> np.ndarray:
         """Initial states as they are."""

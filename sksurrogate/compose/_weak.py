@@ -40,10 +40,12 @@ class WeakForm:
         Means of (y, u) under phi.
     targets : ndarray (n_windows, n_outputs)
         ``-int phi' y dt``: the mean of dy/dt under phi.
+    weights : ndarray (n_windows,)
+        What a window says by itself: 1 over the sum of the correlations with all windows that it overlaps.
     """
 
     def __init__(self, runs: Runs, width: int, held: bool):
-        self._runs, points, targets = [], [], []
+        self._runs, points, targets, weights = [], [], [], []
         for run in runs:
             assert run.y is not None
             intervals = len(run) - 1
@@ -58,6 +60,8 @@ class WeakForm:
             points.append(np.concatenate([run.y[:-1], run.X[:-1]], axis=1))
             points.append(np.concatenate([run.y[1:], after], axis=1))
             self._runs.append((intervals, share))
+            weights.append(np.full(len(targets[-1]), np.sum(share**2)))  # sum of phi's autocorrelation: (sum phi)^2
+        self.weights = np.concatenate(weights)
         self.points, self.targets = np.concatenate(points), np.concatenate(targets)
         self.centres = self.mean(self.points)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,18 +24,44 @@ __all__ = ["fetch_ball_drops", "fetch_cascaded_tanks", "fetch_heat_exchanger", "
 #: An archive larger than this is refused unread.
 LARGEST_ARCHIVE = 64 * 2**20
 
-_TANKS = (
+
+@dataclass(frozen=True)
+class _Source:
+    """Where a recording comes from and what it is known by.
+
+    Attributes
+    ----------
+    url : str
+    file : str
+        SHA-256 of the known file.
+    numbers : str
+        That of its signals (:func:`_numbers`), which another copy in another container shares.
+    signals : tuple of str
+    """
+
+    url: str
+    file: str
+    numbers: str
+    signals: tuple[str, ...]
+
+
+_TANKS = _Source(
     "https://data.4tu.nl/file/d4810b78-6cdd-48fe-8950-9bd601e5f47f/3b697e42-01a4-4979-a370-813a456c36f5",
     "3b3c9dc94a63cb7de087a848f70927c58a468ce2bf4e5ca81b669d9edaab6703",
+    "89f7d1c4af80cca55de63c1deba2586af91b1059cc5b419920eecc8a658e78ed",
+    ("uEst", "yEst", "uVal", "yVal"),
 )
-_SILVERBOX = (
+_SILVERBOX = _Source(
     "https://drive.google.com/uc?export=download&id=17iS-6oBUUgrmiAcrZoG9S5sOaljZnDSy",
     "695451dda52ded9054dcf3ce00f5f66e2725bc6d7a9e531aa45b1610f5aadc1d",
+    "94847e2ae4063731dd9ffbd1c581491d59ca3a5c485ba8fb32c61d7a05262470",
+    ("V1", "V2"),
 )
-
-_EXCHANGER = (
+_EXCHANGER = _Source(
     "https://raw.githubusercontent.com/vitorpq/NNLearning/35c13fe266f6ab22003cbbb00c5429133e320543/data/exchanger.dat",
     "a1d69c4101774805c5c93258b9c06fd840db83ac9fe96a0af0193dd85d7175b0",
+    "f6a9c111c259aea613d34a6ea4d11d6dfc10be9f85bc2d12221ff2599352f549",
+    ("q", "th"),
 )
 _BALLS_SHA256 = "33a67ebecee6af978ed76bc7d5e6d3baa9f440370771a420cc7f68ba49b0ce6d"
 _BALLS_COLUMNS = ["ball", "drop", "time_s", "height_m", "velocity_m_s"]
@@ -84,7 +111,7 @@ def fetch_cascaded_tanks(data_home: Any = None, *, download_if_missing: bool = T
     download_if_missing : bool, default=True
         Whether to fetch the official archive where the file is not there (extra ``data``).
     url : str, optional
-        Another address of the archive.
+        Another address of the same archive.
 
     Returns
     -------
@@ -95,6 +122,11 @@ def fetch_cascaded_tanks(data_home: Any = None, *, download_if_missing: bool = T
     ------
     DataError
         The file is damaged, not there and not to be downloaded, or the download failed.
+
+    Notes
+    -----
+    A file that is there is known by its SHA-256. What is downloaded is known by its numbers: a checksum of the signals to five
+    digits must be the known one, whatever the archive around them.
 
     Examples
     --------
@@ -177,13 +209,13 @@ def fetch_heat_exchanger(data_home: Any = None, *, download_if_missing: bool = T
     >>> data.th.shape   # doctest: +SKIP
     (4000,)
     """
-    home = _home(data_home) / "heat_exchanger"
-    path = home / "heat_exchanger.npz"
-    if not path.exists() and download_if_missing:
-        table = _convert_exchanger(_retrieved(url or _EXCHANGER[0], home, "exchanger.dat"))
-        arrays = {"q": table[:, 1], "th": table[:, 2], "Ts": np.array([1.0])}
-        _keep(path, arrays, "converted from the text; numpy's file differs from the known one\n")
-    arrays = _known(path, _EXCHANGER[1])
+    path = _home(data_home) / "heat_exchanger" / "heat_exchanger.npz"
+    if path.exists() or not download_if_missing:
+        arrays = _known(path, _EXCHANGER)
+    else:
+        with _retrieved(url or _EXCHANGER.url, path.parent, "exchanger.dat") as text:
+            arrays = _convert_exchanger(text)
+        _keep(path, arrays, _EXCHANGER, url)
     return Bunch(
         q=arrays["q"].ravel(), th=arrays["th"].ravel(), Ts=float(arrays["Ts"].ravel()[0]),
         train=slice(0, 3000), test=slice(3000, 4000), DESCR=_EXCHANGER_TEXT,
@@ -222,19 +254,20 @@ def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True,
     >>> data.height.shape   # doctest: +SKIP
     (n_rows,)
     """
-    home = _home(data_home) / "ball_drops"
-    path = home / "ball_drops.csv"
+    path = _home(data_home) / "ball_drops" / "ball_drops.csv"
+    note = path.with_suffix(".ours")
     if not path.exists() and download_if_missing and url is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        content = _retrieved(url, home, "ball_drops.download").read_bytes()
-        write_text(path.with_suffix(".ours"), f"from {url}\n")
+        with _retrieved(url, path.parent, "ball_drops.download") as file:
+            content = file.read_bytes()
+        write_text(note, f"sha256 {hashlib.sha256(content).hexdigest()} from {url}\n")
         write_bytes(path, content)
     if not path.exists():
         raise DataError(
             f"{path} is not there: save the authors' spreadsheet there as CSV with the columns {_BALLS_COLUMNS}, or give url= "
             "of such a file."
         )
-    if not path.with_suffix(".ours").exists() and hashlib.sha256(path.read_bytes()).hexdigest() != _BALLS_SHA256:
+    known = [_BALLS_SHA256, *(note.read_text(encoding="utf-8").split()[1:2] if note.exists() else [])]
+    if hashlib.sha256(path.read_bytes()).hexdigest() not in known:
         raise DataError(
             f"{path} is damaged (its checksum is not the known one): delete it and put the right file there."
         )
@@ -250,88 +283,104 @@ def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True,
     )  # fmt: skip
 
 
+def _numbers(arrays: dict[str, np.ndarray], names: Sequence[str]) -> str:
+    """Checksum of signals to five digits, in which every copy of a recording agrees."""
+    digest = hashlib.sha256()
+    for name in names:
+        signal = np.asarray(arrays[name], dtype=float).ravel() + 0.0  # no minus zero
+        digest.update("".join(np.char.mod("%.4e ", signal)).encode())
+    return digest.hexdigest()
+
+
 def _home(data_home: Any) -> Path:
     """Folder of the recordings."""
     return Path(data_home) if data_home is not None else Path(get_data_home()) / "sksurrogate"
 
 
-def _known(path: Path, sha256: str) -> dict[str, np.ndarray]:
-    """Arrays of a file whose checksum is the known one, or that was converted here."""
+def _known(path: Path, source: _Source) -> dict[str, np.ndarray]:
+    """Arrays of the known file, or of another with its numbers."""
     if not path.exists():
         raise DataError(f"{path} is not there: put it there, or leave download_if_missing=True.")
-    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256 and not path.with_suffix(".ours").exists():
-        raise DataError(f"{path} is damaged (its checksum is not the known one): delete it, and it is fetched again.")
-    with np.load(path, allow_pickle=False) as data:
-        return {key: data[key] for key in data.files}
-
-
-def _convert_exchanger(path: Path) -> np.ndarray:
-    """(4000, 3) from the text."""
     try:
-        table = np.loadtxt(path)
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {key: data[key] for key in data.files}
+        same = hashlib.sha256(path.read_bytes()).hexdigest() == source.file
+        if same or _numbers(arrays, source.signals) == source.numbers:
+            return arrays
+    except Exception:  # a damaged archive fails in a dozen ways
+        pass
+    raise DataError(f"{path} is damaged (its checksum is not the known one): delete it, and it is fetched again.")
+
+
+def _keep(path: Path, arrays: dict[str, np.ndarray], source: _Source, url: str | None) -> None:
+    """Store what was downloaded, if it is the recording."""
+    found = _numbers(arrays, source.signals)
+    if found != source.numbers:
+        raise DataError(
+            f"{url or source.url} holds other numbers than the known recording (their checksum is {found[:12]}..., expected "
+            f"{source.numbers[:12]}...): nothing is kept. Give url= of the right archive, or put the known file at {path}."
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with beside(path) as part:
+        np.savez(part, **arrays)  # type: ignore[arg-type]
+
+
+def _convert_exchanger(path: Path) -> dict[str, np.ndarray]:
+    """From the text, whose columns are parted by blanks, commas or semicolons."""
+    try:
+        text = path.read_text(encoding="utf-8").replace(";", " ").replace(",", " ")
+        table = np.loadtxt(io.StringIO(text))
     except ValueError as error:
-        os.remove(path)
         raise DataError(f"{path.name} is not a table of numbers ({error}): not the heat exchanger.") from error
     if table.shape != (4000, 3):
         raise DataError(f"{path.name} has shape {table.shape}, expected (4000, 3): not the heat exchanger.")
-    return table
+    return {"q": table[:, 1], "th": table[:, 2], "Ts": np.array([1.0])}
 
 
 def _fetch(
     name: str,
     file: str,
-    source: tuple[str, str],
+    source: _Source,
     data_home: Any,
     download: bool,
     url: str | None,
     convert: Callable[[zipfile.ZipFile], dict[str, np.ndarray]],
 ) -> dict[str, np.ndarray]:
     """The arrays: from the local file where its checksum is right, else converted from the archive and stored there."""
-    home = _home(data_home)
-    path = home / name / file
+    path = _home(data_home) / name / file
     if path.exists() or not download:
-        return _known(path, source[1])
-    archive = _download(url or source[0], home / name)
-    with zipfile.ZipFile(archive) as content:
-        if sum(entry.file_size for entry in content.infolist()) > 4 * LARGEST_ARCHIVE:
+        return _known(path, source)
+    with _retrieved(url or source.url, path.parent, "archive.zip") as archive:
+        if archive.stat().st_size > LARGEST_ARCHIVE or not zipfile.is_zipfile(archive):
             raise DataError(
-                f"{archive} unpacks to more than {4 * LARGEST_ARCHIVE >> 20} MiB: not the official archive."
+                f"{url or source.url} did not give the archive (not a zip file, or broken off): try again later, or give url=."
             )
-        arrays = convert(content)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _keep(path, arrays, "converted from the official archive; numpy's file differs from the known one\n")
+        with zipfile.ZipFile(archive) as content:
+            if sum(entry.file_size for entry in content.infolist()) > 4 * LARGEST_ARCHIVE:
+                raise DataError(
+                    f"{url or source.url} unpacks to more than {4 * LARGEST_ARCHIVE >> 20} MiB: not the official archive."
+                )
+            arrays = convert(content)
+    _keep(path, arrays, source, url)
     return arrays
 
 
-def _keep(path: Path, arrays: dict[str, np.ndarray], note: str) -> None:
-    """Arrays, and beside them the note that they were converted here; the note first, so that none stand without it."""
-    write_text(path.with_suffix(".ours"), note)
-    with beside(path) as part:
-        np.savez(part, **arrays)  # type: ignore[arg-type]
-
-
-def _download(url: str, folder: Path) -> Path:
-    """Fetch an archive with pooch, which writes to a temporary file and keeps only whole downloads."""
-    archive = _retrieved(url, folder, "archive.zip")
-    if archive.stat().st_size > LARGEST_ARCHIVE or not zipfile.is_zipfile(archive):
-        os.remove(archive)
-        raise DataError(
-            f"{url} did not give the archive (not a zip file, or broken off): try again later, or give url=."
-        )
-    return archive
-
-
-def _retrieved(url: str, folder: Path, file: str) -> Path:
-    """A file fetched with pooch."""
+@contextmanager
+def _retrieved(url: str, folder: Path, file: str) -> Iterator[Path]:
+    """A file fetched with pooch, which keeps only whole downloads; it goes when the block ends, so that the next address is asked."""
     pooch = require("pooch", "data")
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        return Path(pooch.retrieve(url, known_hash=None, path=folder, fname=file, progressbar=False))
+        path = Path(pooch.retrieve(url, known_hash=None, path=folder, fname=file, progressbar=False))
     except Exception as error:
         raise DataError(
             f"could not download {url} ({type(error).__name__}: {error}). Are you offline? Fetch the archive by hand and give "
             f"url='file:///...', or put the converted file under data_home."
         ) from error
+    try:
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def _member(archive: zipfile.ZipFile, ending: str) -> dict[str, Any]:

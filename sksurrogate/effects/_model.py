@@ -1,4 +1,4 @@
-"""The augmented model: a plant, a list of effects and re-tuned parameters, on columns for the kernel."""
+"""The augmented model, a plant with effects and re-tuned parameters: a :class:`~sksurrogate.kernels.free_run_model.FreeRunModel`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
-from sksurrogate.kernels.integrate import rk4
+from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold
 from sksurrogate.physics._model import PlantModel
@@ -158,13 +158,8 @@ class AugmentedModel:
         return self.plant.output_states
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
-        """Size to which every state of a free run is closed: the noise of the measured, that share of the others."""
-        spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
-        weight = self.scale * min(float(np.min(sd / spread)), 1.0)
-        if self.plant.output_states is not None:
-            for j, i in enumerate(self.plant.output_states):
-                weight[i] = min(weight[i], sd[j])
-        return weight
+        """Size to which every state of a free run is closed."""
+        return closing_weight(self.scale, self.record.y, sd, self.plant.output_states)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from sksurrogate.effects._arguments import as_arguments, as_text
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._law import LawEffect
+from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError
 
@@ -38,8 +39,8 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     Raises
     ------
     DataError
-        An effect has a constructor argument that is no number, text, list, tuple or dict of those; a note cannot be
-        written; the text is larger than :func:`load_augmented` reads.
+        An effect has a constructor argument that is no number, text, list, tuple or dict of those, or a value that is not
+        finite or beyond its bounds; a note cannot be written; the text is larger than :func:`load_augmented` reads.
     OSError
         The disk is full, or ``path`` is a folder or in none; a file that was there is as it was.
 
@@ -80,7 +81,7 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
                 "location": effect.location,
                 "variable": effect.variable,
                 "arguments": as_text(effect),
-                "params": {p.name: float(v) for p, v in zip(effect.parameters, _values(effect, values))},
+                "params": {p.name: _within(effect, p, v) for p, v in zip(effect.parameters, _values(effect, values))},
             }
             for effect, values in zip(augmented.effects, augmented.values)
         ],
@@ -122,7 +123,8 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
     Raises
     ------
     DataError
-        The file is not such a file, or names an effect that is not known or that does not take its arguments.
+        The file is not such a file, names an effect that is not known or that does not take its arguments, or holds what
+        is never written: a key twice, a value that is no finite number or beyond its bounds.
 
     Examples
     --------
@@ -147,22 +149,78 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
         )
     own = _own(effects)
     try:
-        text = json.loads(file.read_text(encoding="utf-8"))
+        text = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once)
         built, values = [], []
         for entry in text["effects"]:
             effect = _built(entry, own, file.name)
             built.append(effect)
-            values.append({p.name: float(entry["params"][p.name]) for p in effect.parameters})
-        retuned = {str(name): float(value) for name, value in text["params"].items()}
-        scale = None if text.get("scale") is None else np.array(text["scale"], dtype=float)
-        sharpness = float(text.get("sharpness", 500.0))
+            values.append(_numbers(effect, entry["params"], file.name))
+        retuned = {name: _finite(value, f"params: {name}") for name, value in text["params"].items()}
+        scale = None if text.get("scale") is None else np.array([_positive(size, "scale") for size in text["scale"]])
+        sharpness = _positive(text.get("sharpness", 500.0), "sharpness")
     except DataError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, OverflowError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(
             f"{file.name}: not a file of save_augmented ({type(error).__name__}: {error}); write it again."
         ) from error
     return AugmentedSimulator(simulator, built, values, retuned or None, scale=scale, sharpness=sharpness)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; the reader of Python keeps the last of two entries of one name in silence."""
+    names = [name for name, _ in pairs]
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise ValueError(f"{twice[0]!r} stands there twice")
+    return dict(pairs)
+
+
+def _finite(value: Any, name: str) -> float:
+    """A number of JSON; true is none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(float(value)):
+        raise ValueError(f"{name}={_short(value)}, expected a finite number")
+    return float(value)
+
+
+def _positive(value: Any, name: str) -> float:
+    """A number above 0."""
+    size = _finite(value, name)
+    if not size > 0:
+        raise ValueError(f"{name}={size:g}, expected a number above 0")
+    return size
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _numbers(effect: BaseEffect, given: Any, file: str) -> dict[str, float]:
+    """Values of an effect by name."""
+    names = [parameter.name for parameter in effect.parameters]
+    if sorted(given) != sorted(names):
+        raise ValueError(f"effect {effect.name!r} has the params {sorted(given)}, expected {names}")
+    for name in names:  # a limit that is never reached is infinite
+        if isinstance(given[name], bool) or not isinstance(given[name], (int, float)):
+            raise ValueError(f"effect {effect.name!r}: {name}={_short(given[name])}, expected a number")
+    try:
+        return {p.name: _within(effect, p, given[p.name]) for p in effect.parameters}
+    except DataError as error:
+        raise DataError(f"{file}: {error}") from None
+
+
+def _within(effect: BaseEffect, parameter: Parameter, value: Any) -> float:
+    """A value that is finite, or the one at which the effect is absent, and within the bounds, rounding apart."""
+    number = float(value)
+    slack = 1e-9 * max(abs(bound) for bound in (parameter.low, parameter.high, 1e-3) if np.isfinite(bound))
+    fits = parameter.low - slack <= number <= parameter.high + slack
+    if not fits or not (np.isfinite(number) or number == parameter.null):
+        raise DataError(
+            f"effect {effect.name!r} at {effect.location!r}: {parameter.name}={number:g}, expected a finite number from "
+            f"{parameter.low:g} to {parameter.high:g}."
+        )
+    return number
 
 
 def _own(effects: Any) -> list[tuple[type[BaseEffect], dict[str, Any]]]:

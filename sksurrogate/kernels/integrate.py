@@ -7,27 +7,20 @@ Newton's method over the whole time axis, :func:`march` by a loop over time (man
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.free_run_model import Stepper
 
-__all__ = ["Stepper", "close", "march", "rk4", "state_jacobian"]
+__all__ = ["close", "closing_weight", "march", "rk4", "state_jacobian"]
 
 #: Relative step of the forward differences through the step map (insensitive between 1e-9 and 1e-3).
 DIFFERENCE = 1e-5
 
 Derivative = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 Clip = Callable[[np.ndarray], np.ndarray]
-
-
-class Stepper(Protocol):
-    """What the kernel asks of a model with its inputs and parameters filled in: the map from sample to sample."""
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        """(n_states, n_columns, n_samples) -> the states one sample later."""
 
 
 def rk4(
@@ -157,6 +150,26 @@ def _defects(after: np.ndarray, x: np.ndarray, starts: np.ndarray) -> np.ndarray
     d[:, 1:] = after[:, :-1] - x[:, 1:]
     d[:, starts] = 0.0
     return d
+
+
+def closing_weight(scale: np.ndarray, y: np.ndarray, sd: np.ndarray, measured: Sequence[int] | None) -> np.ndarray:
+    """Size (n_states,) to which every state of a free run is closed: the noise of the measured, that share of the others.
+
+    Parameters
+    ----------
+    scale : ndarray (n_states,)
+        Size of every state.
+    y : ndarray (n_outputs, n_samples)
+    sd : ndarray (n_outputs,)
+        Noise of the sensors.
+    measured : sequence of int or None
+        Position of the state that each output is; None where outputs are functions of states.
+    """
+    spread = np.maximum(np.std(y, axis=1), 1e-300)
+    weight = scale * min(float(np.min(sd / spread)), 1.0)
+    for j, i in enumerate(measured or ()):
+        weight[i] = min(weight[i], sd[j])
+    return weight
 
 
 def close(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.free_run_model import FreeRunModel
 from sksurrogate.kernels.integrate import DIFFERENCE
 
 __all__ = ["Linearised", "linearise"]
@@ -45,12 +45,12 @@ class Linearised:
     band: np.ndarray
 
 
-def linearise(model: Any, theta: np.ndarray, x: np.ndarray, unit: np.ndarray) -> Linearised:
+def linearise(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, unit: np.ndarray) -> Linearised:
     """Linearise a model over the whole time axis, by differences of the whole step map.
 
     Parameters
     ----------
-    model : augmented model
+    model : FreeRunModel
     theta : ndarray (n_theta,)
     x : ndarray (n_states, n_samples)
     unit : ndarray (n_theta,)
@@ -82,7 +82,7 @@ def linearise(model: Any, theta: np.ndarray, x: np.ndarray, unit: np.ndarray) ->
 
 
 def _start_of_hidden(
-    model: Any,
+    model: FreeRunModel,
     values: np.ndarray,
     theta: np.ndarray,
     dtheta: np.ndarray,
@@ -111,7 +111,7 @@ def _start_of_hidden(
 
 
 def _output_sensitivities(
-    model: Any, theta: np.ndarray, x: np.ndarray, Z_theta: np.ndarray, Z_x: np.ndarray, dtheta: np.ndarray
+    model: FreeRunModel, theta: np.ndarray, x: np.ndarray, Z_theta: np.ndarray, Z_x: np.ndarray, dtheta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Outputs and their sensitivities: rows of Z for plain states, differences along Z with functions and sensor effects."""
     k, n = Z_theta.shape[1], Z_x.shape[1]

@@ -15,6 +15,7 @@ import numpy as np
 
 from sksurrogate.kernels.arrow import Arrow
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.free_run_model import FreeRunModel
 from sksurrogate.kernels.integrate import DIFFERENCE, close
 from sksurrogate.kernels.linearised import Linearised, linearise
 
@@ -69,7 +70,7 @@ class Fit:
     linearised: Linearised | None
 
 
-def settle_hidden(model: Any, theta: np.ndarray, x: np.ndarray, steps: int = 8) -> np.ndarray:
+def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, steps: int = 8) -> np.ndarray:
     """Fill in hidden states along a given nominal trajectory: Newton in time on their rows alone."""
     n, m, starts = model.n_states, model.n_nominal, model.record.starts
     if n == m:
@@ -98,7 +99,7 @@ def settle_hidden(model: Any, theta: np.ndarray, x: np.ndarray, steps: int = 8) 
     return out
 
 
-def free_run(model: Any, theta: np.ndarray, x0: np.ndarray) -> np.ndarray:
+def free_run(model: FreeRunModel, theta: np.ndarray, x0: np.ndarray) -> np.ndarray:
     """Free run from initial states (n_states, n_runs) by a loop over time, all runs abreast: (n_states, n_samples)."""
     record = model.record
     bound = model.bind(theta[:, None])
@@ -113,7 +114,7 @@ def free_run(model: Any, theta: np.ndarray, x0: np.ndarray) -> np.ndarray:
     return out
 
 
-def run_near(model: Any, theta: np.ndarray, near: np.ndarray) -> np.ndarray:
+def run_near(model: FreeRunModel, theta: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Free run from the first rows of a trajectory (n_states, n_samples): by Newton in time from there, else by a loop over time."""
     starts = model.record.starts
     x, closed, _ = close(model.bind(theta[:, None]), near, starts, model.scale, CLOSED)
@@ -121,7 +122,7 @@ def run_near(model: Any, theta: np.ndarray, near: np.ndarray) -> np.ndarray:
 
 
 def approached(
-    model: Any, theta: np.ndarray, x: np.ndarray, sd: np.ndarray, *, open_steps: int, **options: Any
+    model: FreeRunModel, theta: np.ndarray, x: np.ndarray, sd: np.ndarray, *, open_steps: int, **options: Any
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Where open steps alone lead: parameters and a trajectory whose defects are closed to first order.
 
@@ -133,7 +134,7 @@ def approached(
 
 
 def output_error(
-    model: Any,
+    model: FreeRunModel,
     theta: np.ndarray,
     x: np.ndarray,
     sd: np.ndarray,
@@ -155,7 +156,7 @@ def output_error(
 
     Parameters
     ----------
-    model : augmented model with its record
+    model : FreeRunModel
     theta : ndarray (n_theta,)
         Start.
     x : ndarray (n_states, n_samples)
@@ -209,7 +210,7 @@ class _OutputError:
     """One fit."""
 
     def __init__(
-        self, model: Any, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
+        self, model: FreeRunModel, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
         reach: float = np.inf, settled: float = SETTLED, tries: int = 6, near: float = 0.0,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd, unit

@@ -13,7 +13,7 @@ from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivities
 from sksurrogate.kernels.rollout import abreast, known_sums
 
-__all__ = ["FreeRunLoss", "adam", "fit_free_run", "levenberg_marquardt"]
+__all__ = ["FreeRunLoss", "adam", "descend", "fit_free_run", "levenberg_marquardt"]
 
 #: Steps of Levenberg-Marquardt after which starts are compared.
 SHORT = 15
@@ -75,6 +75,22 @@ class FreeRunLoss:
         """Slopes of the free runs by the weights, (n_runs, n_steps - n_first, n_outputs, n_theta)."""
         return sensitivities(model, self.U, y, self.n_first)
 
+    def jacobian(self, model: Any, y: np.ndarray) -> np.ndarray:
+        """Slopes of :meth:`errors` by the weights, (n_runs, n_steps - n_first, n_outputs, n_theta)."""
+        J = self.slopes(model, y)
+        if self.weight is not None:
+            J *= np.sqrt(self.weight)[:, None, None, None]
+        known = ~np.isnan(self.target[:, self.n_first :])
+        if not known.all():
+            J[~known] = 0.0
+        return J
+
+    @property
+    def n_rows(self) -> float:
+        """Measured numbers, each counted with its weight."""
+        known = (~np.isnan(self.target[:, self.n_first :])).sum(axis=(1, 2))
+        return float(known.sum() if self.weight is None else known @ self.weight)
+
     def gradient(self, model: LagNet, y: np.ndarray) -> np.ndarray:
         """Half the slope of the loss, (n_theta,)."""
         slope = adjoint_gradient(model, self.U, y, self.n_first, self.root * self.errors(y))
@@ -109,19 +125,22 @@ def adam(loss: FreeRunLoss, model: LagNet, n_steps: int = 200, rate: float = 0.0
 
 def levenberg_marquardt(loss: FreeRunLoss, model: Any, max_iter: int = 100, tol: float = 1e-6) -> tuple[Any, float]:
     """Levenberg-Marquardt with exact sensitivities; returns weights and loss."""
-    y = loss.run(model)
+    return descend(loss, model, max_iter, tol)[:2]
+
+
+def descend(
+    loss: FreeRunLoss, model: Any, max_iter: int, tol: float, guess: np.ndarray | None = None
+) -> tuple[Any, float, np.ndarray]:
+    """:func:`levenberg_marquardt` from free runs that are known nearly; returns weights, loss and free runs."""
+    y = loss.run(model, guess)
     value = loss.value(model, y)
     damping, penalty, slow = 1e-3, loss.penalty(model), 0
-    counts = ~np.isnan(loss.target[:, loss.n_first :])
     for _ in range(max_iter if np.isfinite(value) else 0):
-        J = loss.slopes(model, y)
-        if loss.weight is not None:
-            J *= np.sqrt(loss.weight)[:, None, None, None]
-        J = J.reshape(-1, J.shape[-1]) if counts.all() else J[counts]
+        J = loss.jacobian(model, y).reshape(-1, model.theta.size)
         theta = model.theta
         normal = J.T @ J
         normal[np.diag_indices_from(normal)] += penalty
-        gradient = J.T @ loss.errors(y)[counts] + penalty * theta
+        gradient = J.T @ loss.errors(y).ravel() + penalty * theta
         if not np.all(np.isfinite(normal)):
             break
         size = np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max() + 1e-300)
@@ -144,7 +163,7 @@ def levenberg_marquardt(loss: FreeRunLoss, model: Any, max_iter: int = 100, tol:
         slow = slow + 1 if before - value <= tol * before else 0
         if slow >= 2 or value >= before:
             break
-    return model, value
+    return model, value, y
 
 
 def fit_free_run(

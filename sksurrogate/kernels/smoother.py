@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.kernels.banded import BlockTridiagonal
+from sksurrogate.kernels.free_run_model import ObservedStepper
 from sksurrogate.kernels.integrate import DIFFERENCE, state_jacobian
 
 __all__ = ["Smoothed", "drawn", "noise_of_differences", "smooth"]
@@ -68,7 +69,7 @@ class Smoothed:
     A: np.ndarray
 
 
-def output_jacobian(bound, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def output_jacobian(bound: ObservedStepper, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Outputs (n_outputs, n_samples) and their derivative (n_outputs, n_states, n_samples), differences at each sample."""
     n = len(x)
     columns = np.repeat(x[:, None, :], n + 1, axis=1)
@@ -80,7 +81,7 @@ def output_jacobian(bound, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray
 
 
 def smooth(
-    bound,
+    bound: ObservedStepper,
     y: np.ndarray,
     starts: np.ndarray,
     sd: np.ndarray,
@@ -96,7 +97,8 @@ def smooth(
 
     Parameters
     ----------
-    bound : bound model with one column: callable on states, with ``outputs``
+    bound : ObservedStepper
+        The model at one parameter vector.
     y : ndarray (n_outputs, n_samples)
     starts : ndarray of int (n_runs,)
     sd : ndarray (n_outputs,)
@@ -156,7 +158,7 @@ def smooth(
 
 
 def drawn(
-    bound, y: np.ndarray, starts: np.ndarray, sd: np.ndarray, x: np.ndarray, scale: np.ndarray
+    bound: ObservedStepper, y: np.ndarray, starts: np.ndarray, sd: np.ndarray, x: np.ndarray, scale: np.ndarray
 ) -> np.ndarray | None:
     """A trajectory (n_states, n_samples) drawn to the measurements by the first step of :func:`smooth`; None where it is not finite."""
     after, A = state_jacobian(bound, x, scale)

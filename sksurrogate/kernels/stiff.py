@@ -1,4 +1,4 @@
-"""A step map for stiff plants: a Rosenbrock method of fixed step, for all times and columns at once.
+"""One sample of a plant, stiff or not; for stiff ones a Rosenbrock method of fixed step, for all times and columns at once.
 
 RODAS3 (order 3, four stages, stiffly accurate; Sandu et al., *Benchmarking stiff ODE solvers for atmospheric chemistry
 problems II*, Atmospheric Environment 31 (1997) 3459-3472). The step is fixed, so that differences through the map are
@@ -11,7 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-__all__ = ["rosenbrock"]
+from sksurrogate.kernels.integrate import rk4
+
+__all__ = ["one_sample", "rosenbrock"]
 
 #: The first step of a sample is 0.5 to this power of it.
 _DOUBLINGS = 13
@@ -28,6 +30,39 @@ _ALPHA = (0.0, 0.0, 1.0, 1.0)
 _GAMMA = (0.5, 1.5, 0.0, 0.0)
 
 Derivative = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def one_sample(
+    derivative: Derivative,
+    t: np.ndarray,
+    x: np.ndarray,
+    mean: np.ndarray,
+    half: np.ndarray | None,
+    dt: float,
+    stiff: bool,
+) -> np.ndarray:
+    """The states one sample later, by Runge-Kutta with a step for each substep of the inputs or by :func:`rosenbrock`.
+
+    Parameters
+    ----------
+    derivative : callable (t, x, u) -> dx/dt
+    t : ndarray
+        Time of every sample.
+    x : ndarray (n_states, *s)
+    mean, half : ndarray (n_sub, n_inputs, *s)
+        Inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
+    dt : float
+        Width of a sample.
+    stiff : bool
+
+    Returns
+    -------
+    ndarray (n_states, *s)
+    """
+    if not stiff:
+        return rk4(derivative, t, x, mean, half, dt / len(mean))
+    first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
+    return rosenbrock(derivative, t, x, first, last, dt, len(mean))
 
 
 def rosenbrock(

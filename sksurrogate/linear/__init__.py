@@ -13,6 +13,7 @@ from sksurrogate.linear._nonlinear_basis import NonlinearBasisRegressor
 from sksurrogate.linear._pcr import PCRRegressor
 from sksurrogate.linear._penalties import BasePenalty, CloseTo, Curvature, Ridge, RidgeTo, Rows, Slope
 from sksurrogate.linear._regressor import PenalizedRegressor
+from sksurrogate.linear._sparse import SparseRegressor
 
 __all__ = [
     "BaseConstraint",
@@ -32,4 +33,5 @@ __all__ = [
     "RidgeTo",
     "Rows",
     "Slope",
+    "SparseRegressor",
 ]

@@ -1,6 +1,7 @@
 """Simulators: the protocol, wrappers, calibration."""
 
 from sksurrogate.physics._calibrate import CalibratedSimulator
+from sksurrogate.physics._casadi import CasadiSimulator
 from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._fmu import FMUSimulator
 from sksurrogate.physics._linearise import Linearisation, linearise, steady_state
@@ -13,6 +14,7 @@ __all__ = [
     "BaseSimulator",
     "CalibratedSimulator",
     "CallableSimulator",
+    "CasadiSimulator",
     "ControlSimulator",
     "FMUSimulator",
     "Linearisation",

@@ -1,4 +1,4 @@
-"""A plant with free parameters over a record, in the form that the kernel of free-run fits asks for."""
+"""A plant with free parameters over a record: a :class:`~sksurrogate.kernels.free_run_model.FreeRunModel`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.kernels.integrate import rk4
+from sksurrogate.kernels.integrate import closing_weight
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold
-from sksurrogate.kernels.stiff import rosenbrock
+from sksurrogate.kernels.stiff import one_sample
 from sksurrogate.physics._model import PlantModel
 
 __all__ = ["BoundFitModel", "FitModel"]
@@ -45,6 +45,10 @@ class FitModel:
     scale: np.ndarray
     stiff: bool = False
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What is laid out again stays behind."""
+        return {key: value for key, value in self.__dict__.items() if key not in ("held", "_points")}
+
     @property
     def n_states(self) -> int:
         """States of the plant."""
@@ -71,12 +75,8 @@ class FitModel:
         return self.inner.plant.output_states
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
-        """Size to which every state of a free run is to be closed."""
-        spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
-        weight = self.scale * min(float(np.min(sd / spread)), 1.0)
-        for j, i in enumerate(self.plain_outputs or ()):
-            weight[i] = min(weight[i], sd[j])
-        return weight
+        """Size to which every state of a free run is closed."""
+        return closing_weight(self.scale, self.record.y, sd, self.plain_outputs)
 
     @cached_property
     def held(self) -> tuple[np.ndarray, np.ndarray | None]:
@@ -152,10 +152,7 @@ class BoundFitModel:
         def derivative(now: Any, z: np.ndarray, u: np.ndarray) -> np.ndarray:
             return m.inner.derivative_points(now, z, u, params)
 
-        if m.stiff:
-            first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
-            return rosenbrock(derivative, t, x, first, last, m.record.dt, m.n_sub)
-        return rk4(derivative, t, x, mean, half, m.record.dt / m.n_sub)
+        return one_sample(derivative, t, x, mean, half, m.record.dt, m.stiff)
 
     def start(self, x0: np.ndarray) -> np.ndarray:
         """Initial states as they are."""

@@ -14,9 +14,10 @@ from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.physics._fmu_access import Access, Engine, Question, find_access, open_engine
 from sksurrogate.physics._fmu_events import EventSteps
-from sksurrogate.physics._fmu_exchange import ExchangeUnit, offered
+from sksurrogate.physics._fmu_exchange import ExchangeUnit
 from sksurrogate.physics._fmu_run import check_settable, run_whole
 from sksurrogate.physics._fmu_unit import OpenUnit, describe, unpack
+from sksurrogate.physics._foreign import at_points, offered
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator
@@ -191,19 +192,19 @@ class FMUSimulator(ParametricSimulator):
         """dx/dt at points (n_states, *s); nan where the unit refuses."""
         engine = self._engine()
         assert isinstance(engine, ExchangeUnit)
-        return _at_points(engine.derivatives, t, x, u, p)
+        return at_points(engine.derivatives, t, x, u, p)
 
     @available_if(_has("step"))
     def step(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], dt: float) -> np.ndarray:
         """The states a time ``dt`` later under held inputs, (n_states, *s); nan where the unit refuses."""
         engine = self._engine()
         assert not isinstance(engine, ExchangeUnit)
-        return _at_points(partial(engine.sample, dt=float(dt)), t, x, u, p)
+        return at_points(partial(engine.sample, dt=float(dt)), t, x, u, p)
 
     @available_if(_has_output)
     def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
         """Outputs at points, (n_outputs, *s)."""
-        return _at_points(self._engine().outputs, t, x, u, p)
+        return at_points(self._engine().outputs, t, x, u, p)
 
     def _look(self, at_file: bool = True) -> _Looked:
         """What the unit gives, found out once a process and unit.
@@ -389,22 +390,6 @@ class FMUSimulator(ParametricSimulator):
                 f"x0 has {len(given)} values, expected {len(names)}: name the variables that it sets, initial=[...]."
             )
         return given
-
-
-def _at_points(function: Callable[..., np.ndarray], t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
-    """A function of flat points at points of any shape."""
-    states = np.asarray(x, dtype=float)
-    shape = states.shape[1:]
-    if len(shape) == 1 and isinstance(u, np.ndarray) and u.shape[1:] == shape:
-        return function(t, states, u, p)
-    flat = states.reshape(len(states), -1)
-
-    def spread(value: Any) -> np.ndarray:
-        return np.broadcast_to(np.asarray(value, dtype=float), shape).reshape(-1)
-
-    inputs = np.array([spread(row) for row in u], dtype=float).reshape(-1, flat.shape[1])
-    params = {name: spread(value) if np.ndim(value) else value for name, value in p.items()}
-    return function(spread(t), flat, inputs, params).reshape(-1, *shape)
 
 
 def _with_words(error: SimulationDiverged, said: str) -> SimulationDiverged:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from sksurrogate.physics._fmu_exchange import ExchangeUnit, Refused, offered
+from sksurrogate.physics._fmu_exchange import ExchangeUnit, Refused
+from sksurrogate.physics._foreign import offered
 
 __all__ = ["EventSteps"]
 

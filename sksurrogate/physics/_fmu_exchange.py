@@ -10,24 +10,14 @@ import numpy as np
 
 from sksurrogate.physics._fmu_signals import Signals
 from sksurrogate.physics._fmu_unit import Messages, new_instance
+from sksurrogate.physics._foreign import LARGEST, offered
 
-__all__ = ["ExchangeUnit", "Refused", "offered"]
+__all__ = ["ExchangeUnit", "Refused"]
 
-#: Values beyond this are not offered to a unit: their cubes would leave the finite numbers.
-LARGEST = 1e100
 #: Up to so many points an order of their visit costs more than it saves.
 _FEW = 8
 #: Rounds of an event until nothing changes any more.
 _ROUNDS = 100
-
-
-def offered(*values: np.ndarray) -> np.ndarray:
-    """Which points (n, n_points) a foreign program may see: finite ones of a bearable size."""
-    found = np.ones(values[0].shape[-1], dtype=bool)
-    for value in values:
-        if value.size:
-            found &= (np.abs(value).max(axis=0) if value.ndim > 1 else np.abs(value)) <= LARGEST  # nan is not <=
-    return found
 
 
 class Refused(Exception):

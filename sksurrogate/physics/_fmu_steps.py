@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.physics._fmu_exchange import offered
 from sksurrogate.physics._fmu_signals import Signals
 from sksurrogate.physics._fmu_unit import Messages, new_instance
+from sksurrogate.physics._foreign import offered
 
 __all__ = ["CoSteps"]
 

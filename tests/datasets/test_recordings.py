@@ -4,6 +4,7 @@ import http.server
 import io
 import threading
 import zipfile
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +12,13 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sksurrogate.datasets import fetch_ball_drops, fetch_cascaded_tanks, fetch_heat_exchanger, fetch_silverbox
+from sksurrogate.datasets import (
+    _recordings,
+    fetch_ball_drops,
+    fetch_cascaded_tanks,
+    fetch_heat_exchanger,
+    fetch_silverbox,
+)
 from sksurrogate.exceptions import DataError
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data"
@@ -35,11 +42,20 @@ def test_balls_fall_and_water_is_warm():
     assert np.corrcoef(water.q, water.th)[0, 1] < 0  # more flow, less warm
 
 
-def test_balls_and_exchanger_from_elsewhere(server, tmp_path):
+def known(monkeypatch, name, arrays):
+    """These numbers are the known ones of a recording."""
+    source = getattr(_recordings, name)
+    numbers = _recordings._numbers(arrays, source.signals)
+    monkeypatch.setattr(_recordings, name, replace(source, numbers=numbers))
+
+
+@pytest.mark.parametrize("delimiter", [" ", ";", ","])
+def test_balls_and_exchanger_from_elsewhere(delimiter, server, tmp_path, monkeypatch):
     pytest.importorskip("pooch")
     folder, address = server
     table = np.column_stack([np.arange(4000), np.linspace(0.1, 0.7, 4000), np.linspace(93, 101, 4000)])
-    np.savetxt(folder / "exchanger.dat", table)
+    np.savetxt(folder / "exchanger.dat", table, delimiter=delimiter)
+    known(monkeypatch, "_EXCHANGER", {"q": table[:, 1], "th": table[:, 2]})
     (folder / "balls.csv").write_text(
         "ball,drop,time_s,height_m,velocity_m_s\nTin,1,0.0,40.0,0.1\nTin,2,0.1,39.0,-0.1\n"
     )
@@ -53,10 +69,11 @@ def test_balls_and_exchanger_from_elsewhere(server, tmp_path):
         fetch_heat_exchanger(tmp_path / "other", url=f"{address}/other.dat")
     with pytest.raises(DataError, match="save the authors' spreadsheet there as CSV"):
         fetch_ball_drops(tmp_path / "other")
-    (tmp_path / "ball_drops" / "ball_drops.csv").write_text("a,b\n")
+    (folder / "wrong.csv").write_text("a,b\n")
     with pytest.raises(DataError, match="has not the columns"):
-        fetch_ball_drops(tmp_path)
-    (tmp_path / "ball_drops" / "ball_drops.ours").unlink()
+        fetch_ball_drops(tmp_path / "other", url=f"{address}/wrong.csv")
+    with (tmp_path / "ball_drops" / "ball_drops.csv").open("a") as file:
+        file.write("Tin,2,0.2,38.0,-0.2\n")
     with pytest.raises(DataError, match="is damaged"):
         fetch_ball_drops(tmp_path)
 
@@ -86,20 +103,61 @@ def server(tmp_path):
         running.shutdown()
 
 
-def test_an_archive_is_fetched_once_and_converted(server, tmp_path):
-    pytest.importorskip("pooch")
-    folder, address = server
-    rng = np.random.default_rng(0)
+def tanks_archive(file, seed):
+    """An archive like the official one, and its signals."""
+    rng = np.random.default_rng(seed)
     content = {key: rng.normal(size=(1024, 1)) for key in ("uEst", "yEst", "uVal", "yVal")}
     mat = io.BytesIO()
     savemat(mat, {**content, "Ts": np.array([[4.0]])})
-    with zipfile.ZipFile(folder / "tanks.zip", "w") as archive:
+    with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("CascadedTanksFiles/dataBenchmark.mat", mat.getvalue())
+    return content
+
+
+def test_an_archive_is_fetched_once_and_converted(server, tmp_path, monkeypatch):
+    pytest.importorskip("pooch")
+    folder, address = server
+    content = tanks_archive(folder / "tanks.zip", 0)
+    known(monkeypatch, "_TANKS", content)
     tanks = fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/tanks.zip")
     np.testing.assert_array_equal(tanks.yVal, content["yVal"][:, 0])
     (folder / "tanks.zip").unlink()
     again = fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/tanks.zip")
     np.testing.assert_array_equal(again.uEst, tanks.uEst)
+    file = tmp_path / "home" / "cascaded_tanks" / "cascaded_tanks.npz"
+    assert list(file.parent.iterdir()) == [file]
+    np.savez(file, **{**{key: value.ravel() for key, value in content.items()}, "yVal": tanks.yVal[::-1], "Ts": [4.0]})
+    with pytest.raises(DataError, match="is damaged"):
+        fetch_cascaded_tanks(tmp_path / "home")
+
+
+def test_a_download_with_other_numbers_is_refused_and_not_kept(server, tmp_path, monkeypatch):
+    pytest.importorskip("pooch")
+    folder, address = server
+    content = tanks_archive(folder / "right.zip", 0)
+    tanks_archive(folder / "other.zip", 1)
+    known(monkeypatch, "_TANKS", content)
+    with pytest.raises(DataError, match=r"other\.zip holds other numbers than the known recording .*nothing is kept"):
+        fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/other.zip")
+    assert not list((tmp_path / "home" / "cascaded_tanks").iterdir())
+    tanks = fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/right.zip")  # nothing of the other is read again
+    np.testing.assert_array_equal(tanks.yVal, content["yVal"][:, 0])
+    np.savetxt(folder / "exchanger.dat", np.ones((4000, 3)))
+    with pytest.raises(DataError, match="holds other numbers than the known recording"):
+        fetch_heat_exchanger(tmp_path / "home", url=f"{address}/exchanger.dat")
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the real recordings are not on this machine")
+@pytest.mark.parametrize("name", ["_TANKS", "_SILVERBOX", "_EXCHANGER"])
+def test_the_known_numbers_are_those_of_the_known_files(name):
+    source = getattr(_recordings, name)
+    file = {"_TANKS": "cascaded_tanks/cascaded_tanks", "_SILVERBOX": "silverbox/silverbox_SNLS80mV"}.get(name)
+    arrays = dict(np.load(SHARED / f"{file or 'heat_exchanger/heat_exchanger'}.npz"))
+    assert _recordings._numbers(arrays, source.signals) == source.numbers
+    rounded = {key: np.round(arrays[key], 12) for key in source.signals}
+    assert _recordings._numbers(rounded, source.signals) == source.numbers
+    rounded[source.signals[0]][100] += 0.01
+    assert _recordings._numbers(rounded, source.signals) != source.numbers
 
 
 def test_a_broken_archive_and_no_server_are_said_so(server, tmp_path):

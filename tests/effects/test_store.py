@@ -141,3 +141,55 @@ def test_arguments_that_were_tampered_with_are_refused(arguments, tmp_path):
     (tmp_path / "f.json").write_text(json.dumps(text))
     with pytest.raises(DataError, match=r"not a file of save_augmented"):
         load_augmented(make_reactor(), tmp_path / "f.json")
+
+
+def lag(params):
+    entry = {"name": "input_lag", "class": "InputLag", "location": "u", "variable": None, "arguments": {}}
+    return json.dumps([{**entry, "params": params}])
+
+
+def stored(effects="[]", params="{}", more=""):
+    return f'{{"effects": {effects}, "params": {params}{more}}}'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (stored(lag({"time_constant": -0.05})), "'input_lag' at 'u': time_constant=-0.05, expected .* from 0 to inf"),
+        (stored(lag({"time_constant": float("nan")})), "time_constant=nan, expected a finite number"),
+        (stored(lag({"time_constant": float("inf")})), "time_constant=inf, expected a finite number"),
+        (stored(lag({"time_constant": True})), "time_constant=True, expected a number"),
+        (stored(lag({"time_constant": "0.05"})), "time_constant='0.05', expected a number"),
+        (stored(lag({"time_constant": 10**400})), "not a file of save_augmented"),
+        (stored(lag({"time_constant": 0.05, "delay": 0.1})), r"has the params \['delay', 'time_constant'\], expected"),
+        (stored(lag({"time_constant": 1.0}).replace("1.0", '1.0, "time_constant": 2.0')), "stands there twice"),
+        (stored(params='{"feed": 4.5, "feed": 5.5}'), "'feed' stands there twice"),
+        (stored(params='{"feed": true}'), "params: feed=True, expected a finite number"),
+        (stored(params='{"feed": NaN}'), "params: feed=nan, expected a finite number"),
+        (stored(params='{"feed": "4.5"}'), "params: feed='4.5', expected a finite number"),
+        (stored(params='{"feed": ' + 400 * "1" + "}"), "not a file of save_augmented"),
+        (stored(params='{"feed": ' + 5000 * "1" + "}"), "not a file of save_augmented"),
+        (stored(more=', "sharpness": 0'), "sharpness=0, expected a number above 0"),
+        (stored(more=', "sharpness": -Infinity'), "sharpness=-inf, expected a finite number"),
+        (stored(more=', "scale": [1.0, 0.0]'), "scale=0, expected a number above 0"),
+        (stored(more=', "scale": [true]'), "scale=True, expected a finite number"),
+    ],
+)
+def test_what_no_diagnosis_writes_is_refused(text, message, tmp_path):
+    (tmp_path / "f.json").write_text(text)
+    with pytest.raises(DataError, match=message) as caught:
+        load_augmented(make_reactor(), tmp_path / "f.json")
+    assert str(caught.value).startswith("f.json: ")
+
+
+def test_a_limit_that_is_never_reached_comes_back(tmp_path):
+    again = AugmentedSimulator(make_reactor(), [CATALOGUE["input_saturation"]("u")], [(np.inf,)])
+    save_augmented(again, tmp_path / "f.json")
+    assert load_augmented(make_reactor(), tmp_path / "f.json").values == [{"limit": np.inf}]
+
+
+@pytest.mark.parametrize("value", [-0.05, np.nan, np.inf])
+def test_a_value_that_could_not_be_read_again_is_refused_when_saving(value, tmp_path):
+    slow = AugmentedSimulator(make_reactor(), [CATALOGUE["input_lag"]("u")], [(value,)])
+    with pytest.raises(DataError, match="effect 'input_lag' at 'u': time_constant="):
+        save_augmented(slow, tmp_path / "f.json")

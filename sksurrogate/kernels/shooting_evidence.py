@@ -1,0 +1,120 @@
+"""Shooting fits whose penalty follows the evidence on the way down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.kernels.evidence import Evidence, correlation_length, left_out, weigh
+from sksurrogate.kernels.shooting import FreeRunLoss, descend
+
+__all__ = ["EvidenceFit", "first_penalty", "fit_by_evidence"]
+
+#: Rounds of Levenberg-Marquardt between which the penalty is weighed again, and steps in a round.
+ROUNDS, STEPS = 12, 4
+#: Largest change of the logarithm of the penalty in a round: the path stays near minima that the data have led to.
+LARGEST = 1.2
+#: Parts that are left out at least and at most.
+FEW, MOST = 4, 16
+#: The penalty has settled at such a change of its logarithm.
+SETTLED = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class EvidenceFit:
+    """A shooting fit, its penalty and noise.
+
+    Attributes
+    ----------
+    model : LagNet or LagBasis
+    loss : FreeRunLoss
+        With the last penalty.
+    y : ndarray (n_runs, n_steps, n_outputs)
+        Free runs.
+    evidence : Evidence
+        Its ``penalty`` is where a further round would move it.
+    """
+
+    model: Any
+    loss: FreeRunLoss
+    y: np.ndarray
+    evidence: Evidence
+
+    def left_out(self) -> float:
+        """Mean squared error of runs by fits without them, linearised; of parts of runs where there are few."""
+        J, e = self.loss.jacobian(self.model, self.y), self.loss.errors(self.y)
+        n_runs, penalty = len(J), self.loss.penalty(self.model)
+        n_parts = min(n_runs, MOST) if n_runs >= FEW else n_runs * -(-FEW // n_runs)
+        parts = np.array_split(np.arange(e.size), n_parts)
+        J, e = J.reshape(-1, J.shape[-1]), e.ravel()
+        return float(np.mean(left_out(J, e, parts, penalty * self.model.theta, penalty)))
+
+
+def _weighed(loss: FreeRunLoss, model: Any, gram: np.ndarray, e: np.ndarray) -> Evidence:
+    """The evidence at a model; one group of all weights."""
+    groups = np.where(np.arange(model.theta.size) < model.n_weights, 0, -1)
+    return weigh(
+        gram, model.theta, groups, np.array([loss.alpha]), float(np.sum(e**2)), loss.n_rows, correlation_length(e)
+    )
+
+
+def _gram(loss: FreeRunLoss, model: Any, y: np.ndarray) -> np.ndarray:
+    J = loss.jacobian(model, y).reshape(-1, model.theta.size)
+    return J.T @ J
+
+
+def first_penalty(loss: FreeRunLoss, model: Any, guess: float = 1e-2, n_rounds: int = 5) -> float:
+    """The penalty of the evidence with the model held, for a fit that begins there; ``guess`` where it runs away."""
+    y = loss.run(model)
+    gram, e = _gram(loss, model, y), loss.errors(y)
+    if not (np.isfinite(gram).all() and np.isfinite(e).all()):
+        return guess
+    loss = replace(loss, alpha=guess)
+    for _ in range(n_rounds):
+        loss = replace(loss, alpha=float(_weighed(loss, model, gram, e).penalty[0]))
+    return loss.alpha
+
+
+def fit_by_evidence(
+    loss: FreeRunLoss,
+    model: Any,
+    *,
+    holds: Callable[[Any], bool] | None = None,
+    n_rounds: int = ROUNDS,
+    n_steps: int = STEPS,
+) -> EvidenceFit | None:
+    """Follow the minimum from ``loss.alpha`` to the penalty of the largest evidence.
+
+    Parameters
+    ----------
+    loss : FreeRunLoss
+        Its ``alpha`` is where the path begins.
+    model : LagNet or LagBasis
+        Start; its free runs must be finite.
+    holds : callable(model) -> bool, optional
+        The path ends before the first model that it refuses.
+    n_rounds, n_steps : int
+
+    Returns
+    -------
+    EvidenceFit or None
+        None where the start is refused, or its free runs are not finite.
+    """
+    found: EvidenceFit | None = None
+    y: np.ndarray | None = None
+    before = np.inf
+    for _ in range(n_rounds):
+        model, value, y = descend(loss, model, n_steps, 1e-6, y)
+        if not np.isfinite(value) or (holds is not None and not holds(model)):
+            return found
+        evidence = _weighed(loss, model, _gram(loss, model, y), loss.errors(y))
+        found = EvidenceFit(model, loss, y, evidence)
+        change = float(np.log((evidence.penalty[0] + 1e-300) / (loss.alpha + 1e-300)))
+        if abs(change) < SETTLED and before - value < 1e-4 * value:
+            break
+        before = value
+        loss = replace(loss, alpha=float(loss.alpha * np.exp(np.clip(change, -LARGEST, LARGEST))))
+    return found

@@ -1,0 +1,155 @@
+"""Sparse least squares: thresholds with refit, and backward elimination judged by the evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import gammaln
+
+__all__ = ["Elimination", "eliminate", "log_evidence", "refit", "threshold_refit"]
+
+#: Ridge on columns of norm 1 that lets dependent columns be told apart: its square is the rounding of doubles.
+TIE = 1e-8
+#: Share of the squares below which a residual is rounding: what the ridge leaves.
+ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """Nested sets of columns, each made from the one before by leaving out the column that is missed least.
+
+    Attributes
+    ----------
+    order : ndarray of int (n_columns,)
+        Columns in the order in which they leave.
+    squares : ndarray (n_columns + 1,)
+        Residual squares with 0, 1, ... columns: entry k belongs to the last k of ``order``.
+    """
+
+    order: np.ndarray
+    squares: np.ndarray
+
+    def columns(self, k: int) -> np.ndarray:
+        """The k columns that stay longest, sorted."""
+        return np.sort(self.order[len(self.order) - k :])
+
+
+def eliminate(A: np.ndarray, b: np.ndarray) -> Elimination:
+    """Backward elimination of ``min |A x - b|^2``.
+
+    Leaving out column j raises the squares by ``x_j^2 / ((A'A)^-1)_jj``; the least goes first, the others are refitted.
+
+    Parameters
+    ----------
+    A : ndarray (n_rows, n_columns)
+    b : ndarray (n_rows,)
+
+    Returns
+    -------
+    Elimination
+
+    References
+    ----------
+    Boninsegna, Nueske, Clementi, *Sparse learning of stochastic dynamical equations*, J. Chem. Phys. 148 (2018).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> A = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]])
+    >>> eliminate(A, A @ [2.0, 0.0, 1.0]).columns(2)
+    array([0, 2])
+    """
+    p, total = A.shape[1], float(b @ b)
+    norms = np.sqrt(np.einsum("ij,ij->j", A, A))
+    norms[norms == 0] = 1.0
+    whole = np.vstack([A / norms, TIE * np.eye(p)])
+    R = np.asarray(np.linalg.qr(np.column_stack([whole, np.append(b, np.zeros(p))]), mode="r"))
+    left, order, squares = np.arange(p), [], []
+    while len(left):
+        k = len(left)
+        squares.append(float(np.sum(R[k:, k] ** 2)))
+        inverse = solve_triangular(R[:k, :k], np.eye(k))
+        x = inverse @ R[:k, k]
+        worst = int(np.argmin(x**2 / np.einsum("ij,ij->i", inverse, inverse)))
+        order.append(left[worst])
+        left = np.delete(left, worst)
+        R = np.asarray(np.linalg.qr(np.delete(R, worst, axis=1), mode="r"))
+    squares.append(total)
+    return Elimination(np.array(order, dtype=int), np.maximum(squares[::-1], ROUNDING * total))
+
+
+def log_evidence(squares: np.ndarray, n_rows: float, n_constants: int = 0) -> np.ndarray:
+    """Log evidence of the best model with 0, 1, ... of p terms, up to a constant.
+
+    ``-n/2 log(squares / n) - k/2 log n - log binom(p, k)``: Laplace's approximation with a prior worth one row, and
+    subsets of one size sharing their prior probability. ``-inf`` for more parameters than half the rows.
+
+    Parameters
+    ----------
+    squares : ndarray (n_columns + 1,)
+    n_rows : float
+        Independent rows.
+    n_constants : int
+        Parameters that every model has (the intercept).
+
+    Returns
+    -------
+    ndarray (n_columns + 1,)
+
+    References
+    ----------
+    Chen, Chen, *Extended Bayesian information criteria*, Biometrika 95 (2008).
+    """
+    k = np.arange(len(squares))
+    p = len(squares) - 1
+    subsets = gammaln(p + 1) - gammaln(k + 1) - gammaln(p - k + 1)
+    with np.errstate(divide="ignore"):
+        fit = -0.5 * n_rows * np.log(squares / n_rows)
+    found = fit - 0.5 * k * np.log(n_rows) - subsets
+    return np.where((k > 0) & (k + n_constants > 0.5 * n_rows), -np.inf, found)
+
+
+def refit(A: np.ndarray, b: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Least squares on some columns, 0 on the others, (n_columns,)."""
+    x = np.zeros(A.shape[1])
+    if len(columns):
+        norms = np.sqrt(np.einsum("ij,ij->j", A[:, columns], A[:, columns]))
+        norms[norms == 0] = 1.0
+        x[columns] = np.linalg.lstsq(A[:, columns] / norms, b, rcond=None)[0] / norms
+    return x
+
+
+def threshold_refit(A: np.ndarray, b: np.ndarray, size: np.ndarray, threshold: float) -> np.ndarray:
+    """Sequentially thresholded least squares: fit, leave out ``|x_j| * size_j < threshold``, fit again, until none goes.
+
+    Parameters
+    ----------
+    A : ndarray (n_rows, n_columns)
+    b : ndarray (n_rows,)
+    size : ndarray (n_columns,)
+        What a coefficient of 1 amounts to.
+    threshold : float
+
+    Returns
+    -------
+    ndarray (n_columns,)
+
+    References
+    ----------
+    Brunton, Proctor, Kutz, *Discovering governing equations from data*, PNAS 113 (2016).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> threshold_refit(np.eye(3), np.array([2.0, 0.1, -1.0]), np.ones(3), 0.5)
+    array([ 2.,  0., -1.])
+    """
+    columns = np.flatnonzero(size > 0)
+    while True:
+        x = refit(A, b, columns)
+        kept = columns[np.abs(x[columns]) * size[columns] >= threshold]
+        if len(kept) == len(columns):
+            return x
+        columns = kept

@@ -1,0 +1,44 @@
+"""Programs of others at points: flat arrays of what they may see, nan for what they refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+__all__ = ["LARGEST", "at_points", "offered"]
+
+#: Values beyond this are not offered to a foreign program: their cubes would leave the finite numbers.
+LARGEST = 1e100
+
+
+def offered(*values: np.ndarray) -> np.ndarray:
+    """Which points (n, n_points) a foreign program may see: finite ones of a bearable size.
+
+    Examples
+    --------
+    >>> offered(np.array([[0.0, np.nan, 1.0]]), np.array([1e300, 0.0, 2.0])).tolist()
+    [False, False, True]
+    """
+    found = np.ones(values[0].shape[-1], dtype=bool)
+    for value in values:
+        if value.size:
+            found &= (np.abs(value).max(axis=0) if value.ndim > 1 else np.abs(value)) <= LARGEST  # nan is not <=
+    return found
+
+
+def at_points(function: Callable[..., np.ndarray], t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
+    """A function of flat points, (n, n_points) and p with floats or (n_points,), at points of any shape (n, *s)."""
+    states = np.asarray(x, dtype=float)
+    shape = states.shape[1:]
+    if len(shape) == 1 and isinstance(u, np.ndarray) and u.shape[1:] == shape:
+        return function(t, states, u, p)
+    flat = states.reshape(len(states), -1) if len(states) else states.reshape(0, int(np.prod(shape)))
+
+    def spread(value: Any) -> np.ndarray:
+        return np.broadcast_to(np.asarray(value, dtype=float), shape).reshape(-1)
+
+    inputs = np.array([spread(row) for row in u], dtype=float).reshape(-1, flat.shape[1])
+    params = {name: spread(value) if np.ndim(value) else value for name, value in p.items()}
+    return function(spread(t), flat, inputs, params).reshape(-1, *shape)
