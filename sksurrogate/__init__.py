@@ -45,6 +45,7 @@ _HOME = {
     "SplineFeatures": "features",
     "StateSpaceRegressor": "compose",
     "StepSimulator": "physics",
+    "SurrogateSimulator": "physics",
     "TableSimulator": "physics",
     "blind": "",
     "compose": "",

@@ -194,7 +194,7 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
 
 
 def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> tuple[str, ...]:
-    """States whose balance is an identity ``dq/dt = v`` with another state, seen at random points.
+    """States whose balance is an identity ``dq/dt = v`` with another state, seen at random points or declared (``kinematic``).
 
     No effect can be missing there: a position changes with its speed, whatever else is wrong.
 
@@ -226,4 +226,5 @@ def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int
             dx, tolerance = (model.step(t, x, u, short) - x) / short, 1e-2
     same = np.abs(dx[:, None] - x[None]) <= tolerance * np.maximum(np.abs(x[None]), 1e-3)
     identity = np.all(same, axis=2) & ~np.eye(n, dtype=bool)
-    return tuple(name for name, row in zip(plant.states, identity) if row.any())
+    declared = tuple(getattr(plant.simulator, "kinematic", None) or ())
+    return tuple(name for name, row in zip(plant.states, identity) if row.any() or name in declared)

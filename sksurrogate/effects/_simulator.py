@@ -107,7 +107,7 @@ class AugmentedSimulator(BaseSimulator):
     @property
     def states(self) -> Any:
         """Names of the states of the simulator; None where it has none."""
-        return getattr(self.simulator, "states", None)
+        return self._named("states")
 
     @property
     def inputs(self) -> Any:

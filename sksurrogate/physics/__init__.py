@@ -8,6 +8,7 @@ from sksurrogate.physics._linearise import Linearisation, linearise, steady_stat
 from sksurrogate.physics._mujoco import MuJoCoSimulator
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator
+from sksurrogate.physics._surrogate import SurrogateSimulator
 from sksurrogate.physics._wrappers import CallableSimulator, StepSimulator, TableSimulator
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "MuJoCoSimulator",
     "ODESimulator",
     "StepSimulator",
+    "SurrogateSimulator",
     "TableSimulator",
     "linearise",
     "steady_state",

@@ -22,7 +22,8 @@ class BaseSimulator(BaseEstimator):
     A subclass gives ``simulate(U, x0=None, t=None) -> Y`` for one run. It may give ``rhs(t, x, u, p)``,
     ``step(t, x, u, p, dt)``, ``output(t, x, u, p)``, ``simulate_states(U, x0, t)``, ``simulate_batch(U, X0, t)``,
     ``jacobian(t, x, u, p)``, and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
-    and ``x0``; ``described()``, a dict of "inputs", "outputs" and "x0", answers where these are None. ``exact_step = True``
+    and ``x0``; ``described()``, a dict of "inputs", "outputs", "states" and "x0", answers where these are None. ``kinematic``
+    names states that are integrals, or copies, of others: no effect is sought in their balance. ``exact_step = True``
     says that ``step`` is what the simulator itself does, and ``rhs`` only its limit: then ``step`` is used where both are
     there. Any object with ``simulate`` is a simulator; this base only adds ``get_params``, ``clone`` and ``repr``.
 
@@ -174,7 +175,9 @@ def describe(
             f"simulator={simulator!r} has no method simulate(U, x0=None, t=None): wrap it, "
             "for example in sksurrogate.physics.CallableSimulator or ODESimulator."
         )
-    has_states = getattr(simulator, "states", None) is not None
+    own = simulator.described() if callable(getattr(simulator, "described", None)) else {}
+    own_states = _or(getattr(simulator, "states", None), own.get("states"))
+    has_states = own_states is not None
     stepwise = bool(getattr(simulator, "events", None)) or bool(getattr(simulator, "exact_step", False))
     jumps = stepwise and callable(getattr(simulator, "step", None))
     if callable(getattr(simulator, "rhs", None)) and has_states and not jumps:
@@ -183,10 +186,9 @@ def describe(
         access = "step"
     else:
         access = "trajectory"
-    own = simulator.described() if callable(getattr(simulator, "described", None)) else {}
     inputs = _names(_or(getattr(simulator, "inputs", None), own.get("inputs")), n_inputs, "u")
     outputs = _names(_or(getattr(simulator, "outputs", None), own.get("outputs")), n_outputs, "y")
-    states = _names(getattr(simulator, "states", None), 0, "x")
+    states = _names(own_states, 0, "x")
     twice = [name for k, name in enumerate(states) if name in states[:k]]
     if twice:
         raise SimulatorError(
