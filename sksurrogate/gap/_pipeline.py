@@ -32,12 +32,12 @@ from sksurrogate.gap.decide._reported import reported
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
 from sksurrogate.gap.decide._rules import ROUNDING, decide
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
-from sksurrogate.gap.fit._closeness import FAR
-from sksurrogate.gap.fit._evidence import NEARLY_WHITE, NOTHING_LEFT, estimate_noise, left
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, DOUBTED, FAR, NEAR, NEARLY_WHITE
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._excerpt import FITTED_SAMPLES, excerpt
-from sksurrogate.gap.fit._problem import Problem, Rival, build_problem
+from sksurrogate.gap.fit._problem import Problem, build_problem
 from sksurrogate.gap.fit._retuned import retuned_table, value_of
-from sksurrogate.gap.fit._rounding import STEPS, Rounding, unnamed_rounding
+from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -49,7 +49,7 @@ from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed import _where
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
-from sksurrogate.gap.unnamed._disturbance_channel import missing_term, where_and_when
+from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
 from sksurrogate.gap.unnamed._free_curve import SUSPICIOUS, free_curve
 from sksurrogate.gap.unnamed._law_rival import LawRival, law_rival
 from sksurrogate.gap.unnamed._location import accused, told_by, told_by_law
@@ -60,9 +60,6 @@ from sksurrogate.runs import Runs
 __all__ = ["Questions"]
 
 _NAN = float("nan")
-#: Free runs within this many times the noise are near to the data; names within more of it are doubted: beside a disturbance
-#: that left up to three times the noise no law beat a true name. Of a real plant further off any law may.
-NEAR, DOUBTED = 2.0, 4.0
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
 
@@ -89,95 +86,90 @@ class Questions:
         self.uncertified = ""
 
     @property
-    def final(self) -> Rival:
+    def final(self) -> Evidence:
         """The rival that stands."""
-        rival = self.search.final or self.search.null
-        if rival is None:
-            raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
-        return rival
+        return self.search.final or self.null
 
     @property
-    def null(self) -> Rival:
+    def null(self) -> Evidence:
         """No effect."""
-        assert self.search.null is not None
-        return self.search.null
+        return self.search.begun
 
     def begin(self) -> None:
         """Ask what needs no name, while names are looked for."""
-        self.without = WithoutNames(self.problem, self.null, self.correction, self.search.later)
+        self.channels = Channels(self.null.candidate)
+        self.without = WithoutNames(self.null, self.correction, self.search.later)
 
     def ask(self) -> None:
         say, problem, search = self.say, self.problem, self.search
         final, found = self.final, self.found
-        remaining = Remaining(search, self.null, final, self.seed)
-        found.curve = free_curve(search.at(final), final)
+        remaining = Remaining(search.later, self.null, self.channels, final, self.seed)
+        found.curve = free_curve(final)
         few = 0 < len(final.effects) < STACK
-        if few and left(final) < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
+        if few and final.left < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
             self.name_what_is_seen()
             final = self.final
         found.retuned = self._retuning_counts()
         say("what these data cannot tell apart")
         found.slots = equivalents(search, final)
         say("how far the gap shrinks on runs left out")
-        experiment = search.second.ask(partial(next_experiment, problem, final, found.slots))
+        experiment = search.second.ask(partial(next_experiment, final, found.slots))
         found.finals = names_by_fold(search, final, found.slots)
-        found.held = held_out(
-            problem, found.finals, self.without.held(bool(final.effects)), same_names(found.finals, final)
-        )
+        without = self.without.held(self.null, bool(final.effects))
+        found.held = held_out(found.finals, without, same_names(found.finals, final.candidate))
         self.imitation()
         say("what is left")
         found.remains = remaining.of(final)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
-        if final.effects and not certified(found.shrink, left(final)):
+        if final.effects and not certified(found.shrink, final.left):
             self.say_uncertified()
             final = self.final
         if final.effects:
-            found.shares = shares(problem, final, found.shrink.fraction_power)
+            found.shares = shares(final.candidate, found.shrink.fraction_power)
         if final.effects or problem.free:
-            larger, found.fitted = self.fitted(final)
-            found.bounds = intervals(larger, found.fitted)
+            found.fitted = self.fitted(final)
+            found.bounds = intervals(found.fitted)
         if not self.uncertified:
             found.experiment = experiment.answer()
 
     def name_what_is_seen(self) -> None:
         """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
         search = self.search
-        other = search.further(self.final)
-        curve = free_curve(search.at(other), other) if other is not None else None
-        if curve is not None and curve.gain < CERTAIN:
-            search.final, self.found.curve = other, curve
+        other = search.further(self.final.candidate)
+        curve = free_curve(search.judged[other]) if other is not None else None
+        if other is not None and curve is not None and curve.gain < CERTAIN:
+            search.stand(other)
+            self.found.curve = curve
 
     def law_rival(self, of_names: bool) -> LawRival | None:
         """One law without a name, in the place of all names or of nothing."""
         final, search, found = self.final, self.search, self.found
         named = bool(final.effects) and of_names
         if named not in found.rivals and self.complete and search.null is not None:
-            rival, x = (final, final.fit.x) if named else (search.null, search.x)
+            rival, x = (final, final.fit.x) if named else (self.null, search.x)
             x = x[: len(self.problem.plant.states)]
-            found.rivals[named] = law_rival(search.at(rival), rival, x, len(search.candidates), search.second)
+            found.rivals[named] = law_rival(rival, x, len(search.candidates), search.second)
         return found.rivals.get(named)
 
     def imitation(self) -> LawRival | None:
         """The law in the place of names that may imitate it: of more than one parameter, not at the noise, or beside which a
         free curve is nearly worth its knots."""
         final, curve = self.final, self.found.curve
-        several = final.n_parameters > 1 or left(final) > NOTHING_LEFT
+        several = final.candidate.n_parameters > 1 or final.left > AT_THE_NOISE
         doubtful = several or (curve is not None and curve.gain > SUSPICIOUS)
-        return self.law_rival(True) if final.effects and doubtful and left(final) < DOUBTED else None
+        return self.law_rival(True) if final.effects and doubtful and final.left < DOUBTED else None
 
-    def fitted(self, final: Rival) -> tuple[Problem, Rival]:
+    def fitted(self, final: Evidence) -> Evidence:
         """The rival that stands, fitted on more of a long record."""
-        at = self.search.at(final)
+        at = final.candidate.problem
         if self.whole.n_samples == at.record.n_samples:
-            return at, final
+            return final
         self.say("fitting what was named on more of the record")
         record, _ = excerpt(self.whole, FITTED_SAMPLES)
         larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances)
-        larger = replace(larger, n_sub=at.n_sub, sharpness=at.sharpness, scale=at.scale, caps=at.caps)
+        larger = replace(larger, numerics=at.numerics, scale=at.scale, caps=at.caps)
         rival = larger.fit(final.effects, final.fit.theta, smoothed.x)
-        if rival is None or final.noise is None:
-            return at, final
-        return larger, estimate_noise(larger, rival, final.noise, final.curvature, max_iterations=5)
+        return final if rival is None else estimate_noise(rival, final.noise, final.curvature, max_iterations=5)
 
     def say_uncertified(self) -> None:
         """The named effects close too little on runs left out: no name is given; the null stands."""
@@ -190,10 +182,10 @@ class Questions:
         )
         search.final, found.slots, found.finals = null, [], []
         assert found.remains is not None
-        latent, law = law_left(search.at(null), null, self.seed)
+        latent, law = law_left(null, self.seed)
         found.remains = replace(found.remains, latent=latent, law=law)
-        found.experiment = next_experiment(self.problem, null, found.slots)
-        found.curve = free_curve(search.at(null), null)
+        found.experiment = next_experiment(null, found.slots)
+        found.curve = free_curve(null)
         found.rivals = {}
         held = found.held
         after = held.before if not self.problem.free else held.retuned
@@ -206,37 +198,32 @@ class Questions:
         A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
         """
         final, left_over = self.final, self.found.remains
-        fits = [final.noise.sigma] if final.noise is not None else []
-        fits += [left_over.latent.noise.sigma] if left_over is not None else []
+        fits = [final.noise.sigma, *([left_over.latent.noise.sigma] if left_over is not None else [])]
         most = MOST_NOISE * self.problem.sd
-        return np.max([np.minimum(sigma, most) for sigma in fits] or [self.problem.sd], axis=0)
+        return np.max([np.minimum(sigma, most) for sigma in fits], axis=0)
 
     def _retuning_counts(self) -> bool:
         """Whether the free parameters at other values than the nominal ones are worth their number."""
         problem, null = self.problem, self.null
-        assert null.noise is not None
         if not problem.free:
             return False
-        nominal = replace(problem, free=()).fit((), np.zeros(0), null.fit.x)
-        if nominal is None:
+        alone = replace(problem, free=()).fit((), np.zeros(0), null.fit.x)
+        if alone is None:
             return True
-        estimate_noise(replace(problem, free=()), nominal, null.noise)
-        self.search.nominal_left = left(nominal)
+        nominal = estimate_noise(alone, null.noise)
         return bool(2.0 * (null.log_likelihood - nominal.log_likelihood) > self.search.bar(len(problem.free)))
 
     # ---- the report -------------------------------------------------------------------------------------------------
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
-        found, final, null = self.found, self.final, self.search.null
-        if found.shrink is None or found.remains is None or null is None:
+        found, final, null = self.found, self.final, self.null
+        if found.shrink is None or found.remains is None:
             return "unknown", UNDECIDED
-        at = self.search.at(final)
         latent, law = found.remains.latent, found.remains.law
         beyond = left_over(final, latent, MOST_NOISE * self.problem.sd, found.retuned)
         gap = float(np.sqrt(null.fit.cost / self.search.n_values))
         return decide(
             features_of(
-                problem=at,
                 final=final,
                 shrink=found.shrink,
                 latent=latent,
@@ -252,7 +239,7 @@ class Questions:
 
     def rounding(self) -> Rounding | None:
         """A grid of readings that nothing named explains, where it is coarse enough to matter."""
-        found = unnamed_rounding(self.final)
+        found = unnamed_rounding(self.final.candidate)
         return found if found is not None and found.share > ROUNDING else None
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
@@ -261,18 +248,18 @@ class Questions:
         low, high = found.bounds or (final.fit.theta * np.nan, final.fit.theta * np.nan)
         unnamed = found.curve.gain if found.curve is not None else -np.inf
         chances = (
-            probabilities(self.search, final, found.slots, unnamed, verdict == "unknown")
+            probabilities(self.search, final.candidate, found.slots, unnamed, verdict == "unknown")
             if found.slots
             else [float("nan")] * len(final.effects)
         )
         out = []
         for i, effect in enumerate(final.effects):
-            rows = final.model.slice_of(i)
+            rows = final.candidate.slice_of(i)
             slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
-            params, ends = reported(effect, best.theta_of(i), low[rows], high[rows])
+            params, ends = reported(effect, best.fit.theta[rows], low[rows], high[rows])
             tied = [name_of(rival.effects[-1]) for rival in slot.twins]
-            twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.keys]
-            richer = [k for k in self.search.richer.get(effect.key, []) if k not in final.keys]
+            twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.candidate.keys]
+            richer = [k for k in self.search.richer.get(effect.key, []) if k not in final.candidate.keys]
             out.append(
                 EffectEstimate(
                     effect.name,
@@ -302,7 +289,7 @@ class Questions:
     def retuned(self) -> Table:
         final = self.found.fitted or self.final
         bounds = self.found.bounds or (final.fit.theta, final.fit.theta)
-        own = slice(final.n_parameters, None)
+        own = slice(final.candidate.n_parameters, None)
         return retuned_table(
             self.problem.plant.params, self.problem.free, final.fit.theta[own], bounds[0][own], bounds[1][own]
         )
@@ -316,10 +303,10 @@ class Questions:
         )
         if named:
             location, kind, _ = named[0]
-        elif verdict == "unknown" and (rounding := self.rounding()) is not None and left(self.final) < NEARLY_WHITE:
+        elif verdict == "unknown" and (rounding := self.rounding()) is not None and self.final.left < NEARLY_WHITE:
             location, kind = rounding.sensor, "output"
         elif verdict == "unknown" and (
-            told := told_by_law(self.law_rival(left(self.final) < NEAR), accusable, self.problem.plant.inputs)
+            told := told_by_law(self.law_rival(self.final.left < NEAR), accusable, self.problem.plant.inputs)
         ):
             location, kind = told
         elif verdict == "unknown" and (curved := self.curved_input()) is not None:
@@ -333,7 +320,7 @@ class Questions:
             kind,
             _where.by_output(found.shrink),
             _where.by_location(accusable, named),
-            *where_and_when(self.problem, self.null, left_over.gap, location, kind),
+            *where_and_when(self.channels, left_over.gap, location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
 
@@ -352,7 +339,7 @@ class Questions:
         shrink = found.shrink or NOT_KNOWN
         term = None
         if verdict == "unknown" and found.remains is not None and place.location is not None:
-            term = missing_term(problem, self.null, place.location, str(place.kind))
+            term = missing_term(self.channels, place.location, str(place.kind))
         notes = self.notes(verdict)
         sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term)
         return GapReport(
@@ -389,14 +376,14 @@ class Questions:
             notes.append(note_on_none(found.shrink))
         rounding = self.rounding()
         if verdict == "unknown" and rounding is not None:
-            notes.append(STEPS.format(name=rounding.sensor, step=rounding.step))
+            notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         if self.whole.n_samples > self.problem.record.n_samples:
             notes.append(
                 f"The rivals were compared on {self.problem.record.n_samples} of {self.whole.n_samples} samples, in pieces "
                 "spread over the record; what is named was fitted on more of them."
             )
         loop = closed_loop(self.problem.record, self.final.fit.y, self.problem.plant.inputs)
-        if loop is not None and left(self.final) < FAR:  # what is left must be noise, not the gap itself
+        if loop is not None and self.final.left < FAR:  # what is left must be noise, not the gap itself
             notes.append(LOOP.format(name=loop))
         for i, name in enumerate(self.problem.plant.inputs):
             if np.ptp(self.problem.record.u[i]) == 0:
@@ -407,12 +394,12 @@ class Questions:
         """The simulator with what was found."""
         final, plant = self.found.fitted or self.final, self.problem.plant
         values = [
-            {p.name: float(v) for p, v in zip(effect.parameters, final.theta_of(i))}
+            {p.name: float(v) for p, v in zip(effect.parameters, final.candidate.theta_of(i))}
             for i, effect in enumerate(final.effects)
         ]
 
         tuned = {
-            name: value_of(plant.params[name], final.fit.theta[final.n_parameters + i])
+            name: value_of(plant.params[name], final.fit.theta[final.candidate.n_parameters + i])
             for i, name in enumerate(self.problem.free)
         }
         return AugmentedSimulator(plant.simulator, list(final.effects), values, tuned or None, scale=self.problem.scale)

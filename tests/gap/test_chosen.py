@@ -7,7 +7,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._choice_by_fold import ByRun, by_run, chosen_without
 from sksurrogate.gap.decide._held_out import held_out, notes_on_names, same_names, without_names
-from sksurrogate.gap.fit._evidence import quick_likelihood
+from sksurrogate.gap.fit._evidence import judged_under
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.kernels.disturbance import Disturbance
@@ -35,48 +35,43 @@ def recorded():
 
 
 def fitted(data, *effects):
-    """The problem, and one rival of each effect, with the noise of its own fit."""
+    """The problem, and one rival of each effect."""
     X, y, groups = data
     runs = [groups == k for k in range(RUNS)]
     record = Record.from_runs([X[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
     plant = describe(tank(), n_inputs=1, n_outputs=1, dt=DT)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("level",))
-    rivals = []
-    for effect in effects:
-        rival = problem.fit((effect,), np.full(1, 0.1), smoothed.x)
-        rival.noise = problem.first_noise()
-        rivals.append(rival)
-    return problem, rivals
+    return problem, [problem.fit((effect,), np.full(1, 0.1), smoothed.x) for effect in effects]
 
 
-def likelihood(problem, rival):
-    """Largest log likelihood under the rival's noise, with what its initial states cost."""
-    return quick_likelihood(problem, rival, [rival.noise]) - 0.5 * prior_cost(problem, rival)
+def likelihood(rival, noise):
+    """Largest log likelihood under a noise, with what the rival's initial states cost."""
+    return judged_under(rival, [noise]).log_likelihood - 0.5 * prior_cost(rival)
 
 
 def test_likelihoods_of_runs_add_up_and_those_of_some_runs_are_those_of_a_fit_to_them():
     """The plant and the effect are linear: one step leads from the fit of all runs to that of three of them."""
     problem, (rival,) = fitted(recorded(), CATALOGUE["constant_bias"]("level"))
-    runs = by_run(problem, rival, problem.record.starts, rival, by_size=False)
+    noise = problem.first_noise()
+    runs = by_run(rival, [noise], problem.record.starts, by_size=False)
     everything = np.ones(RUNS, bool)
-    assert runs.evidence(everything) == pytest.approx(likelihood(problem, rival), rel=1e-9)
+    assert runs.evidence(everything) == pytest.approx(likelihood(rival, noise), rel=1e-9)
     kept = np.array([True, False, True, True])
     some = problem.on([0, 2, 3])
     again = some.fit(rival.effects, rival.fit.theta, rival.fit.x[:, np.isin(problem.record.run_of_row, [0, 2, 3])])
-    again.noise = rival.noise
-    assert runs.evidence(kept) == pytest.approx(likelihood(some, again), abs=0.01)
+    assert runs.evidence(kept) == pytest.approx(likelihood(again, noise), abs=0.01)
 
 
 def test_blocks_of_a_run_have_the_likelihood_of_runs_of_their_own():
     problem, (rival,) = fitted(recorded(), CATALOGUE["constant_bias"]("level"))
-    whole = problem.disturbance(rival)
+    whole, noise = rival.disturbance, problem.first_noise()
     cut = np.sort(np.r_[whole.starts, whole.starts + 60])
     r = np.random.default_rng(1).normal(size=(1, 2, problem.record.n_samples))
-    grams, log_dets = whole.begun_at(cut).gram_by_run(r, rival.noise)
+    grams, log_dets = whole.begun_at(cut).gram_by_run(r, noise)
     for k, (a, b) in enumerate(zip(cut, np.r_[cut[1:], problem.record.n_samples])):
         A, B, C = (part[a:b].transpose(1, 2, 0) for part in (whole.A, whole.B, whole.C))
         alone = Disturbance(A, B, C, np.array([0]), whole.start_sd, whole.slack)
-        G, log_det = alone.gram(r[:, :, a:b], rival.noise)
+        G, log_det = alone.gram(r[:, :, a:b], noise)
         np.testing.assert_allclose(grams[k], G, rtol=1e-7)
         assert log_dets[k] == pytest.approx(log_det, rel=1e-7)
 
@@ -118,9 +113,9 @@ def test_what_the_other_runs_choose_stands_in_the_error_on_a_run_left_out():
         recorded(), CATALOGUE["constant_bias"]("level"), CATALOGUE["linear_loss"]("level", "level")
     )
     null = problem.fit((), np.zeros(0), bias.fit.x)
-    without = without_names(problem, null)
-    right, wrong = (held_out(problem, [one] * RUNS, without).after for one in (bias, loss))
-    mixed = held_out(problem, [bias, loss, bias, bias], without, same_names([bias, loss, bias, bias], bias))
+    without = without_names(null)
+    right, wrong = (held_out([one] * RUNS, without).after for one in (bias, loss))
+    mixed = held_out([bias, loss, bias, bias], without, same_names([bias, loss, bias, bias], bias))
     second = problem.record.run_of_row == 1
     np.testing.assert_array_equal(mixed.after[:, second], wrong[:, second])
     np.testing.assert_array_equal(mixed.after[:, ~second], right[:, ~second])

@@ -46,20 +46,20 @@ def left_by_the_null(law, shaken, seed, push=0.0, lag=0, step=0.0):
     plant = describe(body(0.0), n_inputs=2, n_outputs=1, dt=DT)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
     null = problem.fit((), np.zeros(0), smoothed.x)
-    return problem, estimate_noise(problem, null, problem.first_noise())
+    return problem, estimate_noise(null, problem.first_noise())
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_disturbance_is_no_curve_of_anything(seed):
-    problem, null = left_by_the_null(0.0, 0.05, seed)
-    curve = free_curve(problem, null)
+    _problem, null = left_by_the_null(0.0, 0.05, seed)
+    curve = free_curve(null)
     assert curve is None or curve.gain < 0.0
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_law_beside_a_disturbance_of_its_size_is_found_in_its_variable(seed):
     problem, null = left_by_the_null(0.08, 0.05, seed)
-    curve = free_curve(problem, null)
+    curve = free_curve(null)
     assert curve.gain > 20.0
     assert curve.location == "v"
     assert curve.variable in ("v", "q and its past")  # what q did of late tells v
@@ -71,29 +71,29 @@ def test_a_law_beside_a_disturbance_of_its_size_is_found_in_its_variable(seed):
 
 
 def test_without_noise_but_that_of_the_sensor_less_is_enough():
-    problem, null = left_by_the_null(0.02, 0.0, 0)
-    curve = free_curve(problem, null)
+    _problem, null = left_by_the_null(0.02, 0.0, 0)
+    curve = free_curve(null)
     assert curve.gain > 20.0
     assert curve.variable in ("v", "q and its past")
 
 
 def test_a_force_that_sets_in_at_one_time_is_a_curve_of_time():
-    problem, null = left_by_the_null(0.0, 0.05, 0, push=0.4)
-    curve = free_curve(problem, null)
+    _problem, null = left_by_the_null(0.0, 0.05, 0, push=0.4)
+    curve = free_curve(null)
     assert curve.gain > 20.0
     assert (curve.location, curve.variable) == ("v", "time")
 
 
 def test_a_sensor_that_reads_late_is_a_curve_of_its_own_past():
-    problem, null = left_by_the_null(0.0, 0.05, 0, lag=2)
-    curve = free_curve(problem, null)
+    _problem, null = left_by_the_null(0.0, 0.05, 0, lag=2)
+    curve = free_curve(null)
     assert curve.gain > 20.0
     assert (curve.location, curve.variable) == ("q", "q and its past")
 
 
 def test_an_actuator_that_moves_in_steps_is_a_fine_curve_of_its_input():
-    problem, null = left_by_the_null(0.0, 0.0, 0, step=0.5)
-    curve = free_curve(problem, null)
+    _problem, null = left_by_the_null(0.0, 0.0, 0, step=0.5)
+    curve = free_curve(null)
     assert curve.gain > 20.0
     assert (curve.location, curve.variable) == ("u", "u")
 
@@ -111,8 +111,8 @@ def test_shapes_are_hats_that_add_up_to_one_and_signals_with_their_past():
 
 
 def test_one_factor_serves_all_blocks():
-    problem, null = left_by_the_null(0.08, 0.05, 0)
-    D, rng = problem.disturbance(null), np.random.default_rng(0)
+    _problem, null = left_by_the_null(0.08, 0.05, 0)
+    D, rng = null.candidate.disturbance, np.random.default_rng(0)
     r, *blocks = (rng.normal(size=(1, k, RUNS * N)) for k in (2, 3, 1))
     for block, G in zip(blocks, D.gram_each(r, blocks, null.noise)):
         assert np.allclose(G, D.gram(np.concatenate([r, block], axis=1), null.noise)[0], rtol=1e-8, atol=1e-8)

@@ -54,10 +54,10 @@ def test_the_column_of_a_start_twice_as_large_is_twice_the_column(name, variable
     plant = describe(SIMULATOR, n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
-    null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
+    null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
     effect = CATALOGUE[name]("v", variable)
     start = np.array({"lugre_friction": (2.0, 0.4, 0.6, 0.5), "hysteresis": (2.0, 0.3), "linear_loss": (0.2,)}[name])
-    columns, _ = Responses(problem, null, smoothed.x).columns(
+    columns, _ = Responses(problem, null.candidate, smoothed.x).columns(
         effect, np.stack([start, grown(effect, start, 2.0)], axis=1)
     )
     np.testing.assert_allclose(columns[:, 1], 2.0 * columns[:, 0], rtol=1e-3, atol=1e-3 * np.max(np.abs(columns)))

@@ -44,7 +44,7 @@ def fitted(problem, x, *effects):
     """Effects and where their parameters start, fitted."""
     theta = np.concatenate([np.zeros(0), *(start for _, start in effects), np.zeros(len(problem.free))])
     rival = problem.fit(tuple(effect for effect, _ in effects), theta, x)
-    return estimate_noise(problem, rival, problem.first_noise())
+    return estimate_noise(rival, problem.first_noise())
 
 
 def effect(name, *start):
@@ -59,7 +59,7 @@ def quintic(q, f):
 def test_one_law_beats_names_that_imitate_it(free):
     problem, smoothed = problem_of(quintic, free)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.3), effect("linear_loss", -0.1))
-    found = law_rival(problem, names, names.fit.x, 50)
+    found = law_rival(names, names.fit.x, 50)
     assert found.gain > 10.0
     assert (found.location, found.kind, found.variable) == ("v", "state", "q")
 
@@ -67,7 +67,7 @@ def test_one_law_beats_names_that_imitate_it(free):
 def test_the_true_name_is_not_beaten_by_the_law_that_it_is():
     problem, smoothed = problem_of(lambda q, f: 0.3 * q**3)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.2))
-    found = law_rival(problem, names, names.fit.x, 50)
+    found = law_rival(names, names.fit.x, 50)
     assert found.gain < 5.0
     assert (found.location, found.variable) == ("v", "q")
 
@@ -75,7 +75,7 @@ def test_the_true_name_is_not_beaten_by_the_law_that_it_is():
 def test_two_true_names_are_not_beaten():
     problem, smoothed = problem_of(lambda q, f: 0.3 * q**3 + 0.2 * q)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.2), effect("linear_loss", 0.1))
-    assert law_rival(problem, names, names.fit.x, 50).gain < 5.0
+    assert law_rival(names, names.fit.x, 50).gain < 5.0
 
 
 @pytest.mark.parametrize(
@@ -89,9 +89,9 @@ def test_a_law_far_behind_a_true_name_is_behind_it_under_every_noise(monkeypatch
     problem, smoothed = problem_of(nothing, real=AugmentedSimulator(simulator(), [memory], [values]))
     x = np.concatenate([smoothed.x, np.zeros((memory.n_hidden, RUNS * N))])
     named = fitted(problem, x, (memory, np.array(theta)))
-    at_once = law_rival(problem, named, named.fit.x[:2], 50)
+    at_once = law_rival(named, named.fit.x[:2], 50)
     monkeypatch.setattr(_law_rival, "BEYOND_NOISE", -np.inf)
-    whole = law_rival(problem, named, named.fit.x[:2], 50)
+    whole = law_rival(named, named.fit.x[:2], 50)
     assert at_once.gain < -60.0 and whole.gain < -60.0
     assert at_once.gain != whole.gain  # two ways to one answer
 
@@ -99,14 +99,14 @@ def test_a_law_far_behind_a_true_name_is_behind_it_under_every_noise(monkeypatch
 def test_a_law_of_two_signals_is_told_in_its_balance():
     """An input that a state lets through: neither the input's own curve nor a law of the state alone says as much."""
     problem, smoothed = problem_of(lambda q, f: 0.5 * np.tanh(3.0 * q) * f)
-    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    found = law_rival(fitted(problem, smoothed.x), smoothed.x, 50)
     assert found.gain > 100.0
     assert (found.location, found.kind, found.variable) == ("v", "state", "q*f")
 
 
 def test_what_all_runs_share_at_one_time_is_told_in_its_balance():
     problem, smoothed = problem_of(nothing, outputs=("q", "v"), force=0.2)
-    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    found = law_rival(fitted(problem, smoothed.x), smoothed.x, 50)
     assert found.gain > 100.0
     assert (found.location, found.kind, found.variable) == ("v", "state", "time")
 
@@ -122,9 +122,9 @@ def test_without_the_names_the_simulator_alone_is_left():
     """The free run without the names, to first order about theirs: near to the simulator's own where they are small."""
     problem, smoothed = problem_of(lambda q, f: 0.003 * q**3)
     names = fitted(problem, smoothed.x, effect("cubic_stiffness", 0.003))
-    _, r = without_names(problem, names, names.fit.x)
+    _, r = without_names(names.candidate, names.fit.x)
     alone = fitted(problem, smoothed.x)
-    J_x = problem.linearised(alone).J_x
+    J_x = alone.candidate.linearised.J_x
     residuals = np.stack([r, problem.record.y - alone.fit.y, problem.record.y - names.fit.y])
     without, own, named = project_starts(residuals, J_x, problem.record.starts)
     assert np.linalg.norm(without - own) < 0.1 * np.linalg.norm(own - named)
@@ -163,7 +163,7 @@ def test_late_readings_are_told_in_their_sensor():
         return np.column_stack([np.r_[y[:1, 0], y[:1, 0], y[:-2, 0]], y[:, 1]])
 
     problem, smoothed = problem_of(nothing, outputs=("q", "v"), read=late)
-    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    found = law_rival(fitted(problem, smoothed.x), smoothed.x, 50)
     assert found.gain > 100.0
     assert (found.location, found.kind, found.variable) == ("q", "output", "q and its past")
 
@@ -206,7 +206,7 @@ def test_an_actuator_with_play_is_told_by_the_past_of_its_input():
     Y = [simulator().simulate(v, x0=np.zeros(2)).reshape(N, 1) + NOISE * rng.normal(size=(N, 1)) for v in slack]
     plant = describe(simulator(), n_inputs=1, n_outputs=1, dt=DT)
     problem, smoothed = build_problem(plant, PlantModel(plant), Record.from_runs(U, Y, [t] * RUNS, DT), (), ("v",))
-    found = law_rival(problem, fitted(problem, smoothed.x), smoothed.x, 50)
+    found = law_rival(fitted(problem, smoothed.x), smoothed.x, 50)
     assert found.gain > 1000.0
     assert (found.location, found.variable) == ("v", "f and its past")
 

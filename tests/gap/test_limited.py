@@ -54,8 +54,8 @@ def responses():
     described = describe(simulator, n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     problem, smoothed = build_problem(described, PlantModel(described), record, (), ("hidden", "seen"))
-    null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
-    return Responses(problem, null, smoothed.x)
+    null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
+    return Responses(problem, null.candidate, smoothed.x)
 
 
 @pytest.mark.parametrize("limit", [0.4, 0.6, 0.9])

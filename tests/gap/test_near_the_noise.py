@@ -42,7 +42,7 @@ def problem_of(true=slow, seed=0, free=()):
 def test_a_quiet_force_moves_no_output_by_more_than_its_share_of_the_noise():
     problem, smoothed = problem_of()
     null = problem.fit((), np.zeros(0), smoothed.x)
-    D, starts = problem.disturbance(null), problem.record.starts
+    D, starts = null.disturbance, problem.record.starts
     rng, a = np.random.default_rng(1), np.exp(-0.1)
     w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=problem.record.n_samples), starts)
     b = np.zeros((1, 1, problem.record.n_samples))
@@ -54,7 +54,7 @@ def test_a_quiet_force_moves_no_output_by_more_than_its_share_of_the_noise():
 
 def test_white_noise_of_a_slow_plant_is_called_white():
     problem, smoothed = problem_of()
-    null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
+    null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
     assert null.noise.sigma[0] == pytest.approx(NOISE, rel=0.05)
     assert null.noise.force[0] < 3.0 * problem.quiet_force()[0]
 
@@ -63,7 +63,7 @@ def test_steps_of_an_effect_are_held_within_its_size_and_those_of_free_parameter
     problem, smoothed = problem_of(free=("loss",))
     effect = CATALOGUE["constant_bias"]("level")
     rival = problem.fit((effect,), np.array([0.02, 0.0]), smoothed.x)
-    _, _, precision, pull = columns(problem, rival)
+    _, _, precision, pull = columns(rival)
     prior = 1.0 / problem.prior(rival.effects, rival.fit.theta) ** 2
     assert precision[0] == pytest.approx((REACH * rival.fit.theta[0]) ** -2)
     assert precision[1] == pytest.approx(prior[1])
@@ -72,11 +72,11 @@ def test_steps_of_an_effect_are_held_within_its_size_and_those_of_free_parameter
 
 def test_the_noise_is_reached_by_the_residual_and_not_by_a_noise_that_grew():
     problem, smoothed = problem_of()
-    null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
-    worse = replace(null, fit=replace(null.fit, cost=1.1 * null.fit.cost))
+    null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
+    worse = replace(null.candidate, fit=replace(null.fit, cost=1.1 * null.fit.cost))
     assert arrived(null, worse)
-    assert not arrived(null, null)
-    assert not arrived(replace(null, noise=None), worse)
+    assert not arrived(null, null.candidate)
+    assert not arrived(None, worse)
 
 
 def test_starts_of_an_effect_that_jumps_lie_apart():

@@ -12,13 +12,14 @@ from sksurrogate.gap.search._search import EQUAL
 
 def rival(*effects, value):
     keys = tuple(effect.key for effect in effects)
-    return SimpleNamespace(effects=effects, keys=keys, n_parameters=len(effects), noise=object(), value=value)
+    return SimpleNamespace(effects=effects, keys=keys, n_parameters=len(effects), value=value)
 
 
 def chance(twins=(), rejected=(), null=-500.0, unnamed=-np.inf, unknown=False):
     final = rival(ConstantBias("speed"), value=0.0)
     fitted = {frozenset(one.keys): one for one in (final, *twins, *rejected)}
-    search = SimpleNamespace(score=lambda one: one.value, null=rival(value=null), fitted=fitted, n_values=100)
+    null = SimpleNamespace(candidate=rival(value=null))
+    search = SimpleNamespace(score=lambda one: one.value, own=lambda one: one, null=null, fitted=fitted, n_values=100)
     (found,) = probabilities(search, final, [SimpleNamespace(index=0, twins=list(twins))], unnamed, unknown)
     return found
 

@@ -29,8 +29,8 @@ def screener(dt):
     plant = describe(simulator, n_inputs=1, n_outputs=1, dt=dt)
     record = Record.from_runs(U, Y, [dt * np.arange(n)] * RUNS, dt)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
-    null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
-    return Responses(problem, null, smoothed.x)
+    null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
+    return Responses(problem, null.candidate, smoothed.x)
 
 
 def error(dt, effect, theta):

@@ -7,7 +7,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, BalanceEffect, Parameter
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._problem import Rival, build_problem
+from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.output_error import linearise
@@ -73,11 +73,11 @@ def test_a_fit_that_went_astray_is_none(problem):
     """Its likelihood is a difference of astronomical numbers."""
     problem, smoothed = problem
     search = Search(problem, effects("linear_loss", "quadratic_drag"), smoothed.x)
-    null = search.null = estimate_noise(problem, problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
+    null = search.null = search.judge(estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise()))
     fits = [problem.fit((effect,), np.array([0.1]), smoothed.x) for effect in search.candidates]
-    astray = Rival(fits[0].effects, fits[0].model, replace(fits[0].fit, cost=1e80))
-    assert [rival.effects[0].name for rival in search.ranked([astray, fits[1]], null)] == ["quadratic_drag"]
-    assert search.ranked([astray], null) == []
+    astray = replace(fits[0], fit=replace(fits[0].fit, cost=1e80))
+    assert [rival.effects[0].name for rival in search.ranked([astray, fits[1]], null.candidate)] == ["quadratic_drag"]
+    assert search.ranked([astray], null.candidate) == []
 
 
 def test_a_base_without_a_linearisation_has_no_screen_however_short_its_list(problem, monkeypatch):

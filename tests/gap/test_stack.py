@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._problem import Candidate, Numerics
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
 
@@ -28,13 +30,12 @@ def test_a_set_grows_in_vain_that_leaves_much_after_an_effect_that_took_little(c
 
 def leaving(error, names, sigma=0.1):
     """A rival of so many names whose residual is a constant."""
-    record = SimpleNamespace(y=np.full((1, 50), error))
-    return SimpleNamespace(
+    candidate = SimpleNamespace(
         effects=[CATALOGUE["constant_bias"](f"x{i}") for i in range(names)],
-        model=SimpleNamespace(record=record),
+        problem=SimpleNamespace(record=SimpleNamespace(y=np.full((1, 50), error))),
         fit=SimpleNamespace(y=np.zeros((1, 50))),
-        noise=SimpleNamespace(sigma=np.array([sigma])),
     )
+    return Evidence(candidate, SimpleNamespace(sigma=np.array([sigma])), 0.0)
 
 
 def test_three_names_that_leave_more_than_the_noise_are_a_stack():
@@ -47,15 +48,14 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     asked = []
     lag, mode, spring = (CATALOGUE[name]("v", "q") for name in ("hidden_relaxation", "hidden_mode", "hysteresis"))
     loss = CATALOGUE["linear_loss"]("v", "v")
-    problem = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), n_sub=1, sharpness=50.0)
+    problem = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1))
     expander = Expander(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
     monkeypatch.setattr(Expander, "searching", lambda self, base: problem)
     monkeypatch.setattr(Expander, "guess", lambda self, base: None)
     monkeypatch.setattr(Expander, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or [])
     for effects in [(lag,), (lag, mode)]:
         keys = tuple(effect.key for effect in effects)
-        base = SimpleNamespace(
-            effects=effects, keys=keys, model=SimpleNamespace(n_sub=1, sharpness=50.0), fit=of_cost(1).fit
-        )
+        base = Candidate(problem, effects, None, of_cost(1).fit)
+        assert base.keys == keys
         expander.expand(base, 4, 2)
     assert asked == [[mode, spring, loss], [loss]]

@@ -5,8 +5,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._evidence import estimate_noise, frozen_fit, quick_likelihood
-from sksurrogate.gap.fit._problem import Rival, build_problem
+from sksurrogate.gap.fit._evidence import estimate_noise, frozen_fit, judged_under
+from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.search._line_search import promising
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -77,12 +77,12 @@ def test_a_step_far_below_the_noise_earns_nothing(plant):
     """A prediction that jumps with its parameter has no slope: the likelihood may not follow one."""
     problem, smoothed = problem_of(plant, recorded(plant, np.random.default_rng(7)))
     null = problem.fit((), np.zeros(0), smoothed.x)
-    estimate_noise(problem, null, problem.first_noise())
+    null = estimate_noise(null, problem.first_noise())
     effects = (CATALOGUE["input_quantization"]("flow"),)
-    rival = Rival(effects, problem.augmented(effects), null.fit)
+    rival = problem.candidate(effects, null.fit)
     for step in np.geomspace(1e-6, 5e-6, 25):
-        one = Rival(effects, rival.model, frozen_fit(problem, rival, np.array([step])))
-        assert quick_likelihood(problem, one, [null.noise]) < null.log_likelihood + 0.3
+        one = frozen_fit(rival, np.array([step]))
+        assert judged_under(one, [null.noise]).log_likelihood < null.log_likelihood + 0.3
 
 
 def test_a_step_larger_than_every_input_is_found(plant):
@@ -106,17 +106,15 @@ def test_values_nearby_are_ranked_as_their_own_free_runs_rank_them(plant):
     data = recorded(plant, np.random.default_rng(5), act=lambda u: 0.31 * np.round(u / 0.31))
     problem, smoothed = problem_of(plant, data)
     effects = (CATALOGUE["input_quantization"]("flow"),)
-    start = Rival(effects, problem.augmented(effects), problem.fit((), np.zeros(0), smoothed.x).fit)
-    off = Rival(effects, start.model, frozen_fit(problem, start, np.array([0.31 * 1.0105])))
-    cost = {
-        step: frozen_fit(problem, off, np.array([step])).cost for (step,) in effects[0].scan((float(off.fit.theta[0]),))
-    }
-    best = [float(theta[0]) for theta in promising(problem, off)]
+    start = problem.candidate(effects, problem.fit((), np.zeros(0), smoothed.x).fit)
+    off = frozen_fit(start, np.array([0.31 * 1.0105]))
+    steps = [step for (step,) in effects[0].scan((float(off.fit.theta[0]),))]
+    cost = {step: frozen_fit(off, np.array([step])).fit.cost for step in steps}
+    best = [float(theta[0]) for theta in promising(off)]
     assert best == sorted(cost, key=lambda step: cost[step])[: len(best)]
     assert best[0] == pytest.approx(0.31, rel=0.005)
-    assert promising(problem, Rival(effects, off.model, frozen_fit(problem, off, np.array([0.31])))) == []
+    assert promising(frozen_fit(off, np.array([0.31]))) == []
     beside = *effects, CATALOGUE["input_bias"]("flow")
-    first = Rival(beside, problem.augmented(beside), off.fit)
-    first = Rival(beside, first.model, frozen_fit(problem, first, np.array([*off.fit.theta, 0.0])))
-    assert promising(problem, first, 0)[0][0] == pytest.approx(0.31, rel=0.005)
-    assert promising(problem, first) == []  # a bias has no steps
+    first = frozen_fit(problem.candidate(beside, off.fit), np.array([*off.fit.theta, 0.0]))
+    assert promising(first, 0)[0][0] == pytest.approx(0.31, rel=0.005)
+    assert promising(first) == []  # a bias has no steps

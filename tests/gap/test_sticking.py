@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._problem import Rival, build_problem
+from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.search._merged_pair import together
 from sksurrogate.kernels.output_error import Fit, free_run
@@ -60,9 +60,8 @@ def at(problem, effects, theta):
     found, smoothed = problem
     model, theta = found.augmented(effects), np.asarray(theta, dtype=float)
     x = free_run(model, theta, smoothed.x[:, found.record.starts])
-    return Rival(
-        effects, model, Fit(theta, x, model.bind(theta[:, None]).outputs(x[:, None])[:, 0], 0.0, 0, True, None)
-    )
+    y = model.bind(theta[:, None]).outputs(x[:, None])[:, 0]
+    return found.candidate(effects, Fit(theta, x, y, 0.0, 0, True, None), model)
 
 
 def test_the_screen_knows_what_stops(problem):
@@ -80,13 +79,13 @@ def test_the_screen_knows_what_stops(problem):
 def test_two_parts_of_one_law_are_one(problem):
     parts = CATALOGUE["coulomb_friction"]("v", "v"), CATALOGUE["stribeck_friction"]("v", "v")
     rival = at(problem, parts, [0.8, LEVEL - 0.8, STATIC - 0.8, VELOCITY])
-    assert together(problem[0], rival, 1, 0) == pytest.approx([LEVEL, STATIC, VELOCITY], rel=1e-4)
+    assert together(rival, 1, 0) == pytest.approx([LEVEL, STATIC, VELOCITY], rel=1e-4)
 
 
 def test_what_is_no_sum_stays_two(problem):
     parts = CATALOGUE["linear_loss"]("v", "v"), CATALOGUE["power_law"]("v", "v")
     rival = at(problem, parts, [0.5, 0.8, 3.0])
-    assert together(problem[0], rival, 1, 0) is None
+    assert together(rival, 1, 0) is None
 
 
 def test_it_is_named(runs):

@@ -11,15 +11,12 @@ import numpy as np
 from sksurrogate._parallel._second import Second
 from sksurrogate.gap.decide._generic_correction import generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut, without_names
-from sksurrogate.gap.fit._evidence import left
+from sksurrogate.gap.fit._closeness import NOTHING_TO_LEARN
+from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._folds import run_folds
-from sksurrogate.gap.fit._problem import Problem, Rival
 from sksurrogate.kernels.record import Record
 
 __all__ = ["WithoutNames"]
-
-#: A free run this near to the noise has no gap that a correction could learn.
-WITHIN_NOISE = 1.05
 
 
 class WithoutNames:
@@ -27,39 +24,38 @@ class WithoutNames:
 
     Parameters
     ----------
-    problem : Problem
-    null : Rival
-        With its noise.
+    null : Evidence
     correction : estimator or None
         Generic learner; None for the default one, which may be fitted in a second process.
     later : Second
         Process for what is wanted later.
     """
 
-    def __init__(self, problem: Problem, null: Rival, correction: Any, later: Second):
-        self.problem, self.null, self.correction = problem, null, correction
-        early = self.learned() if correction is None and self.gap_to_learn() else None
+    def __init__(self, null: Evidence, correction: Any, later: Second):
+        self.problem, self.correction = null.candidate.problem, correction
+        early = self.learned() if correction is None and gap_to_learn(null) else None
 
         def question() -> HeldOut:
-            held = without_names(problem, null)
+            held = without_names(null.candidate)
             return held if early is None else corrected(held, early)
 
         self._held = later.ask(question)
-
-    def gap_to_learn(self) -> bool:
-        """Whether the simulator misses anything."""
-        return left(self.null) >= WITHIN_NOISE
 
     def learned(self) -> Callable[[Record, np.ndarray], np.ndarray]:
         """The correction, beside the runs of the simulator that are known."""
         return generic_correction(self.problem.plant.simulator, self.correction, known_runs(self.problem))
 
-    def held(self, named: bool) -> HeldOut:
+    def held(self, null: Evidence, named: bool) -> HeldOut:
         """The free runs; a correction has nothing to learn where nothing is ``named`` and the null is within the noise."""
         held = self._held.answer()
-        if not (named or self.gap_to_learn()):
+        if not (named or gap_to_learn(null)):
             return replace(held, corrected=np.full_like(held.before, np.nan))
         return corrected(held, self.learned()) if np.isnan(held.corrected).all() else held
+
+
+def gap_to_learn(null: Evidence) -> bool:
+    """Whether the simulator misses anything."""
+    return null.left >= NOTHING_TO_LEARN
 
 
 def corrected(held: HeldOut, correction: Callable[[Record, np.ndarray], np.ndarray]) -> HeldOut:

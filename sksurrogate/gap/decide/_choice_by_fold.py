@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
-from sksurrogate.gap.fit._evidence import bar, columns, likeliest, profile
+from sksurrogate.gap.fit._evidence import Evidence, bar, columns, judged_under, profile
 from sksurrogate.gap.fit._folds import blocked, run_folds
 from sksurrogate.gap.fit._prior import prior_cost
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.fit._project import project_starts
 from sksurrogate.gap.search._search import CORRELATED, Search
+from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["ByRun", "by_run", "chosen_without", "names_by_fold"]
 
@@ -57,12 +58,13 @@ class ByRun:
         return -0.5 * n_values / CORRELATED * float(np.log(max(-2.0 * value, 1e-300))) if by_size else value
 
 
-def by_run(problem: Problem, rival: Rival, starts: np.ndarray, final: Rival, by_size: bool) -> ByRun:
-    """Likelihood of a rival over runs (or blocks) that begin at ``starts``: its noise or the final one, white by size."""
-    r, J, precision, pull = columns(problem, rival)
+def by_run(rival: Candidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool) -> ByRun:
+    """Likelihood of a rival over runs (or blocks) that begin at ``starts``: under the likeliest of some noises, white by size."""
+    problem = rival.problem
+    r, J, precision, pull = columns(rival)
     stacked = np.concatenate([r[:, None], J], axis=1)
     if by_size:
-        lin = problem.linearised(rival)
+        lin = rival.linearised
         white = (stacked / problem.sd[:, None, None]).transpose(1, 0, 2)
         free = lin.J_x[:, rival.model.free_states] / problem.sd[:, None, None]
         white = project_starts(white, free, starts)
@@ -70,11 +72,10 @@ def by_run(problem: Problem, rival: Rival, starts: np.ndarray, final: Rival, by_
         flat = [white[:, :, a:b].reshape(len(white), -1) for a, b in zip(starts, ends)]
         grams, log_dets = np.stack([part @ part.T for part in flat]), np.zeros(len(starts))
     else:
-        noises = [noise for noise in (rival.noise, final.noise) if noise is not None]
-        noise = likeliest(problem, rival, noises) if rival is not final else noises[0]
-        grams, log_dets = problem.disturbance(rival).begun_at(starts).gram_by_run(stacked, noise)
+        noise = judged_under(rival, noises).noise if len(noises) > 1 else noises[0]
+        grams, log_dets = rival.disturbance.begun_at(starts).gram_by_run(stacked, noise)
     theta, bounds = rival.fit.theta, problem.bounds(rival.effects)
-    return ByRun(grams, log_dets, precision, pull, theta, bounds, prior_cost(problem, rival), rival.n_parameters)
+    return ByRun(grams, log_dets, precision, pull, theta, bounds, prior_cost(rival), rival.n_parameters)
 
 
 def chosen_without(
@@ -118,30 +119,33 @@ def chosen_without(
     return out
 
 
-def names_by_fold(search: Search, final: Rival, slots: Sequence[Slot]) -> list[Rival]:
+def names_by_fold(search: Search, final: Evidence, slots: Sequence[Slot]) -> list[Candidate]:
     """The rival that the runs outside each fold choose: the final one, or another set of as many effects.
 
     Parameters
     ----------
     search : Search
-    final : Rival
+    final : Evidence
         What all runs choose.
     slots : sequence of Slot
         Its classes: their members count as the same names.
     """
     record = blocked(search.problem.record)
     starts, fold = record.starts, run_folds(record)
-    others = _others(search, final, slots)
+    named = final.candidate
+    others = _others(search, named, slots)
     n_folds = len(np.unique(fold))
     if not others or n_folds < 2:
-        return [final] * n_folds
-    by_size = all(search.is_far(rival) for rival in (final, *others))
-    own, *against = [by_run(search.at(rival), rival, starts, final, by_size) for rival in (final, *others)]
+        return [named] * n_folds
+    by_size = all(search.is_far(rival) for rival in (named, *others))
+    own = by_run(named, [final.noise], starts, by_size)
+    known = [[noise for noise in (search.noise_of(rival), final.noise) if noise is not None] for rival in others]
+    against = [by_run(rival, noises, starts, by_size) for rival, noises in zip(others, known)]
     picks = chosen_without(own, against, fold, record.lengths * len(record.y), len(search.candidates), by_size)
-    return [final if pick is None else others[pick] for pick in picks]
+    return [named if pick is None else others[pick] for pick in picks]
 
 
-def _others(search: Search, final: Rival, slots: Sequence[Slot]) -> list[Rival]:
+def _others(search: Search, final: Candidate, slots: Sequence[Slot]) -> list[Candidate]:
     """Rivals that differ from the final one in one effect, outside of its class; the best on all runs."""
     keys = frozenset(final.keys)
     same = set()

@@ -9,9 +9,9 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._experiment import leaves_the_range, name_of, suggestion
-from sksurrogate.gap.fit._evidence import estimate_noise, quick_likelihood
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._prior import prior_cost
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.search._fits import taken_out
 from sksurrogate.gap.search._nested import NESTED
@@ -23,17 +23,17 @@ from sksurrogate.kernels.record import Record
 __all__ = ["Slot", "equivalents", "next_experiment"]
 
 #: Rivals further than this under the final noise are not judged under their own; nor are more than this many.
-NEAR, MOST_JUDGED = 40.0, 8
+MAY_CATCH_UP, MOST_JUDGED = 40.0, 8
 #: Squares of errors over the noise within which the named effect, fitted as its rivals are, came as near again.
 CLOSE = 0.5
 #: Nats by which a form with more parameters may be less likely than the named one and yet be of its class.
-AS_LIKELY = 1.0
+NEARLY_AS_LIKELY = 1.0
 #: Rivals fitted from where the others stand, with the effect of a slot taken out.
 MOST_ANEW = 6
 #: Initial states are pushed by this share of their size for sensitivities.
-PUSH = 1e-4
+PUSH_OF_START = 1e-4
 #: Outputs closer than this share of the noise are the same prediction.
-SAME = 0.02
+SAME_PREDICTION = 0.02
 
 
 @dataclass(eq=False)
@@ -43,22 +43,22 @@ class Slot:
     Attributes
     ----------
     index : int
-    twins : list of Rival
+    twins : list of Candidate
         Rivals with another effect in this slot that these data cannot reject.
     identical : list of bool
         Whether the prediction of each twin is the same within a fraction of the noise.
     """
 
     index: int
-    twins: list[Rival]
+    twins: list[Candidate]
     identical: list[bool]
 
 
-def equivalents(search: Search, final: Rival) -> list[Slot]:
+def equivalents(search: Search, final: Evidence) -> list[Slot]:
     """Refit every other rival in each slot under the final noise model; those within :data:`EQUAL` are its class."""
     slots = []
     for i in range(len(final.effects)):
-        base = search.null if len(final.effects) == 1 else search.without(final, i)
+        base = search.begun.candidate if len(final.effects) == 1 else search.without(final.candidate, i)
         if base is None:
             slots.append(Slot(i, [], []))
             continue
@@ -66,13 +66,13 @@ def equivalents(search: Search, final: Rival) -> list[Slot]:
     return slots
 
 
-def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
+def _slot(search: Search, final: Evidence, base: Candidate, i: int) -> Slot:
     """The class of one slot: fitted with the numerics of the search, the near ones again with those of the final rival."""
-    assert final.noise is not None
-    coarse, fine = search.searching(base), search.at(final)
-    own = final.effects[i].key
-    level = quick_likelihood(fine, final, [final.noise]) - 0.5 * prior_cost(fine, final)
-    few = search.is_far(final) or is_stack(final)
+    named = final.candidate
+    fine = named.problem
+    own = named.effects[i].key
+    level = judged_under(named, [final.noise]).log_likelihood - 0.5 * prior_cost(named)
+    few = search.is_far(named) or is_stack(final)
     rivals = (
         search.expand(base, 8, 2, thorough=False)
         if few
@@ -81,11 +81,11 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     if len(final.effects) == 1:  # those of the search may have begun at other re-tuned parameters
         rivals.extend(search.first_round)
     if not few and (len(final.effects) > 1 or search.problem.free):
-        rest = taken_out(fine, final, i)  # the others and the free parameters, fitted again alone, may have run away
-        rivals.extend([] if rest is None else search.anew(fine, rest, MOST_ANEW, 0, final.fit.cost))
+        rest = taken_out(named, i)  # the others and the free parameters, fitted again alone, may have run away
+        rivals.extend([] if rest is None else search.anew(rest, final.noise, MOST_ANEW, 0, final.fit.cost))
     rivals = list({rival.keys: rival for rival in sorted(rivals, key=lambda r: -r.fit.cost)}.values())
     mine = [r.fit.cost for r in rivals if r.effects[-1].key == own]
-    same_numerics = (coarse.n_sub, coarse.sharpness) == (fine.n_sub, fine.sharpness)
+    same_numerics = search.searching(base).numerics == fine.numerics
     reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
     found = []
     for rival in rivals:
@@ -94,19 +94,19 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
         if not same_numerics:
             again = fine.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, max_steps=8, settled=True)
             rival = again or rival
-        value = quick_likelihood(fine, rival, [final.noise]) - 0.5 * prior_cost(fine, rival)
+        value = judged_under(rival, [final.noise]).log_likelihood - 0.5 * prior_cost(rival)
         if rival.effects[-1].key != own:
             found.append((value, rival))
         elif rival.fit.cost < final.fit.cost + CLOSE:  # readings in steps have slopes that promise what no fit keeps
             level = min(level, value)
-    found = _with_own_noise(fine, final, level, found)
+    found = _with_own_noise(search, final, level, found)
     twins, identical = [], []
     size = len(final.effects[i].parameters)
     for value, rival in found:
         same = predicts_the_same(rival, final)
         # With more parameters a form must be as likely, and predict something else than a limit that is never reached.
         more = len(rival.effects[-1].parameters) > size
-        if more and (same or value < level - AS_LIKELY):
+        if more and (same or value < level - NEARLY_AS_LIKELY):
             if richer(rival.effects[-1], final.effects[i]):
                 search.richer.setdefault(final.effects[i].key, []).append(rival.effects[-1].key)
         else:
@@ -115,11 +115,10 @@ def _slot(search: Search, final: Rival, base: Rival, i: int) -> Slot:
     return Slot(i, twins, identical)
 
 
-def predicts_the_same(rival: Rival, final: Rival) -> bool:
-    """Whether no output differs by more than :data:`SAME` of its noise."""
-    assert final.noise is not None
+def predicts_the_same(rival: Candidate, final: Evidence) -> bool:
+    """Whether no output differs by more than :data:`SAME_PREDICTION` of its noise."""
     apart = np.sqrt(np.mean((rival.fit.y - final.fit.y) ** 2, axis=1)) / final.noise.sigma
-    return bool(np.max(apart) < SAME)
+    return bool(np.max(apart) < SAME_PREDICTION)
 
 
 def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
@@ -129,21 +128,20 @@ def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
 
 
 def _with_own_noise(
-    problem: Problem, final: Rival, level: float, found: list[tuple[float, Rival]]
-) -> list[tuple[float, Rival]]:
+    search: Search, final: Evidence, level: float, found: list[tuple[float, Candidate]]
+) -> list[tuple[float, Candidate]]:
     """The rivals within :data:`EQUAL`, best first; near ones are judged under their own noise, as the final rival is.
 
     Those that predict the same, with free parameters as likely, are in it whatever a force or an initial state would do.
     """
-    assert final.noise is not None
     found.sort(key=lambda item: -item[0])
     judged = []
     for rank, (value, rival) in enumerate(found):
         missing = 2.0 * (level - value)
-        if EQUAL < missing <= NEAR and rank < MOST_JUDGED:
-            estimate_noise(problem, rival, final.noise, final.curvature, max_iterations=8)
-            value = max(value, rival.log_likelihood - 0.5 * prior_cost(problem, rival))
-        cheap = prior_cost(problem, rival) <= prior_cost(problem, final) + EQUAL
+        if EQUAL < missing <= MAY_CATCH_UP and rank < MOST_JUDGED:
+            again = search.judge(estimate_noise(rival, final.noise, final.curvature, max_iterations=8))
+            value = max(value, again.log_likelihood - 0.5 * prior_cost(rival))
+        cheap = prior_cost(rival) <= prior_cost(final.candidate) + EQUAL
         if 2.0 * (level - value) <= EQUAL or (cheap and predicts_the_same(rival, final)):
             judged.append((value, rival))
     return sorted(judged, key=lambda item: -item[0])
@@ -158,8 +156,9 @@ class _Experiment:
     x0: np.ndarray
 
 
-def _experiments(problem: Problem, rival: Rival) -> list[_Experiment]:
+def _experiments(rival: Candidate) -> list[_Experiment]:
     """Inputs a user could apply: larger, smaller, shifted, faster, slower; other initial states."""
+    problem = rival.problem
     record = problem.record
     a = int(record.starts[0])
     n = int(min(record.lengths[0], 400))
@@ -189,8 +188,9 @@ def _experiments(problem: Problem, rival: Rival) -> list[_Experiment]:
     return experiments
 
 
-def _responses(problem: Problem, rival: Rival, experiments: Sequence[_Experiment]) -> np.ndarray:
+def _responses(rival: Candidate, experiments: Sequence[_Experiment]) -> np.ndarray:
     """States of a rival in every experiment, (n_states, n_experiments, n_samples); nan where it diverges."""
+    problem = rival.problem
     n = experiments[0].u.shape[1]
     count = len(experiments)
     record = Record(
@@ -200,8 +200,7 @@ def _responses(problem: Problem, rival: Rival, experiments: Sequence[_Experiment
         n * np.arange(count),
         problem.record.dt,
     )
-    at = replace(problem, record=record, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
-    model = at.augmented(rival.effects)
+    model = replace(problem, record=record).augmented(rival.effects)
     theta = rival.fit.theta
     with np.errstate(all="ignore"):
         bound = model.bind(theta[:, None])
@@ -212,20 +211,20 @@ def _responses(problem: Problem, rival: Rival, experiments: Sequence[_Experiment
     return np.concatenate([y, x[hidden]]).reshape(-1, count, n)
 
 
-def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> NextExperiment | None:
+def next_experiment(final: Evidence, slots: Sequence[Slot]) -> NextExperiment | None:
     """Which experiment separates the tied rivals best, in expected nats of log likelihood."""
     slot = max(slots, key=lambda s: len(s.twins), default=None)
     if slot is None or not slot.twins:
         return None
-    assert final.noise is not None
-    rivals = [final, *slot.twins[:5]]
+    problem = final.candidate.problem
+    rivals = [final.candidate, *slot.twins[:5]]
     names = [name_of(final.effects[slot.index]), *(name_of(r.effects[-1]) for r in slot.twins[:5])]
-    experiments = _experiments(problem, final)
+    experiments = _experiments(final.candidate)
     count, n = len(experiments), len(problem.plant.states)
-    pushed = [replace(e, x0=e.x0 + step) for step in PUSH * np.diag(problem.scale) for e in experiments]
+    pushed = [replace(e, x0=e.x0 + step) for step in PUSH_OF_START * np.diag(problem.scale) for e in experiments]
     try:
         first, *others = [
-            _responses(problem, rival, [*experiments, *pushed] if rival is final else experiments) for rival in rivals
+            _responses(rival, experiments if k else [*experiments, *pushed]) for k, rival in enumerate(rivals)
         ]
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
@@ -234,7 +233,7 @@ def next_experiment(problem: Problem, final: Rival, slots: Sequence[Slot]) -> Ne
     hidden = [problem.plant.states.index(s) for s in extra]
     sd = np.concatenate([final.noise.sigma, 0.01 * problem.scale[hidden]])
     # Initial states are fitted to the new run: what they can imitate separates nothing.
-    starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / PUSH
+    starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / PUSH_OF_START
     apart: dict[str, np.ndarray] = {}
     for e, experiment in enumerate(experiments):
         differences = [first[:m, e] - other[:m, e] for other in others]

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
-from sksurrogate.gap.fit._evidence import left
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.fit._rounding import Rounding
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._merged_pair import opposed
@@ -20,9 +21,9 @@ from sksurrogate.gap.unnamed._law_rival import LawRival
 __all__ = ["DecisionFeatures", "certified", "curves_in_parts", "features_of", "left_over", "needless", "share_left"]
 
 #: Share of the gap (amplitude) that named effects must close on runs left out; of a small gap (error over the deviation of the
-#: outputs) beyond so many times the noise most of it.
+#: outputs) beyond what may be white noise most of it.
 CERTIFICATE, CERTIFICATE_OF_SMALL = 0.15, 0.6
-SMALL_GAP, BEYOND = 0.02, 1.5
+SMALL_GAP = 0.02
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,7 @@ class DecisionFeatures:
 
 def features_of(
     *,
-    problem: Problem,
-    final: Rival,
+    final: Evidence,
     shrink: Shrink,
     latent: LatentForce,
     law: np.ndarray,
@@ -107,7 +107,7 @@ def features_of(
     beyond: float,
 ) -> DecisionFeatures:
     """Collect them, with the gap over the noise and the error ``beyond`` it that is left (`left_over`)."""
-    parts = curves_in_parts(final.effects)
+    problem, parts = final.candidate.problem, curves_in_parts(final.effects)
     return DecisionFeatures(
         bool(final.effects),
         share_left(shrink),
@@ -117,22 +117,22 @@ def features_of(
         retuned,
         len(final.effects),
         float(shrink.before) if np.isfinite(shrink.before) else np.inf,
-        final.model.record.n_samples,
-        _moved(problem, final, latent),
+        problem.record.n_samples,
+        _moved(final.candidate, latent),
         bool(parts),
         *((curve.gain, curve.moved / max(gap, 1e-300), curve.deviation) if curve is not None else (-np.inf, 0.0, 0.0)),
         rounding.share if rounding is not None else 0.0,
         any(variable in problem.plant.inputs for _, variable in parts),
         rival.gain if rival is not None else -np.inf,
         shrink.same_names if np.isfinite(shrink.same_names) else 1.0,
-        opposed(problem, final),
+        opposed(final.candidate),
         needless(shrink, len(final.effects)),
     )
 
 
 def certified(shrink: Shrink, left: float) -> bool:
     """Whether the effects close a practical share of the gap on runs left out: any of a gap within the noise, most of a small one beyond."""
-    small = shrink.before < SMALL_GAP and left > BEYOND
+    small = shrink.before < SMALL_GAP and left > NEARLY_WHITE
     least = CERTIFICATE_OF_SMALL if small else CERTIFICATE
     return shrink.fraction > least if np.isfinite(shrink.fraction) else not shrink.after > shrink.before
 
@@ -156,14 +156,14 @@ def share_left(shrink: Shrink) -> float:
     return float((1.0 - shrink.fraction) * (max(shrink.before, 1.0) if np.isfinite(shrink.before) else 1.0))
 
 
-def left_over(final: Rival, latent: LatentForce, most_noise: np.ndarray, retuned: bool) -> float:
+def left_over(final: Evidence, latent: LatentForce, most_noise: np.ndarray, retuned: bool) -> float:
     """Free-run error that is left, in units of the noise (the worst output).
 
     Sensors are at least as noisy as the latent force finds them: a noise fit may call white noise coloured. Where nothing
     is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
     """
     most = np.inf if final.effects or retuned else most_noise
-    return left(final, most, np.minimum(latent.noise.sigma, most_noise))
+    return final.left_within(most, np.minimum(latent.noise.sigma, most_noise))
 
 
 def curves_in_parts(effects: Sequence[BaseEffect]) -> set[tuple[str, str]]:
@@ -173,7 +173,8 @@ def curves_in_parts(effects: Sequence[BaseEffect]) -> set[tuple[str, str]]:
     return {place for place in places if places.count(place) > 1}
 
 
-def _moved(problem: Problem, final: Rival, latent: LatentForce) -> float:
+def _moved(final: Candidate, latent: LatentForce) -> float:
     """What the latent forces move an output by, over its deviation (the worst output)."""
-    moved = np.sqrt(np.mean(np.sum(moved_by(problem, final, latent), axis=0) ** 2, axis=1)) * problem.sd
+    problem = final.problem
+    moved = np.sqrt(np.mean(np.sum(moved_by(final, latent), axis=0) ** 2, axis=1)) * problem.sd
     return float(np.max(moved / np.maximum(np.std(problem.record.y, axis=1), 1e-300)))

@@ -12,7 +12,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._experiment import name_of
 from sksurrogate.gap.fit._evidence import frozen_fit
 from sksurrogate.gap.fit._folds import blocked, run_folds
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
@@ -53,13 +53,14 @@ class HeldOut:
     same_names: float = float("nan")
 
 
-def without_names(problem: Problem, null: Rival) -> HeldOut:
+def without_names(null: Candidate) -> HeldOut:
     """Free runs on runs left out of what needs no name: the simulator, ``after`` as ``before``, and re-tuning alone."""
+    problem = null.problem
     whole = replace(problem, record=blocked(problem.record))
     nominal = replace(whole, free=())
     all_free = replace(whole, free=tuple(problem.plant.params))
-    nominal_null = Rival((), null.model, replace(null.fit, theta=np.zeros(0)))
-    tuned = all_free.fit((), _all_theta(problem, null), null.fit.x) if problem.plant.params else None
+    nominal_null = replace(null, fit=replace(null.fit, theta=np.zeros(0)))
+    tuned = all_free.fit((), _all_theta(null), null.fit.x) if problem.plant.params else None
     record, fold = whole.record, run_folds(whole.record)
     before = _by_fold(nominal, [nominal_null] * (int(fold.max()) + 1))
     lost = ~np.isfinite(before)
@@ -68,16 +69,16 @@ def without_names(problem: Problem, null: Rival) -> HeldOut:
     return HeldOut(record, before, before, retuned, np.full_like(before, np.nan))
 
 
-def held_out(problem: Problem, finals: Sequence[Rival], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
+def held_out(finals: Sequence[Candidate], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
     """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn.
 
     ``finals`` are the rivals that the other runs of each fold choose (`names_by_fold`).
     """
-    after = _by_fold(replace(problem, record=without.record), finals)
+    after = _by_fold(replace(finals[0].problem, record=without.record), finals)
     return replace(without, after=_or_else(after, without.before), same_names=same_names)
 
 
-def _by_fold(problem: Problem, rivals: Sequence[Rival | None]) -> np.ndarray:
+def _by_fold(problem: Problem, rivals: Sequence[Candidate | None]) -> np.ndarray:
     """Outputs on the runs of every fold, of its rival refitted on the others; nan where it gives none."""
     fold, row_of = run_folds(problem.record), problem.record.run_of_row
     out = np.full(problem.record.y.shape, np.nan)
@@ -94,33 +95,30 @@ def _or_else(predicted: np.ndarray, before: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(predicted).all(axis=0), predicted, before)
 
 
-def _all_theta(problem: Problem, null: Rival) -> np.ndarray:
+def _all_theta(null: Candidate) -> np.ndarray:
     """Every parameter at the value that the null found for it."""
-    known = dict(zip(problem.free, null.fit.theta))
-    return np.array([known.get(name, 0.0) for name in problem.plant.params])
+    known = dict(zip(null.problem.free, null.fit.theta))
+    return np.array([known.get(name, 0.0) for name in null.problem.plant.params])
 
 
 def _left_out(
-    problem: Problem, rival: Rival, train: np.ndarray, test: np.ndarray, row_of: np.ndarray
+    problem: Problem, rival: Candidate, train: np.ndarray, test: np.ndarray, row_of: np.ndarray
 ) -> np.ndarray | None:
     """Outputs on the test runs of a rival refitted on the training runs."""
     rows_train, rows_test = np.isin(row_of, train), np.isin(row_of, test)
     theta = rival.fit.theta
     with np.errstate(all="ignore"):
         if len(theta) and len(train):
-            learning = replace(problem.on(train.tolist()), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
-            refit = learning.fit(
-                rival.effects, theta, rival.fit.x[:, rows_train], open_steps=0, max_steps=8, settled=True
+            refit = (
+                problem.at(rival.problem.numerics)
+                .on(train.tolist())
+                .fit(rival.effects, theta, rival.fit.x[:, rows_train], open_steps=0, max_steps=8, settled=True)
             )
             theta = refit.fit.theta if refit is not None else theta
-        judging = replace(problem.on(test.tolist()), n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
-        start = Rival(
-            rival.effects,
-            judging.augmented(rival.effects),
-            replace(rival.fit, x=rival.fit.x[:, rows_test], theta=theta),
-        )
-        fit = frozen_fit(judging, start, theta, near=True)  # behind a limit initial states are hardly seen
-    return None if fit is None else fit.y
+        judging = problem.at(rival.problem.numerics).on(test.tolist())
+        start = judging.candidate(rival.effects, replace(rival.fit, x=rival.fit.x[:, rows_test], theta=theta))
+        there = frozen_fit(start, theta, near=True)  # behind a limit initial states are hardly seen
+    return None if there is None else there.fit.y
 
 
 def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_state: int) -> Shrink:
@@ -185,13 +183,13 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     )
 
 
-def shares(problem: Problem, final: Rival, total: float) -> list[float]:
+def shares(final: Candidate, total: float) -> list[float]:
     """Share of the gap's power of every effect: what comes back when it alone is taken out, scaled to the total."""
     if len(final.effects) == 1:
         return [total]
     returned = []
     for i in range(len(final.effects)):
-        rest = taken_out(problem, final, i)
+        rest = taken_out(final, i)
         returned.append(max(rest.fit.cost - final.fit.cost, 0.0) if rest is not None else final.fit.cost)
     sum_ = sum(returned)
     return [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._problem import Candidate, Numerics
 from sksurrogate.gap.fit._project import project_starts
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._table import Table
@@ -21,20 +21,20 @@ RETUNED = "Re-tuning alone closes the gap."
 HIDES = " It would hide these effects: they part from it where parameters are measured or fewer are free (free_params)."
 
 
-def covariance(problem: Problem, rival: Rival) -> np.ndarray:
+def covariance(found: Evidence) -> np.ndarray:
     """Covariance of the output-error parameters when the residual has the rival's own noise.
 
     The sandwich ``H^-1 J' W S W J H^-1`` with W the white weights of the fit and S the covariance of white noise, forces
     and coloured sensor noise; initial states are projected out.
     """
-    assert rival.noise is not None
-    lin, record = problem.linearised(rival), problem.record
+    rival = found.candidate
+    problem, lin = rival.problem, rival.linearised
     k = lin.J_theta.shape[1]
     if k == 0:
         return np.zeros((0, 0))
     white = 1.0 / problem.sd[:, None, None]
     J = project_starts(
-        (lin.J_theta * white).transpose(1, 0, 2), lin.J_x[:, rival.model.free_states] * white, record.starts
+        (lin.J_theta * white).transpose(1, 0, 2), lin.J_x[:, rival.model.free_states] * white, problem.record.starts
     )
     flat = J.reshape(k, -1)
     H = flat @ flat.T + np.diag(1.0 / problem.prior(rival.effects, rival.fit.theta) ** 2)
@@ -42,16 +42,17 @@ def covariance(problem: Problem, rival: Rival) -> np.ndarray:
     values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
     seen = values > 1e-10 * values[-1]
     inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T / np.outer(scale, scale)
-    pull = problem.disturbance(rival).spread((J * white.transpose(1, 0, 2)).transpose(1, 0, 2), rival.noise)
+    pull = rival.disturbance.spread((J * white.transpose(1, 0, 2)).transpose(1, 0, 2), found.noise)
     out = inverse @ pull @ inverse
     blind = np.sum(vectors[:, ~seen] ** 2, axis=1) > 1e-6
     out[blind, blind] = np.inf
     return out
 
 
-def numerical_change(problem: Problem, rival: Rival) -> np.ndarray:
+def numerical_change(rival: Candidate) -> np.ndarray:
     """How far the parameters move when the steps are halved and kinks made sharper."""
-    finer = replace(problem, n_sub=2 * rival.model.n_sub, sharpness=2 * rival.model.sharpness)
+    problem, numerics = rival.problem, rival.problem.numerics
+    finer = problem.at(Numerics(2 * numerics.n_sub, 2 * numerics.sharpness))
     fit = finer.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, settled=True, max_steps=6)
     coarse = problem.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, settled=True, max_steps=6)
     if fit is None or coarse is None:
@@ -59,13 +60,13 @@ def numerical_change(problem: Problem, rival: Rival) -> np.ndarray:
     return np.abs(fit.fit.theta - coarse.fit.theta)
 
 
-def intervals(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray]:
+def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
     """90 % intervals of all parameters: noise and disturbance, and what steps and kinks may have moved."""
-    theta = rival.fit.theta
-    spread = np.sqrt(np.maximum(np.diag(covariance(problem, rival)), 0.0))
-    numerical = numerical_change(problem, rival)
+    rival, theta = found.candidate, found.fit.theta
+    spread = np.sqrt(np.maximum(np.diag(covariance(found)), 0.0))
+    numerical = numerical_change(rival)
     half = np.sqrt((1.645 * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2)
-    low, high = problem.bounds(rival.effects)
+    low, high = rival.problem.bounds(rival.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.fit._problem import Rival
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.unnamed._free_curve import FreeCurve
@@ -28,9 +29,9 @@ class Found:
     remains: Remains | None = None
     shrink: Shrink | None = None
     held: HeldOut | None = None
-    finals: list[Rival] = field(default_factory=list)
+    finals: list[Candidate] = field(default_factory=list)
     experiment: NextExperiment | None = None
-    fitted: Rival | None = None
+    fitted: Evidence | None = None
     bounds: tuple[np.ndarray, np.ndarray] | None = None
     shares: list[float] | None = None
     retuned: bool = False

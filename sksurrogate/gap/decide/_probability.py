@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
-from sksurrogate.gap.fit._problem import Rival
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.search._search import EQUAL, Search
 
 __all__ = ["probabilities"]
@@ -16,13 +16,15 @@ __all__ = ["probabilities"]
 UNKNOWN = 0.5
 
 
-def probabilities(search: Search, final: Rival, slots: Sequence[Slot], unnamed: float, unknown: bool) -> list[float]:
+def probabilities(
+    search: Search, final: Candidate, slots: Sequence[Slot], unnamed: float, unknown: bool
+) -> list[float]:
     """Probability of each named effect, by penalised likelihood.
 
     Parameters
     ----------
     search : Search
-    final : Rival
+    final : Candidate
     slots : sequence of Slot
     unnamed : float
         ``2 (L - L_final)`` of the likeliest law without a name, its parameters paid; -inf where none was looked at.
@@ -30,7 +32,7 @@ def probabilities(search: Search, final: Rival, slots: Sequence[Slot], unnamed: 
         Whether the verdict is unknown.
     """
     own = search.score(final)
-    none = search.score(search.null) if search.null is not None else -np.inf
+    none = search.score(search.null.candidate) if search.null is not None else -np.inf
     out = []
     for slot in slots:
         tied = [_score(search, rival, final) for rival in slot.twins]
@@ -40,14 +42,14 @@ def probabilities(search: Search, final: Rival, slots: Sequence[Slot], unnamed: 
     return out
 
 
-def _score(search: Search, rival: Rival, final: Rival) -> float:
+def _score(search: Search, rival: Candidate, final: Candidate) -> float:
     """Of a tied rival; one that was not given a noise of its own predicts the same as the final one."""
-    if rival.noise is not None:
+    if search.own(rival) is not None:
         return search.score(rival)
     return search.score(final) - 0.5 * (rival.n_parameters - final.n_parameters) * float(np.log(search.n_values))
 
 
-def _others(search: Search, final: Rival, slot: Slot) -> list[float]:
+def _others(search: Search, final: Candidate, slot: Slot) -> list[float]:
     """Scores of the rivals in one slot that the data reject, at least :data:`EQUAL` below the final one."""
     own = final.effects[slot.index].key
     beside = frozenset(final.keys) - {own}

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._problem import Rival
+from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._search import Search
 
@@ -60,7 +60,7 @@ def ranking(
     return Table(tuple(rows))
 
 
-def ranking_of(search: Search, final: Rival) -> Table:
+def ranking_of(search: Search, final: Evidence) -> Table:
     """The singles of a search; no rows before its null is fitted."""
     if search.null is None:
         return Table()
@@ -69,5 +69,5 @@ def ranking_of(search: Search, final: Rival) -> Table:
     for start in search.first_screen.starts if search.first_screen is not None else ():
         expected[start.effect.key] = max(expected.get(start.effect.key, -np.inf), start.white)
     return ranking(
-        search.candidates, fitted, search.gain, lambda rival: rival.fit.cost, search.bar, expected, final.keys
+        search.candidates, fitted, search.gain, lambda rival: rival.fit.cost, search.bar, expected, final.candidate.keys
     )

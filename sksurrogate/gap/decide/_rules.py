@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 from sksurrogate.gap.decide._features import DecisionFeatures
-from sksurrogate.gap.fit._closeness import FAR
+from sksurrogate.gap.fit._closeness import FAR, LEFT_BY_SEVERAL
 from sksurrogate.gap.fit._problem import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.search._search import MOST_EFFECTS
-from sksurrogate.gap.search._stopping import LEFT_BY_SEVERAL, STACK
+from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 
 __all__ = ["RULES", "Rule", "decide", "first_rule"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.kernels.record import Record
 
 __all__ = ["LOOP", "closed_loop", "may_follow_noise"]
@@ -15,11 +15,11 @@ __all__ = ["LOOP", "closed_loop", "may_follow_noise"]
 #: Lags of an input that explain its next move without the outputs; lags of the residual that must add nothing.
 OWN, FOREIGN = 6, 3
 #: Share of the moves of an input that residuals must explain beyond its own past, and its size against chance.
-SHARE, CHANCE = 0.02, 40.0
+SHARE_FOLLOWED, CHANCE = 0.02, 40.0
 #: A move beyond this many times the median one is a jump of the reference.
 JUMP = 6.0
 #: Moves of an input that are enough to judge by.
-FEWEST = 60
+FEWEST_MOVES = 60
 
 LOOP = (
     "Input {name!r} follows the noise of the outputs: the data look closed-loop. Effects that the controller hides are "
@@ -48,7 +48,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
     for u, name in zip(record.u, names):
         moved = np.abs(u[inside] - u[inside - 1]) > 1e-9 * max(float(np.ptp(u)), 1e-300)
         rows = inside[moved]  # where an input stands still nothing drives it
-        if len(rows) < FEWEST:
+        if len(rows) < FEWEST_MOVES:
             continue
         move = u[rows] - u[rows - 1]
         foreign = np.stack([e[rows - lag] for e in quick for lag in range(FOREIGN)], axis=1)
@@ -56,13 +56,13 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         left, calm = _foretold(own, move)
         if float(left[calm] @ left[calm]) <= 1e-10 * float(move[calm] @ move[calm]):
             continue  # the input foretells itself
-        if calm.sum() < FEWEST or np.std(left[calm]) == 0:
+        if calm.sum() < FEWEST_MOVES or np.std(left[calm]) == 0:
             continue
         e = foreign[calm] - foreign[calm].mean(axis=0)
         z = left[calm] - left[calm].mean()
         rest = z - e @ np.linalg.lstsq(e, z, rcond=1e-10)[0]
         share = 1.0 - float(rest @ rest) / float(z @ z)
-        if share > SHARE and share * len(z) > CHANCE + 2.0 * foreign.shape[1]:
+        if share > SHARE_FOLLOWED and share * len(z) > CHANCE + 2.0 * foreign.shape[1]:
             return name
     return None
 
@@ -76,21 +76,23 @@ def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return left, np.abs(left) <= JUMP * float(np.median(np.abs(left)))
 
 
-def may_follow_noise(problem: Problem, rival: Rival, base: Rival) -> bool:
+def may_follow_noise(rival: Candidate, base: Candidate) -> bool:
     """Whether what a rival adds to ``base`` at an input may only follow the noise that a controller puts into it.
 
     Where an output shows an input at once and the input answers the output's noise at once, an effect on the input can
     follow that noise, but it can remove no more than all of it.
     """
     added = {e.location for e in rival.effects if e.kind == "input" and e.key not in base.keys}
+    problem = rival.problem
     if not added or base.fit.cost - rival.fit.cost > problem.record.y.size:
         return False
     looped = closed_loop(problem.record, rival.fit.y, problem.plant.inputs)
-    return looped in added and shown_at_once(problem, rival, str(looped))
+    return looped in added and shown_at_once(rival, str(looped))
 
 
-def shown_at_once(problem: Problem, rival: Rival, name: str) -> bool:
+def shown_at_once(rival: Candidate, name: str) -> bool:
     """Whether an output of the simulator depends on an input in the same sample."""
+    problem = rival.problem
     record, i = problem.record, problem.plant.inputs.index(name)
     u = record.u.copy()
     u[i] += 1e-3 * max(float(np.std(u[i])), 1e-9)

@@ -1,6 +1,46 @@
-"""How far a free run is from the data, in units of the noise."""
+"""How far a free run is from the data: every level at which the diagnosis changes its question, once.
 
-__all__ = ["FAR"]
+Levels of ``Evidence.left``, the RMS of the residual over the sensor noise of the fit (the worst output), nearest first.
+"""
 
-#: Free runs further than this many times the noise are far from the data: no noise model holds there.
+__all__ = [
+    "AT_THE_NOISE",
+    "CLOSED",
+    "DOUBTED",
+    "FAR",
+    "FAR_BY_COST",
+    "JUDGED_BY_SIZE",
+    "LEFT_BY_SEVERAL",
+    "NEAR",
+    "NEARLY_WHITE",
+    "NOTHING_TO_LEARN",
+    "OUT_OF_SIGHT",
+    "SETTLED",
+]
+
+#: At the noise: no other set is looked for beside a name, names leave no law, and the law in their place is not asked for.
+AT_THE_NOISE = 1.02
+#: So many names that leave more stand in for one that is missing.
+LEFT_BY_SEVERAL = 1.03
+#: A simulator this near has no gap that a correction could learn.
+NOTHING_TO_LEARN = 1.05
+#: Names this near are all, where no further effect passes: pairs are not tried.
+SETTLED = 1.15
+#: Nothing is left to place: a rough look at the places will do, and a noise fit has taken no law for a force.
+CLOSED = 1.2
+#: A residual below this may be white noise; up to here pairs are tried where no further effect passes.
+NEARLY_WHITE = 1.5
+#: From here on the places of a gap are told apart by the law that fits there, and a certain curve adds no name.
+NEAR = 2.0
+#: Names further off are not doubted for a law in their place: of a real plant that far off any law may beat a true name.
+DOUBTED = 4.0
+#: Far from the data: no noise model holds, and rivals are told apart by size.
 FAR = 5.0
+
+# Levels of the cost over the number of measured values.
+#: Sizes, not likelihoods, tell rivals apart; a limit is fitted from another start too.
+FAR_BY_COST = 5.0
+#: An effect more is judged by size: a disturbance leaves less, and follows any effect.
+JUDGED_BY_SIZE = 10.0
+#: Bases further off are screened with all starting values, and fitted again.
+OUT_OF_SIGHT = 100.0

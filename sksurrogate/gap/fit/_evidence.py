@@ -1,22 +1,24 @@
-"""Evidence: the likelihood of a rival's own output-error fit under its own noise, and the bar it has to pass."""
+"""Evidence: the likelihood of a candidate's own output-error fit under a noise, and the bar it has to pass."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._second import Second
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, NEARLY_WHITE
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, output_error
 
 __all__ = [
-    "NEAR",
-    "NOTHING_LEFT",
+    "Evidence",
     "arrived",
     "as_white",
     "bar",
@@ -25,24 +27,64 @@ __all__ = [
     "follow_noise",
     "follow_null",
     "frozen_fit",
-    "left",
-    "likeliest",
+    "judged_under",
     "profile",
-    "quick_likelihood",
 ]
 
-#: A residual below this many times the sensor noise may be white.
-NEARLY_WHITE = 1.5
-#: Named effects that leave less over the noise leave no law.
-NOTHING_LEFT = 1.02
 #: Steps of an effect's parameters, over their size, that slopes are good for.
 REACH = 1.0
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0
-#: Free-run error over the noise of a set of effects that is at the noise: no other is looked for beside it.
-NEAR = 1.02
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A candidate judged under a noise.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    noise : Noise
+    log_likelihood : float
+    curvature : ndarray or None
+        Of the likelihood in the noise, where a noise fit ended.
+    quick : bool
+        Whether the noise is that of others, and was only looked at.
+    """
+
+    candidate: Candidate
+    noise: Noise
+    log_likelihood: float
+    curvature: np.ndarray | None = None
+    quick: bool = False
+
+    @property
+    def effects(self) -> tuple[BaseEffect, ...]:
+        """Of the candidate."""
+        return self.candidate.effects
+
+    @property
+    def fit(self) -> Fit:
+        """Of the candidate."""
+        return self.candidate.fit
+
+    @property
+    def judgement(self) -> tuple[Noise, float, np.ndarray | None]:
+        """Everything but the candidate, whose model cannot travel between processes."""
+        return self.noise, self.log_likelihood, self.curvature
+
+    @cached_property
+    def left(self) -> float:
+        """RMS of the free-run residual in units of the sensor noise (the worst output)."""
+        return self.left_within()
+
+    def left_within(self, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
+        """The same with the sensor noise within limits."""
+        r = self.candidate.problem.record.y - self.fit.y
+        sigma = np.maximum(np.minimum(self.noise.sigma, most), least)
+        return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))
 
 
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
@@ -50,19 +92,18 @@ def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
     return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_rivals, 1))
 
 
-def columns(problem: Problem, rival: Rival) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def columns(rival: Candidate) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Residual, sensitivities, and what holds a step of the parameters: its precision, and the pull of their prior.
 
     A prediction that jumps with a parameter has no slope to be followed: its sensitivity counts as none. Steps beyond the
     size of an effect's parameter are held back: there the slopes say nothing, and parameters that only act together, as a
     level and a velocity far beyond the data, would explain to first order what the effect cannot.
     """
-    lin = problem.linearised(rival)
-    J = lin.J_theta
+    problem, J = rival.problem, rival.linearised.J_theta
     for i, effect in enumerate(rival.effects):
         if effect.scan(tuple(rival.theta_of(i))):
             J = J.copy()
-            J[:, rival.model.slice_of(i)] = 0.0
+            J[:, rival.slice_of(i)] = 0.0
     r = problem.record.y - rival.fit.y
     theta = rival.fit.theta
     precision = 1.0 / problem.prior(rival.effects, theta) ** 2
@@ -107,65 +148,55 @@ def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.nd
     return step
 
 
-def quick_likelihood(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> float:
-    """Largest log likelihood of a rival under given noise parameters."""
-    best = -np.inf
-    r, J, precision, pull = columns(problem, rival)
+def judged_under(rival: Candidate, noises: Sequence[Noise]) -> Evidence:
+    """A candidate under the first of the likeliest of some noises."""
+    best = Evidence(rival, noises[0], -np.inf, quick=True)
+    r, J, precision, pull = columns(rival)
     if not np.all(np.isfinite(J)):
         return best
-    D = problem.disturbance(rival)
-    bounds = problem.bounds(rival.effects)
+    bounds = rival.problem.bounds(rival.effects)
     for noise in noises:
         try:
-            G, logdet = D.gram(np.concatenate([r[:, None], J], axis=1), noise)
+            G, logdet = rival.disturbance.gram(np.concatenate([r[:, None], J], axis=1), noise)
         except np.linalg.LinAlgError:
             continue
         if not np.all(np.isfinite(G)):
             continue
         value = profile(G, logdet, precision, pull, rival.fit.theta, bounds)
-        best = max(best, value)
+        if value > best.log_likelihood:
+            best = Evidence(rival, noise, value, quick=True)
     return best
 
 
 def estimate_noise(
-    problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
-) -> Rival:
-    """Fill in a rival's own noise and its likelihood under it.
+    rival: Candidate, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Evidence:
+    """A candidate under its own noise.
 
     The noise of another rival is a start; forces beside quiet sensors are others, followed too where they are likelier:
     the likelihood has a top for coloured sensors and one for forces. Near the data white noise of the size of the residual
     takes the start's place where it is likelier: a fit that explains what was coloured before must not start from that
     colour.
     """
-    noises = [start, *forces_and_white(problem, rival, start)]
-    value = [quick_likelihood(problem, rival, [noise]) for noise in noises]
+    noises = [start, *forces_and_white(rival, start)]
+    value = [judged_under(rival, [noise]).log_likelihood for noise in noises]
     k = int(np.argmax(value)) if max(value) > value[0] + LIKELIER else 0
     if k > len(FORCES):
-        return follow_noise(problem, rival, noises[k], None, max_iterations)
-    follow_noise(problem, rival, start, curvature, max_iterations)
-    if k:
-        first = told(rival)
-        follow_noise(problem, rival, noises[k], None, max_iterations)
-        if rival.log_likelihood <= first[0]:
-            rival.log_likelihood, rival.noise, rival.curvature = first
-    return rival
-
-
-def likeliest(problem: Problem, rival: Rival, noises: Sequence[Noise]) -> Noise:
-    """The first of the likeliest of some noises."""
-    return noises[int(np.argmax([quick_likelihood(problem, rival, [noise]) for noise in noises]))]
+        return follow_noise(rival, noises[k], None, max_iterations)
+    first = follow_noise(rival, start, curvature, max_iterations)
+    other = follow_noise(rival, noises[k], None, max_iterations) if k else first
+    return first if other.log_likelihood <= first.log_likelihood else other
 
 
 def follow_noise(
-    problem: Problem, rival: Rival, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
-) -> Rival:
-    """Fill in the top of the likelihood that is reached from one start."""
-    r, J, precision, pull = columns(problem, rival)
-    D = problem.disturbance(rival)
+    rival: Candidate, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Evidence:
+    """The top of the likelihood that is reached from one start."""
+    r, J, precision, pull = columns(rival)
+    problem, D = rival.problem, rival.disturbance
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
-        rival.noise, rival.log_likelihood = start, -np.inf
-        return rival
-    rival.noise, _, rival.curvature = fit_noise(
+        return Evidence(rival, start, -np.inf)
+    noise, _, curvature = fit_noise(
         D,
         r,
         start,
@@ -177,31 +208,27 @@ def follow_noise(
         max_iterations=max_iterations,
         caps=problem.caps,
     )
-    rival.log_likelihood = quick_likelihood(problem, rival, [rival.noise])
-    return rival
+    return Evidence(rival, noise, judged_under(rival, [noise]).log_likelihood, curvature)
 
 
-def follow_null(problem: Problem, null: Rival, start: Noise, second: Second | None = None) -> None:
-    """Noise of the null: what it misses there would count for every rival.
+def follow_null(null: Candidate, start: Noise, known: Evidence | None = None, second: Second | None = None) -> Evidence:
+    """The null under its own noise: what it misses there would count for every rival.
 
     The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed, side by
-    side where a second process is wanted.
+    side where a second process is wanted. What is ``known`` stays where neither is likelier.
     """
     sensors = [start, replace(start, coloured=1.0 * start.sigma, force=0.01 * start.force)]
     force = replace(start, coloured=0.05 * start.sigma, force=10.0 * start.force)
-    starts = [likeliest(problem, null, k) for k in (sensors, [force, *forces_and_white(problem, null, start)])]
-    known = told(null)
-    tops = side_by_side(lambda first: told(follow_noise(problem, null, first, max_iterations=25)), starts, second)
-    null.log_likelihood, null.noise, null.curvature = max([known, *tops], key=lambda top: top[0])
+    kinds = sensors, [force, *forces_and_white(null, start)]
+    starts = [judged_under(null, noises).noise for noises in kinds]
+    found = side_by_side(lambda first: follow_noise(null, first, max_iterations=25).judgement, starts, second)
+    tops = [Evidence(null, *judgement) for judgement in found]
+    return max([*([] if known is None else [known]), *tops], key=lambda top: top.log_likelihood)
 
 
-def told(rival: Rival) -> tuple[float, Noise | None, np.ndarray | None]:
-    """What is known of a rival's noise: its likelihood, itself, its curvature."""
-    return rival.log_likelihood, rival.noise, rival.curvature
-
-
-def forces_and_white(problem: Problem, rival: Rival, start: Noise) -> list[Noise]:
+def forces_and_white(rival: Candidate, start: Noise) -> list[Noise]:
     """Where a noise fit may start too: forces of three sizes beside quiet sensors, white noise near the data."""
+    problem = rival.problem
     rms = np.sqrt(np.mean((problem.record.y - rival.fit.y) ** 2, axis=1))
     quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
     others = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
@@ -216,29 +243,22 @@ def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:
     return replace(start, sigma=rms, force=np.minimum(start.force, quiet), coloured=coloured)
 
 
-def frozen_fit(problem: Problem, rival: Rival, theta: np.ndarray, *, near: bool = False) -> Fit | None:
+def frozen_fit(rival: Candidate, theta: np.ndarray, *, near: bool = False) -> Candidate | None:
     """Free run at fixed parameters with the initial states fitted; ``near`` that of the rival, to which it falls back."""
-    return output_error(
+    fit = output_error(
         rival.model,
         theta,
         rival.fit.x,
-        problem.sd,
-        unit=problem.units(rival.effects, theta),
+        rival.problem.sd,
+        unit=rival.problem.units(rival.effects, theta),
         bounds=(theta, theta),
         open_steps=1,
         max_steps=6,
         fallback=rival.fit.x if near else None,
     )
+    return None if fit is None else replace(rival, fit=fit)
 
 
-def left(rival: Rival, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
-    """RMS of the free-run residual in units of the sensor noise of the fit within limits (the worst output)."""
-    assert rival.noise is not None
-    r = rival.model.record.y - rival.fit.y
-    sigma = np.maximum(np.minimum(rival.noise.sigma, most), least)
-    return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))
-
-
-def arrived(rival: Rival, before: Rival) -> bool:
+def arrived(rival: Evidence | None, before: Candidate) -> bool:
     """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
-    return rival.noise is not None and left(rival) < NEAR and before.fit.cost > NEAR**2 * rival.fit.cost
+    return rival is not None and rival.left < AT_THE_NOISE and before.fit.cost > AT_THE_NOISE**2 * rival.fit.cost

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sksurrogate.gap.fit._problem import LARGEST_DISTURBANCE
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
@@ -20,9 +21,7 @@ __all__ = ["StandIn", "learn"]
 #: Orders that are tried; the smallest whose error is within WORSE of the best is taken.
 ORDERS, WORSE = (1, 2, 3, 4), 1.3
 #: Rows of the past that the projection sees.
-PAST = 12
-#: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
-LARGEST_DISTURBANCE = 0.10
+ROWS_OF_PAST = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ def learn(record: Record, y: np.ndarray) -> StandIn:
     size = np.maximum(np.std(record.u, axis=1, keepdims=True), 1e-12)
     z, u = (y - middle) / spread, (record.u - level) / size
     trials: list[tuple[float, int, StandIn]] = []
-    past = int(min(PAST, max((record.lengths.max() - 1) // 3, 1)))
+    past = int(min(ROWS_OF_PAST, max((record.lengths.max() - 1) // 3, 1)))
     for n in ORDERS:
         for through in (False, True):
             try:

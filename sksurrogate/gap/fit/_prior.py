@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import PRIOR, Problem, Rival
+from sksurrogate.gap.fit._problem import PRIOR, Candidate
 from sksurrogate.gap.fit._quantization import told_apart
 
 __all__ = ["prior_cost", "retuning_cost"]
@@ -15,43 +15,44 @@ START = 10.0
 SMALL = 1.0
 
 
-def prior_cost(problem: Problem, rival: Rival) -> float:
+def prior_cost(rival: Candidate) -> float:
     """Of the free parameters, of steps of quantisation and of the initial states."""
-    return retuning_cost(problem, rival) + step_cost(problem, rival) + start_cost(problem, rival)
+    return retuning_cost(rival) + step_cost(rival) + start_cost(rival)
 
 
-def retuning_cost(problem: Problem, rival: Rival) -> float:
+def retuning_cost(rival: Candidate) -> float:
     """``sum (log ratio / PRIOR)^2`` of the free parameters.
 
     Gaussian, unlike the prior of the fits: these must not pull at a parameter that is far off.
     """
-    ratios = rival.fit.theta[rival.n_parameters :]
+    problem, ratios = rival.problem, rival.fit.theta[rival.n_parameters :]
     moved = [v for name, v in zip(problem.free, ratios) if problem.plant.params[name] != 0]
     return float(np.sum(np.square(moved))) / PRIOR**2
 
 
-def step_cost(problem: Problem, rival: Rival) -> float:
+def step_cost(rival: Candidate) -> float:
     """Of a step of quantisation how many can be told apart down to it, beyond what ``k ln N`` counts."""
-    counted = np.log(rival.fit.y.size)
+    problem, counted = rival.problem, np.log(rival.fit.y.size)
     apart = [
         told_apart(problem.plant, problem.record, effect, rival.theta_of(i)) for i, effect in enumerate(rival.effects)
     ]
     return float(sum(max(0.0, 2.0 * np.log(count) - counted) for count in apart))
 
 
-def start_cost(problem: Problem, rival: Rival) -> float:
+def start_cost(rival: Candidate) -> float:
     """``min_x (x - x0)' H (x - x0) + sum (x / (START size))^2``: states that no output shows must be likely where they begin.
 
     One of them could make one effect of another by where it starts. What the data do not see of it (H, by the slopes of the
     outputs) costs nothing: behind a sensor at its limit a fit may leave it anywhere.
     """
+    problem = rival.problem
     if problem.run is None:
         return 0.0
     starts, n = problem.record.starts, len(problem.plant.states)
     moved = (rival.fit.x[:n, starts] - problem.run[:, starts]) / (START * problem.scale[:, None])
     if np.nansum(np.square(moved)) < SMALL:
         return float(np.nansum(np.square(moved)))
-    slopes = problem.linearised(rival).J_x[:, :n] * (START * problem.scale[:, None] / problem.sd[:, None, None])
+    slopes = rival.linearised.J_x[:, :n] * (START * problem.scale[:, None] / problem.sd[:, None, None])
     ends = np.r_[starts[1:], problem.record.n_samples]
     cost = 0.0
     for k, (a, b) in enumerate(zip(starts, ends)):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["LARGEST_DISTURBANCE", "PRIOR", "Problem", "Rival", "build_problem", "nominal_run"]
+__all__ = ["LARGEST_DISTURBANCE", "PRIOR", "Candidate", "Numerics", "Problem", "build_problem", "nominal_run"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
@@ -40,27 +41,39 @@ QUIET, QUIET_FORCE = 0.05, 1e-3
 FARTHEST = 4.0
 
 
-@dataclass(eq=False)
-class Rival:
-    """A set of effects fitted through the free run.
+@dataclass(frozen=True)
+class Numerics:
+    """How a free run is integrated.
 
     Attributes
     ----------
+    n_sub : int
+        Substeps a sample.
+    sharpness : float
+        Kinks are smoothed over a variable's size divided by it.
+    """
+
+    n_sub: int
+    sharpness: float = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A set of effects fitted through the free run; one that is fitted again is another.
+
+    Attributes
+    ----------
+    problem : Problem
+        What it was fitted to, and with which numerics.
     effects : tuple of BaseEffect
     model : AugmentedModel
     fit : Fit
-    noise : Noise or None
-    log_likelihood : float
-        Under its own noise.
     """
 
+    problem: Problem
     effects: tuple[BaseEffect, ...]
     model: AugmentedModel
     fit: Fit
-    noise: Noise | None = None
-    log_likelihood: float = -np.inf
-    curvature: np.ndarray | None = None
-    cache: dict[str, Any] = field(default_factory=dict)
 
     @property
     def keys(self) -> tuple[tuple[str, str | None, str | None], ...]:
@@ -72,9 +85,34 @@ class Rival:
         """Parameters of the effects, without re-tuned ones."""
         return sum(len(effect.parameters) for effect in self.effects)
 
+    def slice_of(self, i: int) -> slice:
+        """Where the parameters of effect i stand."""
+        return self.model.slice_of(i)
+
     def theta_of(self, i: int) -> np.ndarray:
         """Parameters of effect i."""
-        return self.fit.theta[self.model.slice_of(i)]
+        return self.fit.theta[self.slice_of(i)]
+
+    def without_effect(self, i: int) -> tuple[tuple[BaseEffect, ...], np.ndarray]:
+        """The other effects, and all parameters but those of effect i."""
+        keep = np.ones(len(self.fit.theta), bool)
+        keep[self.slice_of(i)] = False
+        return tuple(e for j, e in enumerate(self.effects) if j != i), self.fit.theta[keep]
+
+    @cached_property
+    def linearised(self) -> Linearised:
+        """Sensitivities at the solution."""
+        if self.fit.linearised is not None:
+            return self.fit.linearised
+        unit = self.problem.units(self.effects, self.fit.theta)
+        with np.errstate(all="ignore"):
+            return linearise(self.model, self.fit.theta, self.fit.x, unit)
+
+    @cached_property
+    def disturbance(self) -> Disturbance:
+        """Noise model along the free run."""
+        problem, fit = self.problem, self.fit
+        return problem.disturbance_along(self.model, fit.theta, fit.x, self.linearised.A, problem.balances)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +134,7 @@ class Problem:
         Parameters that are re-tuned with every rival.
     balances : tuple of str
         States whose balance may be wrong.
-    n_sub : int
-        Substeps.
-    sharpness : float
+    numerics : Numerics
     caps : (ndarray (n_balances,), ndarray (n_outputs,))
         Largest force of every balance and coloured noise of every sensor that count as disturbance.
     run : ndarray (n_states, n_samples), optional
@@ -113,16 +149,24 @@ class Problem:
     rate: np.ndarray
     free: tuple[str, ...]
     balances: tuple[str, ...]
-    n_sub: int
-    sharpness: float = 50.0
+    numerics: Numerics
     caps: tuple[np.ndarray, np.ndarray] | None = None
     run: np.ndarray | None = None
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""
+        n_sub, sharpness = self.numerics.n_sub, self.numerics.sharpness
         return AugmentedModel(
-            self.model, effects, self.free, self.record, n_sub=self.n_sub, scale=self.scale, sharpness=self.sharpness
+            self.model, effects, self.free, self.record, n_sub=n_sub, scale=self.scale, sharpness=sharpness
         )
+
+    def candidate(self, effects: Sequence[BaseEffect], fit: Fit, model: AugmentedModel | None = None) -> Candidate:
+        """Effects at values that are known."""
+        return Candidate(self, tuple(effects), self.augmented(effects) if model is None else model, fit)
+
+    def at(self, numerics: Numerics) -> Problem:
+        """The same problem with other numerics."""
+        return self if numerics == self.numerics else replace(self, numerics=numerics)
 
     def on(self, runs: Sequence[int]) -> Problem:
         """The same problem on some of the runs."""
@@ -152,7 +196,7 @@ class Problem:
         max_steps: int = 25,
         settled: bool = False,
         fallback: np.ndarray | None = None,
-    ) -> Rival | None:
+    ) -> Candidate | None:
         """Fit effects and free parameters (theta in that order) through the free run, from a trajectory x."""
         model = self.augmented(effects)
         with np.errstate(all="ignore"):
@@ -185,7 +229,7 @@ class Problem:
                     break
                 theta, start = fit.theta, fit.x
         assert fit is not None
-        return Rival(tuple(effects), model, fit)
+        return self.candidate(effects, fit, model)
 
     def units(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
         """Sizes of the parameters for differences near 0."""
@@ -225,27 +269,6 @@ class Problem:
         return out
 
     # ---- likelihood -------------------------------------------------------------------------------------------------
-    def linearised(self, rival: Rival) -> Linearised:
-        """Sensitivities at the solution."""
-        if "linearised" not in rival.cache:
-            lin = rival.fit.linearised
-            if lin is None:
-                with np.errstate(all="ignore"):
-                    lin = linearise(
-                        rival.model, rival.fit.theta, rival.fit.x, self.units(rival.effects, rival.fit.theta)
-                    )
-            rival.cache["linearised"] = lin
-        return rival.cache["linearised"]
-
-    def disturbance(self, rival: Rival) -> Disturbance:
-        """Noise model along the free run of a rival."""
-        if "disturbance" not in rival.cache:
-            lin = self.linearised(rival)
-            rival.cache["disturbance"] = self.disturbance_along(
-                rival.model, rival.fit.theta, rival.fit.x, lin.A, self.balances
-            )
-        return rival.cache["disturbance"]
-
     def disturbance_along(
         self, model: AugmentedModel, theta: np.ndarray, x: np.ndarray, A: np.ndarray, balances: Sequence[str]
     ) -> Disturbance:
@@ -343,7 +366,9 @@ def build_problem(
         run = run_from_readings(plant, model, record)
         guess = measured_guess(plant, record, run)
         scale = sizes(guess)
-        problem = Problem(plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), 2, run=run)
+        problem = Problem(
+            plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), Numerics(2), run=run
+        )
         nominal = replace(problem, free=()).augmented(())
         smoothed = problem.smooth(nominal, np.zeros(0), guess)
         scale = np.maximum(sizes(smoothed.x), 0.02 * scale)
@@ -353,7 +378,9 @@ def build_problem(
             np.minimum(nominal.closing_weight(sd), LOCAL_ERROR * 100 * scale),
             lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
         )
-        problem = replace(problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), n_sub=n_sub)
+        problem = replace(
+            problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), numerics=Numerics(n_sub)
+        )
         return replace(problem, caps=_caps(problem, smoothed)), smoothed
 
 

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
-from sksurrogate.gap.fit._problem import Rival
+from sksurrogate.gap.fit._problem import Candidate
 
-__all__ = ["STEPS", "Rounding", "names_steps", "unnamed_rounding"]
+__all__ = ["GRID_NOTE", "Rounding", "names_steps", "unnamed_rounding"]
 
 #: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
 #: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
 FACTOR, CROWDS = 2.0, 0.5
 
-STEPS = (
+GRID_NOTE = (
     "The readings of {name!r} stand on steps of {step:.3g}, and nothing named rounds them: "
     "the error of such a rounding looks like noise."
 )
@@ -42,22 +42,22 @@ class Rounding:
     share: float
 
 
-def names_steps(rival: Rival) -> bool:
+def names_steps(rival: Candidate) -> bool:
     """Whether an effect of a rival is a rounding whose steps the readings show."""
-    outputs = rival.model.plant.outputs
+    outputs = rival.problem.plant.outputs
     return any(
         effect.name == "sensor_quantization"
-        and bool(shows_steps(rival.model.record.y[outputs.index(str(effect.location))], rival.theta_of(i)[0])[0])
+        and bool(shows_steps(rival.problem.record.y[outputs.index(str(effect.location))], rival.theta_of(i)[0])[0])
         for i, effect in enumerate(rival.effects)
     )
 
 
-def unnamed_rounding(rival: Rival) -> Rounding | None:
+def unnamed_rounding(rival: Candidate) -> Rounding | None:
     """The coarsest grid that rounds the free run of a rival to the readings, where nothing named does; None without one."""
     rounded = {effect.location for effect in rival.effects if effect.name == "sensor_quantization"}
     found = [
         Rounding(name, step, step / 12**0.5 / max(float(np.std(y)), 1e-300))
-        for name, y, fitted in zip(rival.model.plant.outputs, rival.model.record.y, rival.fit.y)
+        for name, y, fitted in zip(rival.problem.plant.outputs, rival.problem.record.y, rival.fit.y)
         if name not in rounded
         for step in lattice_steps(y)
         if shows_steps(y, step)[0] and is_rounded(y, fitted, step)

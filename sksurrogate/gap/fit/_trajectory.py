@@ -14,9 +14,11 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
+from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._divergence import divergence
-from sksurrogate.gap.fit._evidence import LIKELIER, NEARLY_WHITE, as_white, profile
+from sksurrogate.gap.fit._evidence import LIKELIER, as_white, profile
 from sksurrogate.gap.fit._linear_surrogate import StandIn, learn
+from sksurrogate.gap.fit._problem import PRIOR
 from sksurrogate.gap.fit._project import project_starts
 from sksurrogate.gap.fit._retuned import value_of
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -27,8 +29,6 @@ from sksurrogate.physics._simulator import Plant
 
 __all__ = ["Around", "Trial"]
 
-#: Standard deviation of the prior on the relative change of a free parameter.
-PRIOR = 0.10
 #: Relative step of the differences: acting inputs may jump, so it is not tiny.
 STEP = 1e-3
 EMPTY = np.zeros(0)

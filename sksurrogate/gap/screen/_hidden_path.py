@@ -12,7 +12,7 @@ from sksurrogate.kernels.integrate import rk4
 __all__ = ["hidden_paths"]
 
 #: Newton steps; difference of a hidden state and step that ends them, in units of the size of the variable.
-STEPS, DIFFERENCE, CLOSED = 5, 1e-6, 1e-6
+NEWTON_STEPS, DIFFERENCE, CONVERGED = 5, 1e-6, 1e-6
 
 
 def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -50,7 +50,7 @@ def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray,
     z = np.stack([np.array(np.broadcast_to(row, (n_starts, n_samples))) for row in rest])
     all_starts = (np.arange(n_starts)[:, None] * n_samples + record.starts).ravel()  # one start behind the other
     band = np.zeros(0)
-    for k in range(2 * STEPS):
+    for k in range(2 * NEWTON_STEPS):
         fresh = 0 if k % 2 else n  # every other step keeps the slopes: enough where the hidden states are linear
         varied = np.repeat(z, 1 + fresh, axis=1)
         for j in range(fresh):
@@ -67,7 +67,7 @@ def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray,
         lost = ~np.isfinite(step).all(axis=(0, 2))
         step[:, lost] = 0.0
         z += step
-        if np.max(np.abs(step)) < CLOSED * size:
+        if np.max(np.abs(step)) < CONVERGED * size:
             break
     z[:, lost] = np.nan
     return z

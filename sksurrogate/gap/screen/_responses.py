@@ -18,7 +18,7 @@ from sksurrogate.effects._effect import (
 )
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._parameter import ParameterStep
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.screen._hidden_path import hidden_paths
 from sksurrogate.gap.screen._sticking import slowed, sticks
 from sksurrogate.kernels.banded import solve_recursion
@@ -35,13 +35,13 @@ class Responses:
     Parameters
     ----------
     problem : Problem
-    base : Rival
+    base : Candidate
         The model that effects are added to.
     x : ndarray (n_states, n_samples)
         Trajectory near the measured one, to start the smoother.
     """
 
-    def __init__(self, problem: Problem, base: Rival, x: np.ndarray):
+    def __init__(self, problem: Problem, base: Candidate, x: np.ndarray):
         self.problem, self.base = problem, base
         theta = base.fit.theta
         with np.errstate(all="ignore"):

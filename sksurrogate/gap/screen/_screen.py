@@ -14,7 +14,7 @@ import numpy as np
 
 from sksurrogate._parallel._second import Second
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.fit._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
 from sksurrogate.gap.screen._candidate_columns import Column, candidate_columns
 from sksurrogate.gap.screen._responses import Responses
@@ -27,7 +27,7 @@ __all__ = ["Screen", "Start", "grown", "grows", "screen"]
 #: Numbers of the null's columns that are kept (single precision).
 MOST_KEPT = 60_000_000
 #: Least share of a column's power that counts as beyond what the initial states can make of it.
-ROUNDING = 1e-12
+LOST_TO_ROUNDING = 1e-12
 #: A parameter is not started from below this share of its value: at 0 many plants have no free run.
 LEAST_FACTOR = 0.2
 #: A change of the base beyond so many times the noise cannot be squared: it breaks the arithmetic, and the order.
@@ -120,7 +120,7 @@ def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
 def screen(
     problem: Problem,
     candidates: Sequence[BaseEffect],
-    base: Rival,
+    base: Candidate,
     x: np.ndarray,
     noise: Noise | None,
     shape: tuple[float, ...] = (),
@@ -133,7 +133,7 @@ def screen(
     ----------
     problem : Problem
     candidates : sequence of BaseEffect
-    base : Rival
+    base : Candidate
         The model that they are added to.
     x : ndarray (n_states, n_samples)
         Trajectory near the measured one, to start the smoother.
@@ -228,7 +228,7 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     flat, moved = whole[few:].reshape(len(columns), -1), start_coordinates(whole[few:], J_x, problem.record.starts)
     size = np.einsum("kn,kn->k", flat, flat)
     rows = np.concatenate([white @ white.T, white @ flat.T], axis=1)
-    power = np.maximum(size - np.einsum("kn,kn->k", moved, moved), ROUNDING * size)
+    power = np.maximum(size - np.einsum("kn,kn->k", moved, moved), LOST_TO_ROUNDING * size)
     diagonal = np.r_[np.einsum("kn,kn->k", white, white), power]
     drop, amplitude = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
     for k, c in enumerate(columns):

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.fit._project import eliminate_rows, project_starts, scores, start_bases
 from sksurrogate.kernels.output_error import Linearised
 
@@ -17,7 +17,7 @@ __all__ = ["Shortlist", "shortlist"]
 #: Starting values by the effect's key.
 Shortlist: TypeAlias = dict[tuple, list[tuple[float, ...]]]
 #: Effects, and starting values of each, that are linearised about a base.
-MOST_EFFECTS, MOST_STARTS = 60, 5
+MOST_LISTED, MOST_STARTS = 60, 5
 
 
 def shortlist(
@@ -27,7 +27,7 @@ def shortlist(
     low: np.ndarray,
     high: np.ndarray,
     problem: Problem,
-    base: Rival,
+    base: Candidate,
     lin: Linearised,
 ) -> Shortlist:
     """The effects whose columns remove most of what a base leaves.
@@ -40,7 +40,7 @@ def shortlist(
     effects, raw, columns, low, high
         Of the null's screen, one entry a starting value.
     problem : Problem
-    base : Rival
+    base : Candidate
     lin : Linearised
         Of the base.
 
@@ -69,7 +69,7 @@ def shortlist(
     groups: dict[tuple, list[int]] = {}
     for k, effect in enumerate(effects):
         groups.setdefault(effect.key, []).append(k)
-    order = sorted(groups, key=lambda key: -max(drop[k] for k in groups[key]))[:MOST_EFFECTS]
+    order = sorted(groups, key=lambda key: -max(drop[k] for k in groups[key]))[:MOST_LISTED]
     out: Shortlist = {}
     for key in order:
         best = sorted(groups[key], key=lambda k: -drop[k])[:MOST_STARTS]

@@ -12,7 +12,7 @@ from sksurrogate.kernels.banded import solve_adjoint
 __all__ = ["Slopes"]
 
 #: Share of the range of an input by which it is pushed.
-PUSH = 1e-3
+PUSH_OF_INPUT = 1e-3
 
 
 class Slopes:
@@ -56,7 +56,7 @@ class Slopes:
         """Through the states of the next samples, and through the outputs that show the input at once."""
         s, problem, base = self.responses, self.responses.problem, self.responses.base
         bias = InputBias(name)
-        push = PUSH * (float(np.ptp(problem.record.u[problem.plant.inputs.index(name)])) or 1.0)
+        push = PUSH_OF_INPUT * (float(np.ptp(problem.record.u[problem.plant.inputs.index(name)])) or 1.0)
         theta = np.r_[base.fit.theta[: s.n_effect], push, base.fit.theta[s.n_effect :]]
         with np.errstate(all="ignore"):
             bound = problem.augmented((*base.effects, bias)).bind(theta[:, None])

@@ -24,7 +24,7 @@ def sticks(effect: BaseEffect, theta: np.ndarray, width: float | None, h: float)
 
 def sticks_in(problem: Problem, effects: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
     """Whether one of several effects with their parameters does so in the steps of a problem."""
-    h, wires = problem.record.dt / problem.n_sub, problem.augmented(effects).wires
+    h, wires = problem.record.dt / problem.numerics.n_sub, problem.augmented(effects).wires
     return any(bool(sticks(effect, theta, wire.width, h)) for effect, theta, wire in zip(effects, values, wires))
 
 

@@ -18,7 +18,7 @@ __all__ = ["Unseen", "score_beside"]
 #: A state is not seen whose range at the start moves the outputs by less than this (root mean square over the noise).
 SEEN = 0.01
 #: Step of the difference, over the range of the state.
-STEP = 1e-4
+STEP_OF_STATE = 1e-4
 
 
 class Unseen:
@@ -64,9 +64,9 @@ class Unseen:
                 continue
             ends = [
                 s.acted(s.pushed(model, start[:, None], (s.smoothed.x + aside)[:, None], aside))
-                for aside in (STEP * free, -STEP * free)
+                for aside in (STEP_OF_STATE * free, -STEP_OF_STATE * free)
             ]
-            found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP))
+            found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP_OF_STATE))
         return np.array(found).reshape(-1, *s.problem.record.y.shape)
 
 

@@ -13,25 +13,26 @@ from joblib import Parallel, delayed, effective_n_jobs
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._second import Second
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._closeness import OUT_OF_SIGHT
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._problem import Candidate, Numerics, Problem
 from sksurrogate.gap.screen._pairs import best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_chunk, fit_pair, nominal
 from sksurrogate.gap.search._stopping import remembers_enough
+from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import Fit
 
 __all__ = ["Expander"]
 
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
-#: Bases further than this (cost over number of values) are screened with all starting values.
-SHORTLIST = 100.0
 #: A base fitted again is the same one where its cost differs by less than this share.
 SAME_BASE = 1e-3
 #: Screens that are kept beside that of the null.
 MOST_SCREENS = 4
 #: Effects of which the fits from each start are made apart, where there are no more of them.
-FEW = 2
+FITTED_APART = 2
 #: Effort of the search for a jump, in parameters that are fitted.
 SEARCHED = 12
 #: Other places and variables of the nearest effect that are fitted from its shape.
@@ -57,6 +58,8 @@ class Expander:
         Every rival fitted so far, by its keys.
     screens : dict
         Cost and screen of every base.
+    judged : dict
+        Evidence of every rival that was looked at, the latest.
     first_screen : Screen or None
         What the screen expects of single effects.
     """
@@ -70,24 +73,35 @@ class Expander:
     later: Second = field(default_factory=partial(Second, apart=False))
     fitted: dict = field(default_factory=dict)
     screens: dict = field(default_factory=dict)
+    judged: dict[Candidate, Evidence] = field(default_factory=dict)
     first_screen: Screen | None = None
 
     @property
     def n_values(self) -> int:
         return self.problem.record.y.size
 
-    def at(self, rival: Rival) -> Problem:
-        """The problem with the numerics of a rival."""
-        return replace(self.problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
+    def own(self, rival: Candidate) -> Evidence | None:
+        """A rival under its own noise, or one that it was given; None where it was looked at under that of others."""
+        known = self.judged.get(rival)
+        return None if known is None or known.quick else known
 
-    def searching(self, base: Rival) -> Problem:
+    def judge(self, found: Evidence) -> Evidence:
+        """Keep the evidence of a rival; a quick look leaves it its own noise."""
+        known = self.own(found.candidate)
+        if found.quick and known is not None:
+            found = replace(known, log_likelihood=found.log_likelihood)
+        self.judged[found.candidate] = found
+        return found
+
+    def searching(self, base: Candidate) -> Problem:
         """The problem with the numerics of a base, but no finer than the search needs."""
-        n_sub = min(base.model.n_sub, max(SEARCH_SUBSTEPS, self.problem.n_sub))
-        return replace(self.problem, n_sub=n_sub, sharpness=min(base.model.sharpness, SEARCH_SHARPNESS))
+        numerics, least = base.problem.numerics, self.problem.numerics.n_sub
+        n_sub = min(numerics.n_sub, max(SEARCH_SUBSTEPS, least))
+        return self.problem.at(Numerics(n_sub, min(numerics.sharpness, SEARCH_SHARPNESS)))
 
     def expand(
         self,
-        base: Rival,
+        base: Candidate,
         n_white: int,
         n_forced: int,
         among: Sequence[BaseEffect] | None = None,
@@ -95,7 +109,7 @@ class Expander:
         least: float = 0.0,
         best: float = np.inf,
         thorough: bool = True,
-    ) -> list[Rival]:
+    ) -> list[Candidate]:
         """Fit the candidates that the screen puts first, and expects at least so much of; with the siblings of the best.
 
         A fit that cannot come near the cost ``best`` is abandoned. Far from the data a ``thorough`` screen looks at every
@@ -107,11 +121,10 @@ class Expander:
         if remembers_enough(base.effects):
             candidates = [e for e in candidates if not isinstance(e, HiddenEffect)]
         guess = self.guess(base)
-        if base.model.n_sub != problem.n_sub or base.model.sharpness != problem.sharpness:
-            base = Rival(
-                base.effects, problem.augmented(base.effects), base.fit, base.noise, base.log_likelihood, base.curvature
-            )
-        starts = self.screened(problem, candidates, base, guess, among is None, thorough)
+        noise = self.noise_of(base)
+        if base.problem.numerics != problem.numerics:
+            base = problem.candidate(base.effects, base.fit)
+        starts = self.screened(problem, candidates, base, noise, guess, among is None, thorough)
         starts = [start for start in starts if start.evident or max(start.white, start.forced) >= least]
         chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
         self.report(f"fitting {len(chosen)} rivals")
@@ -121,33 +134,41 @@ class Expander:
         self.remember(rivals)
         return rivals + self.siblings(rivals, base) if siblings and rivals else rivals
 
-    def from_nominal(self, null: Rival, n_white: int, n_forced: int) -> list[Rival]:
-        """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
-        base = nominal(self.problem, null)
-        return [] if base is None else self.anew(self.problem, base, n_white, n_forced)
+    def noise_of(self, rival: Candidate) -> Noise | None:
+        """Its own, where it is known."""
+        known = self.own(rival)
+        return None if known is None else known.noise
 
-    def anew(self, problem: Problem, base: Rival, n_white: int, n_forced: int, best: float = np.inf) -> list[Rival]:
+    def from_nominal(self, null: Evidence, n_white: int, n_forced: int) -> list[Candidate]:
+        """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
+        base = nominal(null.candidate)
+        return [] if base is None else self.anew(base, null.noise, n_white, n_forced)
+
+    def anew(
+        self, base: Candidate, noise: Noise | None, n_white: int, n_forced: int, best: float = np.inf
+    ) -> list[Candidate]:
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
         candidates = [e for e in self.candidates if e.key not in set(base.keys)]
-        starts = screen(problem, candidates, base, self.guess(base), base.noise, second=self.second).starts
+        problem = base.problem
+        starts = screen(problem, candidates, base, self.guess(base), noise, second=self.second).starts
         rivals = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
         self.remember(rivals)
         return rivals
 
-    def guess(self, base: Rival) -> np.ndarray:
+    def guess(self, base: Candidate) -> np.ndarray:
         """Trajectory to start the smoother from: measured where nothing was added, with the hidden states of the base."""
         n = len(self.problem.plant.states)
         x = self.x if not base.effects else base.fit.x[:n]
         return np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
 
-    def remember(self, rivals: Sequence[Rival]) -> None:
+    def remember(self, rivals: Sequence[Candidate]) -> None:
         """Keep the best fit of every set of effects."""
         for rival in rivals:
             known = self.fitted.get(frozenset(rival.keys))
             if known is None or rival.fit.cost < known.fit.cost:
                 self.fitted[frozenset(rival.keys)] = rival
 
-    def siblings(self, rivals: Sequence[Rival], base: Rival) -> list[Rival]:
+    def siblings(self, rivals: Sequence[Candidate], base: Candidate) -> list[Candidate]:
         """The nearest rival's effect at other places and in other variables, from its shape.
 
         A memory that fits in one place is found again in another, where the screen's starting values may be too far off.
@@ -164,16 +185,16 @@ class Expander:
         return again + self.shaped(base, unknown, shape, nearest.fit.cost)
 
     def formed(
-        self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float
-    ) -> list[Rival]:
+        self, base: Candidate, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float
+    ) -> list[Candidate]:
         """Effects of one form, added to a base: of its shape where that is known."""
         if shape is None:
             return self.expand(base, 2, 0, effects, best=best)
         return self.shaped(base, effects, shape, best)
 
     def shaped(
-        self, base: Rival, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
-    ) -> list[Rival]:
+        self, base: Candidate, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
+    ) -> list[Candidate]:
         """Effects of one shape (all parameters but the first), added to a base."""
         if not effects:
             return []
@@ -187,20 +208,21 @@ class Expander:
         self,
         problem: Problem,
         candidates: Sequence[BaseEffect],
-        base: Rival,
+        base: Candidate,
+        noise: Noise | None,
         guess: np.ndarray,
         whole: bool,
         thorough: bool,
     ) -> list[Start]:
         """The screen of a base; one of all candidates is made once."""
         if not whole:
-            return screen(problem, candidates, base, guess, base.noise, second=self.second).starts
-        near = bool(base.effects) and (base.fit.cost < SHORTLIST * self.n_values or not thorough)
-        key = (base.keys, problem.n_sub, problem.sharpness, base.noise is None, near)
+            return screen(problem, candidates, base, guess, noise, second=self.second).starts
+        near = bool(base.effects) and (base.fit.cost < OUT_OF_SIGHT * self.n_values or not thorough)
+        key = (base.keys, problem.numerics, noise is None, near)
         cost, known = self.screens.get(key, (np.inf, None))
         if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
             first = self.first_screen if near else None
-            known = screen(problem, candidates, base, guess, base.noise, first=first, second=self.second)
+            known = screen(problem, candidates, base, guess, noise, first=first, second=self.second)
             self.screens[key] = base.fit.cost, known
             for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
                 del self.screens[old]
@@ -208,7 +230,7 @@ class Expander:
             self.first_screen = known
         return known.starts
 
-    def pairs(self, base: Rival, most: int, best: float) -> list[Rival]:
+    def pairs(self, base: Candidate, most: int, best: float) -> list[Candidate]:
         """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
         if self.first_screen is None:
             return []
@@ -224,26 +246,25 @@ class Expander:
         self.remember(found)
         return found
 
-    def known(self, problem: Problem, base: Rival, effects: Sequence[BaseEffect]) -> list[Rival]:
+    def known(self, problem: Problem, base: Candidate, effects: Sequence[BaseEffect]) -> list[Candidate]:
         """A base with each of these effects, where it was fitted before with the same numerics; not far from the data, where
         another start may lead elsewhere."""
-        if base.effects and base.fit.cost > SHORTLIST * self.n_values:
+        if base.effects and base.fit.cost > OUT_OF_SIGHT * self.n_values:
             return []
         all_keys = [(*base.keys, effect.key) for effect in effects]
         found = [(keys, self.fitted[frozenset(keys)]) for keys in all_keys if frozenset(keys) in self.fitted]
-        numerics = problem.n_sub, problem.sharpness
-        return [r for keys, r in found if r.keys == keys and (r.model.n_sub, r.model.sharpness) == numerics]
+        return [r for keys, r in found if r.keys == keys and r.problem.numerics == problem.numerics]
 
     def fit_all(
-        self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float = np.inf
-    ) -> list[Rival]:
+        self, problem: Problem, base: Candidate, chosen: Sequence[list[Start]], best: float = np.inf
+    ) -> list[Candidate]:
         """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
 
         The cost of the first is what the others must come near to.
         """
         if effective_n_jobs(self.n_jobs) == 1:
             best = min(base.fit.cost, best)
-            n = len(chosen) if len(chosen) <= FEW else 1
+            n = len(chosen) if len(chosen) <= FITTED_APART else 1
             tries = iter(self.fit_apart(problem, base, [[one] for starts in chosen[:n] for one in starts], best))
             first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
             best = min([best, *(rival.fit.cost for rival in first if rival is not None)])
@@ -255,8 +276,8 @@ class Expander:
         return [rival for part in parts for rival in part if rival is not None]
 
     def fit_apart(
-        self, problem: Problem, base: Rival, chosen: Sequence[list[Start]], best: float
-    ) -> list[Rival | None]:
+        self, problem: Problem, base: Candidate, chosen: Sequence[list[Start]], best: float
+    ) -> list[Candidate | None]:
         """Fits that know nothing of each other, in two processes."""
         found = side_by_side(
             lambda starts: shipped(fit_added(problem, base, starts, best)), chosen, self.second, effort
@@ -271,17 +292,16 @@ def effort(starts: Sequence[Start]) -> float:
     return len(starts) * len(theta) * (1 + hidden) + (SEARCHED if effect.scan(tuple(theta)) else 0)
 
 
-def shipped(rival: Rival | None) -> tuple[Fit, int, float] | None:
+def shipped(rival: Candidate | None) -> tuple[Fit, Numerics] | None:
     """A rival without its model, which cannot travel between processes."""
-    return None if rival is None else (rival.fit, rival.model.n_sub, rival.model.sharpness)
+    return None if rival is None else (rival.fit, rival.problem.numerics)
 
 
 def landed(
-    problem: Problem, base: Rival, added: Sequence[BaseEffect], freight: tuple[Fit, int, float] | None
-) -> Rival | None:
+    problem: Problem, base: Candidate, added: Sequence[BaseEffect], freight: tuple[Fit, Numerics] | None
+) -> Candidate | None:
     """A base with these effects added, as it was shipped."""
     if freight is None:
         return None
-    fit, n_sub, sharpness = freight
-    effects = (*base.effects, *added)
-    return Rival(effects, replace(problem, n_sub=n_sub, sharpness=sharpness).augmented(effects), fit)
+    fit, numerics = freight
+    return problem.at(numerics).candidate((*base.effects, *added), fit)

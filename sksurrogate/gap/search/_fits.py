@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.gap.fit._closeness import FAR_BY_COST, NEAR
 from sksurrogate.gap.fit._evidence import frozen_fit
-from sksurrogate.gap.fit._problem import Problem, Rival, nominal_run
+from sksurrogate.gap.fit._problem import Candidate, Problem, nominal_run
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.screen._sticking import sticks_in
 from sksurrogate.gap.search._line_search import scanned
@@ -32,31 +33,29 @@ __all__ = [
 ]
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
-HOPELESS = 40.0
+LEAVES_TOO_MUCH = 40.0
 #: Effects whose expected gains differ by less than this share predict the same along the base: friction of one sign is a bias.
 ALIKE = 1e-5
 #: Starts of an effect whose prediction jumps, and the share by which they differ at least.
 MOST_APART, APART = 3, 0.02
 #: Substeps with which dry friction that sticks is fitted.
 STICKING_SUBSTEPS = 8
-#: Numerics matter where they move the free run by this much of the noise; where its error is over so many times the noise,
-#: by this share of the error.
-MOVED, FAR, MOVED_OF_ERROR = 0.03, 2.0, 0.3
-#: Cost over the number of values beyond which a limit is fitted from another start.
-NOWHERE = 5.0
+#: Numerics matter where they move the free run by this much of the noise; where it is not near to the data by this share of its
+#: error.
+MOVED_BY_NUMERICS, MOVED_OF_ERROR = 0.03, 0.3
 #: Sharpness at which the search for the step of a quantization begins: flanks of a quarter of a step.
 SOFT = 4.0
 #: Shares of a start that are tried, one after the other, where its free run does not stay finite.
 NEARER = (1.0, 0.3, 0.1)
 
 
-def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: float) -> Rival | None:
+def fit_added(problem: Problem, base: Candidate, starts: Sequence[Start], best: float) -> Candidate | None:
     """Fit a base with one effect more, from the best of several starts; one that cannot come near to the others is abandoned."""
-    found: Rival | None = None
+    found: Candidate | None = None
     split = base.n_parameters
     values = [base.theta_of(i) for i in range(len(base.effects))]
     if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
-        problem = replace(problem, n_sub=max(problem.n_sub, STICKING_SUBSTEPS))
+        problem = problem.at(replace(problem.numerics, n_sub=max(problem.numerics.n_sub, STICKING_SUBSTEPS)))
     for start in starts:
         for share in NEARER if start.effect.linear and len(start.theta) else (1.0,):
             own = np.r_[share * start.theta[:1], start.theta[1:]]
@@ -72,11 +71,13 @@ def fit_added(problem: Problem, base: Rival, starts: Sequence[Start], best: floa
             found = rival
     if found is not None and found.fit.cost < 3.0 * best:
         for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
-            found = scanned(problem, found, i)
+            found = scanned(found, i)
     return found
 
 
-def fit_pair(problem: Problem, base: Rival, pair: tuple[Start, Start], x: np.ndarray, best: float) -> Rival | None:
+def fit_pair(
+    problem: Problem, base: Candidate, pair: tuple[Start, Start], x: np.ndarray, best: float
+) -> Candidate | None:
     """Fit a base without effects with two at once, from a smoothed trajectory."""
     first, second = pair
     theta = np.concatenate([first.theta, second.theta, base.fit.theta])
@@ -85,12 +86,12 @@ def fit_pair(problem: Problem, base: Rival, pair: tuple[Start, Start], x: np.nda
         rival = problem.fit((first.effect, second.effect), theta, whole, best=best)
     except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
         return None
-    return rival and scanned(problem, rival)
+    return rival and scanned(rival)
 
 
 def fit_last(
     problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
-) -> Rival | None:
+) -> Candidate | None:
     """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from the free run of a ``base`` without it.
 
     A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
@@ -112,7 +113,7 @@ def fit_last(
         tries = [problem.fit(effects, theta, x, best=best, fallback=run)]
         tries.append(problem.fit(effects, theta, run, open_steps=0))
         return cheapest(tries)
-    soft = replace(problem, sharpness=SOFT).fit(effects, theta, run, open_steps=0, max_steps=8)
+    soft = problem.at(replace(problem.numerics, sharpness=SOFT)).fit(effects, theta, run, open_steps=0, max_steps=8)
     if soft is None:
         return None
     return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
@@ -120,7 +121,7 @@ def fit_last(
 
 def fit_limit(
     problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
-) -> Rival | None:
+) -> Candidate | None:
     """Fit effects of which the last is a limit: from a smoothed trajectory, and where that leads nowhere from where runs began.
 
     Beyond a limit states have no slopes, and initial states of a base that knew of no limit and is far from the data have
@@ -128,7 +129,7 @@ def fit_limit(
     """
     found = problem.fit(effects, theta, x, best=best, fallback=base.x[: len(problem.plant.states)])
     model = problem.augmented(effects)
-    near = min(base.cost, np.inf if found is None else found.fit.cost) < NOWHERE * base.y.size
+    near = min(base.cost, np.inf if found is None else found.fit.cost) < FAR_BY_COST * base.y.size
     if near or problem.run is None or model.n_states > len(problem.run):
         return found
     with np.errstate(all="ignore"):
@@ -137,12 +138,12 @@ def fit_limit(
     return cheapest([found, other])
 
 
-def cheapest(tries: Sequence[Rival | None]) -> Rival | None:
+def cheapest(tries: Sequence[Candidate | None]) -> Candidate | None:
     """Of several fits the one nearest to the data, the first of equal ones; None where none came to an end."""
     return min((rival for rival in tries if rival is not None), key=lambda rival: rival.fit.cost, default=None)
 
 
-def fit_chunk(problem: Problem, base: Rival, chunk: Sequence[list[Start]], best: float) -> list[Rival | None]:
+def fit_chunk(problem: Problem, base: Candidate, chunk: Sequence[list[Start]], best: float) -> list[Candidate | None]:
     """One worker's share."""
     return [fit_added(problem, base, starts, min(base.fit.cost, best)) for starts in chunk]
 
@@ -162,7 +163,7 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
     white = first_places({key: max(s.white for s in group) for key, group in by_key.items()}, n_white)
     forced = first_places({key: max(s.forced for s in group) for key, group in by_key.items()}, n_forced)
     least = max(min(s.left for s in starts), 1.0 * n_values)
-    hopeful = [key for rank, key in enumerate(white) if rank < 6 or by_key[key][0].left < HOPELESS * least]
+    hopeful = [key for rank, key in enumerate(white) if rank < 6 or by_key[key][0].left < LEAVES_TOO_MUCH * least]
     evident = [key for key in by_key if by_key[key][0].evident]
     chosen = list(dict.fromkeys([*evident, *hopeful, *forced]))
     out = []
@@ -216,36 +217,30 @@ def mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
     return out
 
 
-def open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Rival:
+def open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Candidate:
     """A null that has no finite free run: the output stays at its mean, so that anything finite is better."""
-    model = problem.augmented(())
     y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
     cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
-    return Rival((), model, Fit(theta, x, y, cost, 0, False, None))
+    return problem.candidate((), Fit(theta, x, y, cost, 0, False, None))
 
 
-def nominal(problem: Problem, null: Rival) -> Rival | None:
+def nominal(null: Candidate) -> Candidate | None:
     """The null with its free parameters back at their nominal values; None where that has no free run."""
-    fit = frozen_fit(problem, null, np.zeros(len(null.fit.theta)))
-    return None if fit is None else Rival((), null.model, fit, null.noise, curvature=null.curvature)
+    return frozen_fit(null, np.zeros(len(null.fit.theta)))
 
 
-def taken_out(problem: Problem, rival: Rival, i: int) -> Rival | None:
+def taken_out(rival: Candidate, i: int) -> Candidate | None:
     """A rival without effect i, everything else as it is but for the initial states; None where that has no free run."""
-    keep = np.ones(len(rival.fit.theta), bool)
-    keep[rival.model.slice_of(i)] = False
-    rest = tuple(e for j, e in enumerate(rival.effects) if j != i)
-    at = replace(problem, n_sub=rival.model.n_sub, sharpness=rival.model.sharpness)
-    model, theta, x = at.augmented(rest), rival.fit.theta[keep], rival.fit.x[: rival.model.n_nominal]
+    rest, theta = rival.without_effect(i)
+    model, x = rival.problem.augmented(rest), rival.fit.x[: rival.model.n_nominal]
     if model.n_states > model.n_nominal:
         x = settle_hidden(model, theta, x)
-    fit = frozen_fit(at, Rival(rest, model, replace(rival.fit, theta=theta, x=x)), theta)
-    return None if fit is None else Rival(rest, model, fit, rival.noise, curvature=rival.curvature)
+    return frozen_fit(rival.problem.candidate(rest, replace(rival.fit, theta=theta, x=x), model), theta)
 
 
-def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:
+def distinct(rivals: Sequence[Candidate], taken: set, most: int) -> list[Candidate]:
     """The first rivals with different sets of effects."""
-    chosen: list[Rival] = []
+    chosen: list[Candidate] = []
     for rival in rivals:
         key = frozenset(rival.keys)
         if key not in taken and len(chosen) < most:
@@ -254,12 +249,11 @@ def distinct(rivals: Sequence[Rival], taken: set, most: int) -> list[Rival]:
     return chosen
 
 
-def numerics_matter(finer: Problem, rival: Rival) -> bool:
+def numerics_matter(finer: Problem, rival: Candidate) -> bool:
     """Whether shorter steps and sharper kinks move the free run by a share of the noise, or far from the data of what is left."""
-    as_it_is = Rival(rival.effects, finer.augmented(rival.effects), rival.fit)
-    shifted = frozen_fit(finer, as_it_is, rival.fit.theta, near=True)
+    shifted = frozen_fit(finer.candidate(rival.effects, rival.fit), rival.fit.theta, near=True)
     if shifted is None:
         return False
-    change = np.sqrt(np.mean(((shifted.y - rival.fit.y) / finer.sd[:, None]) ** 2))
+    change = np.sqrt(np.mean(((shifted.fit.y - rival.fit.y) / finer.sd[:, None]) ** 2))
     error = np.sqrt(rival.fit.cost / rival.fit.y.size)
-    return bool(change > (MOVED if error < FAR else MOVED_OF_ERROR * error))
+    return bool(change > (MOVED_BY_NUMERICS if error < NEAR else MOVED_OF_ERROR * error))

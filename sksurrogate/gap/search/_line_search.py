@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.fit._project import project_starts
 from sksurrogate.gap.fit._quantization import alike
 from sksurrogate.kernels.banded import solve_recursion
@@ -14,29 +14,30 @@ __all__ = ["promising", "scanned"]
 #: Values nearby that are fitted, best first.
 MOST = 3
 #: What a fit at another value must remove (squares of errors over the noise).
-WORTH = 1.0
+WORTH_A_FIT = 1.0
 
 
-def scanned(problem: Problem, rival: Rival, i: int = -1) -> Rival:
+def scanned(rival: Candidate, i: int = -1) -> Candidate:
     """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them."""
     for _ in range(3):
         before = rival.fit.cost
-        for theta in promising(problem, rival, i):
-            other = problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
+        for theta in promising(rival, i):
+            other = rival.problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
             if other is not None and other.fit.cost < rival.fit.cost:
                 rival = other
-        if rival.fit.cost > before - WORTH:
+        if rival.fit.cost > before - WORTH_A_FIT:
             break
     return rival
 
 
-def promising(problem: Problem, rival: Rival, i: int = -1) -> list[np.ndarray]:
+def promising(rival: Candidate, i: int = -1) -> list[np.ndarray]:
     """Parameters with effect i, the last by default, at another value, where less is expected to be left.
 
     The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values abreast; initial
     states and the other parameters follow by least squares.
     """
-    model, record, fit = rival.model, problem.record, rival.fit
+    problem, model, fit = rival.problem, rival.model, rival.fit
+    record = problem.record
     place = model.slice_of(i % len(rival.effects))
     effect = rival.effects[i]
     values = effect.scan(tuple(fit.theta[place]))
@@ -46,7 +47,7 @@ def promising(problem: Problem, rival: Rival, i: int = -1) -> list[np.ndarray]:
     columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)
     columns[place, 1:] = np.array(values).T
     with np.errstate(all="ignore"):
-        lin, bound = problem.linearised(rival), model.bind(columns)
+        lin, bound = rival.linearised, model.bind(columns)
         x = np.repeat(fit.x[:, None], columns.shape[1], axis=1)
         after, b = bound(x), np.zeros_like(x)
         b[:, :, 1:] = (after - after[:, :1])[:, :, :-1]
@@ -63,7 +64,7 @@ def promising(problem: Problem, rival: Rival, i: int = -1) -> list[np.ndarray]:
         flat[: len(y[0])], flat[len(y[0]) :], problem.prior(rival.effects, fit.theta)[others], fit.theta[others]
     )
     order = 1 + np.argsort(left[1:])[:MOST]
-    return [columns[:, k] for k in order if left[k] < left[0] - WORTH]
+    return [columns[:, k] for k in order if left[k] < left[0] - WORTH_A_FIT]
 
 
 def _left(r: np.ndarray, J: np.ndarray, prior: np.ndarray, theta: np.ndarray) -> np.ndarray:

@@ -2,45 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.search._nested import NESTED
 
 __all__ = ["folded", "opposed"]
 
 #: A law is the sum of two where it differs by less than this share of its deviation (RMS); and its fit is where theirs is
 #: with less than so many times their cost: kinks of larger jumps are smoothed further.
-SAME, NEAR = 0.01, 1.3
+SAME_FORCE, LITTLE_MORE = 0.01, 1.3
 #: Two laws of which the sum varies by less than this share of the larger are neither: their difference imitates a third. Of
 #: true pairs it was 0.93, 1.25 and 1.37, of a root and a straight line in the place of a constant at 0.05 to 0.35.
 OPPOSED = 0.5
 
 
-def folded(problem: Problem, rival: Rival) -> Rival | None:
+def folded(rival: Candidate) -> Candidate | None:
     """A rival with two of its effects as one, fitted from their sum; None where no two are such, or the fit does not get there.
 
     Of two forms of one variable in one balance, of which one contains the other, the richer may be their sum along the path.
     """
     for i, j in permutations(range(len(rival.effects)), 2):
-        own = together(problem, rival, i, j) if contains(rival.effects[i], rival.effects[j]) else None
+        own = together(rival, i, j) if contains(rival.effects[i], rival.effects[j]) else None
         if own is not None:
             theta = rival.fit.theta.copy()
-            theta[rival.model.slice_of(i)] = own
-            keep = np.ones(len(theta), bool)
-            keep[rival.model.slice_of(j)] = False
-            rest = tuple(e for k, e in enumerate(rival.effects) if k != j)
-            n = rival.model.n_nominal
-            one = problem.fit(rest, theta[keep], rival.fit.x[:n], open_steps=0)
-            return one if one is not None and one.fit.cost < NEAR * rival.fit.cost else None
+            theta[rival.slice_of(i)] = own
+            effects, values = replace(rival, fit=replace(rival.fit, theta=theta)).without_effect(j)
+            one = rival.problem.fit(effects, values, rival.fit.x[: rival.model.n_nominal], open_steps=0)
+            return one if one is not None and one.fit.cost < LITTLE_MORE * rival.fit.cost else None
     return None
 
 
-def opposed(problem: Problem, rival: Rival) -> bool:
+def opposed(rival: Candidate) -> bool:
     """Whether two static laws of one variable in one balance vary against each other, and nearly cancel."""
     static = [
         i for i, e in enumerate(rival.effects) if isinstance(e, BalanceEffect) and not isinstance(e, HiddenEffect)
@@ -48,15 +46,15 @@ def opposed(problem: Problem, rival: Rival) -> bool:
     for i, j in combinations(static, 2):
         first, second = rival.effects[i], rival.effects[j]
         if first.variable is not None and (first.location, first.variable) == (second.location, second.variable):
-            one, other = (force_of(problem, rival, k, rival.theta_of(k)) for k in (i, j))
+            one, other = (force_of(rival, k, rival.theta_of(k)) for k in (i, j))
             if np.std(one + other) < OPPOSED * max(np.std(one), np.std(other)):
                 return True
     return False
 
 
-def force_of(problem: Problem, rival: Rival, k: int, theta: np.ndarray) -> np.ndarray:
+def force_of(rival: Candidate, k: int, theta: np.ndarray) -> np.ndarray:
     """What effect k adds to its balance along the path, (n_samples,)."""
-    model, record = rival.model, problem.record
+    model, record = rival.model, rival.problem.record
     width = model.wires[k].width or 0.0
     return model.force_of(k, record.t, rival.fit.x[:, None], record.u[:, None], list(theta[:, None]), width)[0]
 
@@ -68,18 +66,18 @@ def contains(rich: BaseEffect, simple: BaseEffect) -> bool:
     return laws and same and simple.name in NESTED.get(rich.name, ())
 
 
-def together(problem: Problem, rival: Rival, i: int, j: int) -> np.ndarray | None:
+def together(rival: Candidate, i: int, j: int) -> np.ndarray | None:
     """Values with which effect i is effects i and j together, along the path; None where it has none."""
     own = rival.theta_of(i)
-    wanted = force_of(problem, rival, i, own) + force_of(problem, rival, j, rival.theta_of(j))
-    low, high = (bound[rival.model.slice_of(i)] for bound in problem.bounds(rival.effects))
+    wanted = force_of(rival, i, own) + force_of(rival, j, rival.theta_of(j))
+    low, high = (bound[rival.slice_of(i)] for bound in rival.problem.bounds(rival.effects))
     size = np.std(wanted) or 1.0
     begin = np.clip(own, low, high)
     found = least_squares(
-        lambda theta: (force_of(problem, rival, i, theta) - wanted) / size,
+        lambda theta: (force_of(rival, i, theta) - wanted) / size,
         begin,
         bounds=(low, high),
         x_scale="jac",
         max_nfev=50,
     )
-    return found.x if np.mean(found.fun**2) < SAME**2 else None
+    return found.x if np.mean(found.fun**2) < SAME_FORCE**2 else None

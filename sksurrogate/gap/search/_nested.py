@@ -9,7 +9,7 @@ from sksurrogate.effects._effect import BaseEffect
 __all__ = ["NESTED", "UNPOLISHED", "hardly_more", "related", "simpler"]
 
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
-SHARE = 5e-4
+HARDLY_ANY = 5e-4
 #: A form that leaves so many times more than is allowed before it is polished leaves too much afterwards.
 UNPOLISHED = 10.0
 
@@ -30,7 +30,7 @@ NESTED = {
 
 def hardly_more(cost: float, gap: float) -> float:
     """The cost that leaves hardly more than this one of a gap's power."""
-    return cost + SHARE * gap
+    return cost + HARDLY_ANY * gap
 
 
 def simpler(effect: BaseEffect, name: str, candidates: Sequence[BaseEffect]) -> list[BaseEffect]:

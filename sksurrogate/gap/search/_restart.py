@@ -8,7 +8,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._probe import probe_of
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate
 
 __all__ = ["dead", "revived"]
 
@@ -18,17 +18,18 @@ SILENT = 1e-9
 MOST_TRIED = 8
 
 
-def revived(problem: Problem, rival: Rival) -> Rival:
+def revived(rival: Candidate) -> Candidate:
     """The best fit from starting values of the parameters on which the prediction does not depend, the others kept.
 
     A Stribeck velocity of 0 has no slope that leads back, and the level that it leads to has none either.
     """
+    problem = rival.problem
     for i, effect in enumerate(rival.effects):
-        silent = dead(problem, rival, i)
+        silent = dead(rival, i)
         if not silent.any() or silent.all():
             continue
         path = rival.fit.x[: len(problem.plant.states)]
-        place = rival.model.slice_of(i)
+        place = rival.slice_of(i)
         now = rival.fit.theta[place]
         starts = effect.starts(probe_of(problem, effect, path, problem.rate))
         tried = [np.where(silent, in_scale(effect, start, now, silent), now) for start in starts]
@@ -38,7 +39,7 @@ def revived(problem: Problem, rival: Rival) -> Rival:
             theta[place] = tried[k]
             other = problem.fit(rival.effects, theta, rival.fit.x)
             if other is not None and other.fit.cost < rival.fit.cost - 1.0:
-                return revived(problem, other)
+                return revived(other)
     return rival
 
 
@@ -54,9 +55,9 @@ def in_scale(effect: BaseEffect, start: Sequence[float], now: np.ndarray, silent
     return out
 
 
-def dead(problem: Problem, rival: Rival, i: int) -> np.ndarray:
+def dead(rival: Candidate, i: int) -> np.ndarray:
     """Which parameters of effect i move nothing."""
-    J = problem.linearised(rival).J_theta
-    unit = np.maximum(np.abs(problem.units(rival.effects, rival.fit.theta)), 1e-300)
+    J = rival.linearised.J_theta
+    unit = np.maximum(np.abs(rival.problem.units(rival.effects, rival.fit.theta)), 1e-300)
     moved = np.sqrt(np.mean((J * unit[None, :, None]) ** 2, axis=(0, 2)))
-    return moved[rival.model.slice_of(i)] <= SILENT * np.max(moved, initial=0.0)
+    return moved[rival.slice_of(i)] <= SILENT * np.max(moved, initial=0.0)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.unnamed._latent_force import past_of
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
@@ -18,7 +18,7 @@ __all__ = ["CERTAIN", "Curve", "in_balances", "in_inputs", "in_sensors", "shapes
 
 #: Knots of a piecewise linear curve, at equal shares of the samples; of one of time, which may step; of one of an input in its
 #: place, which may be a staircase.
-KNOTS, KNOTS_OF_TIME, KNOTS_OF_INPUT = 8, 13, 40
+KNOTS_OF_CURVE, KNOTS_OF_TIME, KNOTS_OF_INPUT = 8, 13, 40
 #: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
 RUNS = 3
 #: A free curve on top of the names, or one law in their place, is certain from this gain (twice nats) on.
@@ -37,8 +37,9 @@ class Curve(NamedTuple):
     moved: Callable[[], np.ndarray]
 
 
-def in_balances(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]:
+def in_balances(rival: Candidate) -> Iterator[Curve]:
     """Curves of states, inputs and time in every balance."""
+    problem, D = rival.problem, rival.disturbance
     signals = np.concatenate([rival.fit.x[: len(problem.plant.states)], problem.record.u])
     forms = list(shapes(problem.record, signals, [*problem.plant.states, *problem.plant.inputs]))
     for b, name in enumerate(problem.balances):
@@ -46,21 +47,23 @@ def in_balances(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curv
             yield Curve(name, variable, len(f), partial(response, D, D.B[:, :, b].T, f))
 
 
-def in_inputs(problem: Problem, rival: Rival, D: Disturbance) -> Iterator[Curve]:
+def in_inputs(rival: Candidate) -> Iterator[Curve]:
     """A fine curve of every input in its place, through the balances that it pushes and the outputs that show it.
 
     None where a named effect lets the input jump: that input has no slope to follow.
     """
+    problem, D = rival.problem, rival.disturbance
     jumps = {e.location for i, e in enumerate(rival.effects) if e.scan(tuple(rival.theta_of(i)))}
     for i, name in enumerate(problem.plant.inputs):
         f = hats(problem.record.u[i], KNOTS_OF_INPUT)
         if len(f) > 1 and name not in jumps:
-            push, shown = channel(problem, rival, i)
+            push, shown = channel(rival, i)
             yield Curve(name, name, len(f), partial(response, D, push, f, shown))
 
 
-def in_sensors(problem: Problem, rival: Rival) -> Iterator[Curve]:
+def in_sensors(rival: Candidate) -> Iterator[Curve]:
     """Curves of outputs and time in every sensor; of other outputs without their past."""
+    problem = rival.problem
     names = problem.plant.outputs
     for o, name in enumerate(names):
         for variable, f in shapes(problem.record, rival.fit.y, names):
@@ -72,7 +75,7 @@ def shapes(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterato
     """Functions whose sums are curves of a signal, (n_functions, n_samples): hats, then the signal with its past; of the time hats."""
     past = past_of(record, signals)
     for i, (name, z) in enumerate(zip(names, signals)):
-        curve = hats(z, KNOTS)
+        curve = hats(z, KNOTS_OF_CURVE)
         if len(curve) > 1:
             yield name, curve
             yield f"{name} and its past", np.concatenate([z[None], past[:, i]])
@@ -95,8 +98,9 @@ def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
     return out
 
 
-def channel(problem: Problem, rival: Rival, i: int) -> tuple[np.ndarray, np.ndarray]:
+def channel(rival: Candidate, i: int) -> tuple[np.ndarray, np.ndarray]:
     """What a unit of input i moves the next states (n_states, n_samples) and this sample's outputs (n_outputs, n_samples) by."""
+    problem = rival.problem
     record, u = problem.record, problem.record.u.copy()
     step = 1e-4 * max(float(np.std(u[i])), 1e-9)
     u[i] += step

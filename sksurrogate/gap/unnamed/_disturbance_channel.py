@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._folds import blocked
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push
@@ -19,7 +19,7 @@ from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 
-__all__ = ["channel_of", "missing_term", "places_by_law", "where_and_when"]
+__all__ = ["Channels", "channel_of", "missing_term", "places_by_law", "where_and_when"]
 
 #: Correlation times, in samples, from which the size of the signal is fitted.
 STARTS = (5.0, 25.0)
@@ -29,19 +29,18 @@ LARGEST_GROWTH, SHORTEST = 9.0, 20
 COMPARED = 3
 
 
-def channel_of(problem: Problem, null: Rival, location: str, kind: str) -> Channel:
+def channel_of(null: Candidate, location: str, kind: str) -> Channel:
     """The null with one free signal at a place, linearised about the path that it gives.
 
     Parameters
     ----------
-    problem : Problem
-    null : Rival
+    null : Candidate
         The simulator, free parameters re-tuned.
     location, kind : str
         State, input or output; a parameter stands for the largest force.
     """
-    problem = replace(problem, record=blocked(problem.record), n_sub=null.model.n_sub)
-    null = replace(null, model=problem.augmented(()))
+    null = on_record(null, blocked(null.problem.record))
+    problem = null.problem
     if kind == "output" and location in problem.plant.outputs:
         return _sensor(problem, null, problem.plant.outputs.index(location))
     soft = _soft(problem, null, location, kind)
@@ -53,13 +52,18 @@ def channel_of(problem: Problem, null: Rival, location: str, kind: str) -> Chann
     x = smoothed.x
     pieces = _pieces(problem.record, smoothed.A)
     if len(pieces) > len(problem.record.starts):
-        problem = replace(problem, record=replace(problem.record, starts=pieces))
-        null = replace(null, model=problem.augmented(()))
+        null = on_record(null, replace(problem.record, starts=pieces))
+        problem = null.problem
     channel, closed = _about(problem, null, x, location, kind, soft)
     again = closed + channel.D.states(channel.r, channel.noise)[0]
     if np.all(np.isfinite(again)) and np.max(np.abs(again - x) / problem.scale[:, None]) < 3.0:
         channel, _ = _about(problem, null, again, location, kind, soft, channel.noise)
     return channel
+
+
+def on_record(null: Candidate, record: Record) -> Candidate:
+    """The null over the same samples in other runs."""
+    return replace(null.problem, record=record).candidate((), null.fit)
 
 
 def _pieces(record: Record, A: np.ndarray) -> np.ndarray:
@@ -76,7 +80,7 @@ def _pieces(record: Record, A: np.ndarray) -> np.ndarray:
     return np.flatnonzero(first)
 
 
-def _soft(problem: Problem, null: Rival, location: str, kind: str) -> tuple[str, ...]:
+def _soft(problem: Problem, null: Candidate, location: str, kind: str) -> tuple[str, ...]:
     """Balances that the signal at a place moves."""
     if kind == "state" and location in problem.balances:
         return (location,)
@@ -90,7 +94,7 @@ def _soft(problem: Problem, null: Rival, location: str, kind: str) -> tuple[str,
 
 def _about(
     problem: Problem,
-    null: Rival,
+    null: Candidate,
     x: np.ndarray,
     location: str,
     kind: str,
@@ -121,7 +125,7 @@ def _about(
     return Channel(record, D, noise, r, B[:, 0], None, unit, held, Z, names), lin.x
 
 
-def _sensor(problem: Problem, null: Rival, j: int) -> Channel:
+def _sensor(problem: Problem, null: Candidate, j: int) -> Channel:
     """The channel of a sensor: what it adds to its output."""
     model, theta, record, x = null.model, null.fit.theta, problem.record, null.fit.x
     lin = linearise(model, theta, x, problem.units((), theta))
@@ -155,7 +159,7 @@ def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float,
     return best
 
 
-def places_by_law(problem: Problem, null: Rival, found: Sequence[Place]) -> list[Place]:
+def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
     """The most accused places again, each with the law of states and inputs that fits there and a force for the rest.
 
     A free force follows the gap from many places; a law of states and inputs follows it from the right one.
@@ -168,7 +172,7 @@ def places_by_law(problem: Problem, null: Rival, found: Sequence[Place]) -> list
             distinct.append(place)
     again = {}
     for place in distinct[:COMPARED]:
-        value = evidence_of_law(_channel(problem, null, place.location, place.kind))
+        value = evidence_of_law(channels.at(place.location, place.kind))
         if np.isfinite(value):
             again[place.log_likelihood] = value
     if len(again) < 2:
@@ -185,9 +189,9 @@ def places_by_law(problem: Problem, null: Rival, found: Sequence[Place]) -> list
     return sorted(out, key=lambda place: -place.log_likelihood)
 
 
-def missing_term(problem: Problem, null: Rival, location: str, kind: str) -> MissingTerm:
+def missing_term(channels: Channels, location: str, kind: str) -> MissingTerm:
     """The shape of what is missing at a place, on top of the null."""
-    channel = _channel(problem, null, location, kind)
+    channel = channels.at(location, kind)
     record = channel.record
     first = record.t[record.starts]
     table = times(record, channel.force())
@@ -196,22 +200,35 @@ def missing_term(problem: Problem, null: Rival, location: str, kind: str) -> Mis
 
 
 def where_and_when(
-    problem: Problem, null: Rival, latent: LatentForce, location: str | None, kind: str | None
+    channels: Channels, latent: LatentForce, location: str | None, kind: str | None
 ) -> tuple[Table, Table]:
     """By region and by time: of the force at the accused place, of the largest that the null leaves where none is accused."""
+    problem = channels.null.problem
     if location is None or kind not in ("state", "input", "output"):
         Z, names = features(problem, latent.x)
         w = latent.force[int(np.argmax(latent.size))]
         return regions(problem.record, Z, names, w), times(problem.record, w)
-    channel = _channel(problem, null, location, kind)
+    channel = channels.at(location, kind)
     w = channel.force()
     Z = channel.Z
     return regions(channel.record, Z, channel.names, w), times(problem.record, w)
 
 
-def _channel(problem: Problem, null: Rival, location: str, kind: str) -> Channel:
-    """The channel of a place, made once."""
-    key = f"channel {kind} {location}"
-    if key not in null.cache:
-        null.cache[key] = channel_of(problem, null, location, kind)
-    return null.cache[key]
+class Channels:
+    """The channels of one null, each made once.
+
+    Parameters
+    ----------
+    null : Candidate
+        The simulator, free parameters re-tuned.
+    """
+
+    def __init__(self, null: Candidate):
+        self.null = null
+        self.known: dict[tuple[str, str], Channel] = {}
+
+    def at(self, location: str, kind: str) -> Channel:
+        """That of a place."""
+        if (location, kind) not in self.known:
+            self.known[location, kind] = channel_of(self.null, location, kind)
+        return self.known[location, kind]

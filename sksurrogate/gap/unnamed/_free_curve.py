@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._evidence import columns
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._closeness import CLOSED
+from sksurrogate.gap.fit._evidence import Evidence, columns
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.fit._project import project_starts
 from sksurrogate.gap.unnamed._curve_shapes import Curve, in_balances, in_inputs, in_sensors
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -24,8 +25,6 @@ __all__ = ["SUSPICIOUS", "FreeCurve", "free_curve"]
 
 #: Gain under the noise of the rival, which takes a law for a force, from which the noise is fitted anew beside the curve.
 SUSPICIOUS = -15.0
-#: Residual over the noise of differences from which a noise fit may have taken a law for a force.
-MORE_THAN_NOISE = 1.2
 
 
 @dataclass(frozen=True)
@@ -51,26 +50,27 @@ class FreeCurve:
     deviation: float
 
 
-def free_curve(problem: Problem, rival: Rival) -> FreeCurve | None:
+def free_curve(found: Evidence) -> FreeCurve | None:
     """The likeliest curve of one signal in one balance, input or sensor on top of a rival; None where none can be judged.
 
     A curve that suits a noise model but brings the free run no nearer to the data is none.
     """
-    r, J, precision, pull = columns(problem, rival)
-    D, noise = problem.disturbance(rival), rival.noise
-    if noise is None or not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
+    rival = found.candidate
+    problem, D = rival.problem, rival.disturbance
+    r, J, precision, pull = columns(rival)
+    if not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
-    curves = [*in_balances(problem, rival, D), *in_inputs(problem, rival, D), *in_sensors(problem, rival)]
+    curves = [*in_balances(rival), *in_inputs(rival), *in_sensors(rival)]
     fit = _CurveFit(problem, rival, D, r, J, precision, pull, curves)
     try:
-        found = fit.candidates(noise) if curves else []
+        tried = fit.candidates(found.noise) if curves else []
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
-    near = [one for one in found if fit.nearer(one)]
+    near = [one for one in tried if fit.nearer(one)]
     return fit.told(max(near, key=lambda one: one.gain)) if near else None
 
 
-class _Candidate(NamedTuple):
+class _Tried(NamedTuple):
     """A curve, what it gains, and how far the parameters of the rival and its own move."""
 
     k: int
@@ -83,7 +83,7 @@ class _CurveFit:
     """A residual explained by the parameters of a rival, and by each of several curves beside them."""
 
     problem: Problem
-    rival: Rival
+    rival: Candidate
     D: Disturbance
     r: np.ndarray
     J: np.ndarray
@@ -91,7 +91,7 @@ class _CurveFit:
     pull: np.ndarray
     curves: list[Curve]
 
-    def candidates(self, noise: Noise) -> list[_Candidate]:
+    def candidates(self, noise: Noise) -> list[_Tried]:
         """The likeliest curve under a rival's own noise; and with the noise fitted anew, for it may have taken a law for a force.
 
         Where more is left than noise, the curve that is likeliest under quiet forces is looked at too.
@@ -99,7 +99,7 @@ class _CurveFit:
         quiet = self.problem.quiet(noise)
         own = self.best(noise)
         again = [own.k] if own.gain > SUSPICIOUS else []
-        if np.max(np.sqrt(np.mean(self.r**2, axis=1)) / self.problem.sd) > MORE_THAN_NOISE:
+        if np.max(np.sqrt(np.mean(self.r**2, axis=1)) / self.problem.sd) > CLOSED:
             again.append(self.best(quiet).k)
         if not again:
             return [own]
@@ -110,21 +110,21 @@ class _CurveFit:
             out.append(self.candidate(k, 2.0 * (value - none), theta, alone, self.curves[k].n))
         return out
 
-    def best(self, noise: Noise) -> _Candidate:
+    def best(self, noise: Noise) -> _Tried:
         """The curve that gains most under a noise."""
         known = np.concatenate([self.r[:, None], self.J], axis=1)
         none, alone, rank = _explained(self.D.gram(known, noise)[0], self.precision, self.pull)
-        found = [_Candidate(0, -np.inf, np.zeros(len(alone) + self.curves[0].n))]
+        found = [_Tried(0, -np.inf, np.zeros(len(alone) + self.curves[0].n))]
         for k, G in enumerate(self.D.gram_each(known, (curve.moved() for curve in self.curves), noise)):
             if np.isfinite(G).all():
                 drop, theta, more = _explained(G, *self.prior(self.curves[k].n))
                 found.append(self.candidate(k, drop - none, theta, alone, more - rank))
         return max(found, key=lambda one: one.gain)
 
-    def candidate(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Candidate:
+    def candidate(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Tried:
         """A curve of n parameters that explains so much, among all that were tried."""
         gain = drop - n * np.log(self.r.size) - 2.0 * np.log(len(self.curves))
-        return _Candidate(k, float(gain), theta - np.r_[alone, np.zeros(len(theta) - len(alone))])
+        return _Tried(k, float(gain), theta - np.r_[alone, np.zeros(len(theta) - len(alone))])
 
     def fitted(self, starts: Sequence[Noise], F: np.ndarray | None = None) -> tuple[float, np.ndarray]:
         """The largest log likelihood with the noise fitted, beside a curve or none, and the parameters there."""
@@ -140,19 +140,19 @@ class _CurveFit:
         """The prior of the rival's parameters, and none on n more."""
         return np.r_[self.precision, np.zeros(n)], np.r_[self.pull, np.zeros(n)]
 
-    def moved(self, one: _Candidate) -> np.ndarray:
+    def moved(self, one: _Tried) -> np.ndarray:
         """Residual without and with a curve, and their difference, initial states having followed; over the noise."""
         sd, F = self.problem.sd[:, None], self.curves[one.k].moved()
         moved = np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), one.theta) / sd
-        J_x = self.problem.linearised(self.rival).J_x[:, self.rival.model.free_states] / sd[:, None]
+        J_x = self.rival.linearised.J_x[:, self.rival.model.free_states] / sd[:, None]
         return project_starts(np.stack([self.r / sd, self.r / sd - moved, moved]), J_x, self.problem.record.starts)
 
-    def nearer(self, one: _Candidate) -> bool:
+    def nearer(self, one: _Tried) -> bool:
         """Whether a curve brings the free run nearer to the data."""
         before, after, _ = self.moved(one)
         return bool(np.sum(after**2) <= np.sum(before**2))
 
-    def told(self, one: _Candidate) -> FreeCurve:
+    def told(self, one: _Tried) -> FreeCurve:
         """A curve with its name, and what it moves."""
         rms = np.sqrt(np.mean(self.moved(one)[2] ** 2, axis=1))
         spread = np.maximum(np.std(self.problem.record.y, axis=1), 1e-300) / self.problem.sd

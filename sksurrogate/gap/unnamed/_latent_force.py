@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sklearn.ensemble import ExtraTreesRegressor
 
+from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._folds import row_folds
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -60,33 +61,34 @@ class LatentForce:
     r: np.ndarray
 
 
-def latent_force(problem: Problem, rival: Rival, quiet_sensors: bool = False) -> LatentForce:
+def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
     """Smooth the force in every balance on top of a model, linearised about the smoothed path (not the free run).
 
     With ``quiet_sensors`` coloured sensor noise may not take what a force can explain.
     """
+    rival = found.candidate
+    problem = rival.problem
     with np.errstate(all="ignore"):
         smoothed = problem.smooth(rival.model, rival.fit.theta, rival.fit.x).x
         for x in (smoothed, rival.fit.x):
             try:
-                return _force_along(problem, rival, x, quiet_sensors)
+                return _force_along(found, x, quiet_sensors)
             except np.linalg.LinAlgError:  # no noise can be followed along this path: the free run is smoother
                 continue
     nothing = np.zeros(len(problem.balances))
     force = np.zeros((len(nothing), problem.record.n_samples))
     n = rival.model.n_states
     A = np.zeros((n, n, problem.record.n_samples))
-    noise = rival.noise or problem.first_noise()
-    return LatentForce(rival.fit.x, force, noise, nothing, A, problem.record.y - rival.fit.y)
+    return LatentForce(rival.fit.x, force, found.noise, nothing, A, problem.record.y - rival.fit.y)
 
 
-def _force_along(problem: Problem, rival: Rival, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
+def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
     """The force about one path; LinAlgError where the linearisation cannot be followed."""
-    theta = rival.fit.theta
+    rival, start = found.candidate, found.noise
+    problem, theta = rival.problem, rival.fit.theta
     lin = linearise(rival.model, theta, x, problem.units(rival.effects, theta))
     D = problem.disturbance_along(rival.model, theta, x, lin.A, problem.balances)
     r = problem.record.y - lin.y
-    start = rival.noise or problem.first_noise()
     held = None
     if quiet_sensors:
         m = len(r)
@@ -124,21 +126,23 @@ def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
     return np.stack(found)
 
 
-def law_of(problem: Problem, rival: Rival, latent: LatentForce, random_state: int) -> np.ndarray:
+def law_of(rival: Candidate, latent: LatentForce, random_state: int) -> np.ndarray:
     """R2 on runs left out of a forest from states and inputs to the force on top of a rival, (n_balances,): a law is repeatable, noise is not.
 
     The larger of two: from the smoothed states as they are, and with the past of the free run beside them.
     """
+    problem = rival.problem
     Z, _ = features(problem, latent.x)
     path = rival.fit.x[: len(problem.plant.states)]
     law = repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
-    moved = np.sum(moved_by(problem, rival, latent) ** 2, axis=(1, 2))
+    moved = np.sum(moved_by(rival, latent) ** 2, axis=(1, 2))
     return np.where(moved >= LEAST_MOVED**2 * np.sum(moved), law, 0.0)
 
 
-def moved_by(problem: Problem, rival: Rival, latent: LatentForce) -> np.ndarray:
+def moved_by(rival: Candidate, latent: LatentForce) -> np.ndarray:
     """What each force on top of a rival moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
-    record, n = problem.record, len(latent.A)
+    problem, n = rival.problem, len(latent.A)
+    record = problem.record
     rows = [problem.plant.states.index(name) for name in problem.balances]
     push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, rows] * latent.force
     b = np.zeros_like(push)
@@ -190,14 +194,15 @@ class Place:
     log_likelihood: float
 
 
-def places(problem: Problem, null: Rival, rough: bool = False) -> list[Place]:
+def places(null: Candidate, rough: bool = False) -> list[Place]:
     """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
 
     Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is to be accused, from
     one and with the white noise of differences.
     """
     starts, most = ((10.0,), 6) if rough else ((5.0, 25.0), 10)
-    theta, model, record = null.fit.theta, null.model, problem.record
+    problem, theta, model = null.problem, null.fit.theta, null.model
+    record = problem.record
     with np.errstate(all="ignore"):
         smoothed = problem.smooth(model, theta, null.fit.x)
         lin = linearise(model, theta, smoothed.x, problem.units((), theta))
@@ -256,7 +261,7 @@ def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
     return None
 
 
-def input_push(problem: Problem, null: Rival, x: np.ndarray, i: int) -> np.ndarray:
+def input_push(problem: Problem, null: Candidate, x: np.ndarray, i: int) -> np.ndarray:
     """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
     record = problem.record
     size = max(float(np.std(record.u[i])), 1e-9)

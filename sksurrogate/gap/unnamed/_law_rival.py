@@ -16,10 +16,20 @@ import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._second import Second
-from sksurrogate.gap.fit._evidence import NOTHING_LEFT, columns, follow_noise, left
-from sksurrogate.gap.fit._problem import Problem, Rival
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.fit._evidence import Evidence, columns, follow_noise
+from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.unnamed._curve_shapes import Curve, channel, reading, response
-from sksurrogate.gap.unnamed._law_shapes import PAST, Form, Law, laws, of_time, over_sample, staircases, surfaces
+from sksurrogate.gap.unnamed._law_shapes import (
+    AND_ITS_PAST,
+    Form,
+    Law,
+    laws,
+    of_time,
+    over_sample,
+    staircases,
+    surfaces,
+)
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
@@ -60,16 +70,13 @@ class LawRival:
     parameters: float
 
 
-def law_rival(
-    problem: Problem, rival: Rival, x: np.ndarray, n_rivals: int, second: Second | None = None
-) -> LawRival | None:
+def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | None = None) -> LawRival | None:
     """The likeliest law in the place of a rival's effects; None where none can be judged.
 
     Parameters
     ----------
-    problem : Problem
-    rival : Rival
-        What is named, with its noise and likelihood.
+    named : Evidence
+        Of what is named.
     x : ndarray (n_states, n_samples)
         Path near the measured one: that of the rival where it comes near to the data.
     n_rivals : int
@@ -77,31 +84,32 @@ def law_rival(
     second : Second, optional
         Another process.
     """
-    noise = rival.noise
-    base, r = without_names(problem, rival, x)
-    _, J, precision, pull = columns(problem, base)
+    noise, rival = named.noise, named.candidate
+    problem = rival.problem
+    base, r = without_names(rival, x)
+    _, J, precision, pull = columns(base)
     n = base.n_parameters
     J, precision, pull = J[:, n:], precision[n:], pull[n:]
-    D = problem.disturbance(base)
-    if noise is None or not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all()):
+    D = base.disturbance
+    if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all()):
         return None
-    candidates = list(in_all_places(problem, base, D))
+    candidates = list(in_all_places(base))
     fit = _Fit(problem, D, r, J, precision, pull, float(pull @ base.fit.theta[n:]))
     if not candidates:
         return None
     chosen_from = sum(len(law.forms) for _, law, _ in candidates)
     cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
 
-    def judged(k: int, law: _Found, named: float) -> LawRival:
-        gain = 2.0 * (law.value - np.log(chosen_from) + cost - named)
+    def judged(k: int, law: _Found, level: float) -> LawRival:
+        gain = 2.0 * (law.value - np.log(chosen_from) + cost - level)
         curve, _, kind = candidates[k]
         return LawRival(curve.location, kind, curve.variable, float(gain), law.parameters)
 
     try:
         k, f, law = fit.likeliest(candidates, noise, second)
-        if rival.effects and left(rival) < NOTHING_LEFT:
+        if rival.effects and named.left < AT_THE_NOISE:
             own = np.array_equal(x, rival.fit.x)
-            at_once = judged(k, law, rival.log_likelihood if own else named_along(problem, rival, x, (noise,)))
+            at_once = judged(k, law, named.log_likelihood if own else named_along(named, x, (noise,)))
             if at_once.gain < BEYOND_NOISE:
                 return at_once
         starts = noise, problem.quiet(noise)
@@ -111,43 +119,45 @@ def law_rival(
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
     (k, _, _), best = max(zip(asked, found, strict=True), key=lambda one: one[1].value)
-    named = named_along(problem, rival, x, (noise, best.noise))
-    return judged(k, best, named) if np.isfinite(named) else None
+    level = named_along(named, x, (noise, best.noise))
+    return judged(k, best, level) if np.isfinite(level) else None
 
 
-def without_names(problem: Problem, rival: Rival, x: np.ndarray) -> tuple[Rival, np.ndarray]:
+def without_names(rival: Candidate, x: np.ndarray) -> tuple[Candidate, np.ndarray]:
     """A model to first order about a path, and the residual that the simulator alone leaves there.
 
     The names' own slopes are kept where the path is theirs: those of another law that does the same are near to them.
     """
-    model, theta, record = problem.augmented(()), rival.fit.theta[rival.n_parameters :], problem.record
+    problem, theta = rival.problem, rival.fit.theta[rival.n_parameters :]
+    model, record = problem.augmented(()), problem.record
     if np.array_equal(x, rival.fit.x):
-        D, now = problem.disturbance(rival), x[:, None]
+        D, now = rival.disturbance, x[:, None]
         alone, named = model.bind(theta[:, None]), rival.model.bind(rival.fit.theta[:, None])
         moved = D.moved(alone(now) - named(now)) + alone.outputs(now) - named.outputs(now)
         return rival, record.y - rival.fit.y - moved[:, 0]
-    base = linear_along(problem, Rival((), model, replace(rival.fit, theta=theta), rival.noise), x)
+    base = linear_along(problem.candidate((), replace(rival.fit, theta=theta), model), x)
     return base, record.y - base.fit.y
 
 
-def linear_along(problem: Problem, rival: Rival, x: np.ndarray) -> Rival:
+def linear_along(rival: Candidate, x: np.ndarray) -> Candidate:
     """A rival as its free run is to first order about a path of the plant's states."""
     model, theta = rival.model, rival.fit.theta
     x = settle_hidden(model, theta, x)
-    lin = linearise(model, theta, x, problem.units(rival.effects, theta))
-    return Rival(rival.effects, model, Fit(theta, x, lin.y, np.inf, 0, True, lin), rival.noise)
+    lin = linearise(model, theta, x, rival.problem.units(rival.effects, theta))
+    return replace(rival, fit=Fit(theta, x, lin.y, np.inf, 0, True, lin))
 
 
-def named_along(problem: Problem, rival: Rival, x: np.ndarray, starts: Sequence[Noise]) -> float:
+def named_along(named: Evidence, x: np.ndarray, starts: Sequence[Noise]) -> float:
     """Log likelihood of what is named, about the same path as the law's: along its own it may drift out of step."""
-    own = np.array_equal(x, rival.fit.x)
-    here = replace(rival, cache=dict(rival.cache)) if own else linear_along(problem, rival, x)
-    found = [follow_noise(problem, here, start).log_likelihood for start in starts]
-    return max([*found, rival.log_likelihood] if own else found)
+    own = np.array_equal(x, named.fit.x)
+    here = named.candidate if own else linear_along(named.candidate, x)
+    found = [follow_noise(here, start).log_likelihood for start in starts]
+    return max([*found, named.log_likelihood] if own else found)
 
 
-def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tuple[Curve, Law, str]]:
+def in_all_places(base: Candidate) -> Iterator[tuple[Curve, Law, str]]:
     """Laws of states and inputs in every balance, of each input in its place, of outputs in every sensor."""
+    problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
     moved = partial(response, D)
     x = base.fit.x[: len(plant.states)]
@@ -155,7 +165,9 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
     held = set(plant.inputs) if plant.hold == "zoh" else set()
     raw = list(laws(record, signals, names, plant.inputs))
     of_signals = [
-        law if law.variable.removesuffix(PAST) in held else law._replace(functions=over_sample(record, law.functions))
+        law
+        if law.variable.removesuffix(AND_ITS_PAST) in held
+        else law._replace(functions=over_sample(record, law.functions))
         for law in raw
     ]
     times = list(of_time(record))
@@ -165,8 +177,8 @@ def in_all_places(problem: Problem, base: Rival, D: Disturbance) -> Iterator[tup
             moves = partial(moved, D.B[:, :, b].T, law.functions)
             yield Curve(name, law.variable, len(law.functions), moves), law, "state"
     for i, name in enumerate(plant.inputs):
-        push, shown = channel(problem, base, i)
-        own = [law for law in raw if law.variable.removesuffix(PAST) == name]
+        push, shown = channel(base, i)
+        own = [law for law in raw if law.variable.removesuffix(AND_ITS_PAST) == name]
         for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown, law.shown)
             yield Curve(name, law.variable, len(law.functions), moves), law, "input"

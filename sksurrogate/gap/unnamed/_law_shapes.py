@@ -27,11 +27,11 @@ SIMPLE = (
 #: Degrees of the polynomials.
 DEGREES = (2, 3, 4)
 #: Knots of a smooth curve, and of a smooth surface along each of its signals.
-KNOTS, KNOTS_OF_SURFACE = 10, 6
+KNOTS_OF_LAW, KNOTS_OF_SURFACE = 10, 6
 #: Knots of one of time, which may step or swing.
-KNOTS_OF_TIME = 40
+KNOTS_OF_TIME_LAW = 40
 #: What the name of a signal with its past ends with.
-PAST = " and its past"
+AND_ITS_PAST = " and its past"
 #: Samples back of the values that a linear filter weighs.
 LAGS = (1, 2, 4, 8, 16)
 #: Half widths of plays, of the range of a signal; samples in which what follows it at a limited rate crosses that range.
@@ -75,7 +75,7 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Conta
             memories, shown = ([*memories, lags, *pairs(rates)] for rates in (slews, at_samples))
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
-        yield Law(name + PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown]))
+        yield Law(name + AND_ITS_PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown]))
 
 
 def pairs(f: np.ndarray) -> list[np.ndarray]:
@@ -105,7 +105,7 @@ def of_time(record: Record) -> Iterator[Law]:
     """A smooth curve of the time since the start, where runs of different inputs can share it."""
     different = {record.u[:, a : a + n].tobytes() for a, n in zip(record.starts, record.lengths)}
     if len(different) >= RUNS:
-        f = hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME)
+        f = hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME_LAW)
         yield Law("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
 
 
@@ -148,7 +148,7 @@ def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
     """Functions of a signal and their forms."""
     simple = np.stack([form(z / np.max(np.abs(z))) for form in SIMPLE])
     powers = ((z - np.mean(z)) / np.ptp(z)) ** np.arange(max(DEGREES) + 1)[:, None]
-    curve = hats(z, KNOTS)
+    curve = hats(z, KNOTS_OF_LAW)
     ends = np.cumsum([len(simple), len(powers), len(curve)])
     forms = [Form(np.array([k])) for k in range(ends[0])]
     forms += [Form(np.arange(ends[0], ends[0] + degree + 1)) for degree in DEGREES]

@@ -10,7 +10,7 @@ from sksurrogate.gap.fit._problem import Problem
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, forest
 from sksurrogate.gap.unnamed._law_rival import LawRival
-from sksurrogate.gap.unnamed._law_shapes import PAST
+from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 
 __all__ = ["accused", "told_by", "told_by_law"]
 
@@ -57,7 +57,7 @@ def told_by_law(law: LawRival | None, found: Sequence[Place], inputs: Sequence[s
     """Location and kind of a law that is certain; of one of an input in the balance that it pushes, the input."""
     if law is None or law.gain < CERTAIN:
         return None
-    signal = law.variable.removesuffix(PAST)
+    signal = law.variable.removesuffix(AND_ITS_PAST)
     if law.kind == "state" and signal in inputs:
         here = next((place for place in found if (place.location, place.kind) == (law.location, "state")), None)
         there = next((place for place in found if (place.location, place.kind) == (signal, "input")), None)

@@ -23,13 +23,13 @@ from sksurrogate.kernels.record import Record
 __all__ = ["Channel", "evidence_of_law", "shape_of"]
 
 #: Knots of a curve; rows that each must see.
-KNOTS, FEWEST = 14, 8
+KNOTS_OF_TERM, FEWEST_ROWS = 14, 8
 #: Half width of a 90 % band in standard deviations.
 BAND = 1.645
 #: Laws that are told.
 MOST_LAWS = 4
 #: Share that a further term must explain for a law to be told before a shorter one.
-WORTH = 0.01
+WORTH_OF_TERM = 0.01
 #: Laws that explain less are not worth telling.
 LEAST_EXPLAINED = 0.05
 
@@ -137,9 +137,9 @@ def shape_of(channel: Channel, location: str, kind: str, changes: Sequence[float
 # ---- curves ---------------------------------------------------------------------------------------------------------
 def _curve(channel: Channel, name: str, z: np.ndarray, whole: np.ndarray, fold: np.ndarray) -> Curve:
     """A piecewise linear function of one variable."""
-    knots = np.unique(np.r_[z.min(), np.quantile(z, np.linspace(0, 1, KNOTS + 2)[1:-1]), z.max()])
+    knots = np.unique(np.r_[z.min(), np.quantile(z, np.linspace(0, 1, KNOTS_OF_TERM + 2)[1:-1]), z.max()])
     hats = _hats(z, knots)
-    enough = (hats > 0.25).sum(axis=1) >= FEWEST
+    enough = (hats > 0.25).sum(axis=1) >= FEWEST_ROWS
     if not enough.all() and enough.sum() >= 2:
         knots = knots[enough]
         hats = _hats(z, knots)
@@ -218,7 +218,7 @@ def _told(
         if share > LEAST_EXPLAINED:
             found.append((share, chosen))
     # A term more must be worth it on runs left out.
-    found.sort(key=lambda item: -(item[0] - WORTH * len(item[1])))
+    found.sort(key=lambda item: -(item[0] - WORTH_OF_TERM * len(item[1])))
     texts, effects = [], []
     for share, chosen in found[:MOST_LAWS]:
         values = _coefficients(channel, J[:, chosen]) / shapes.size[chosen]

@@ -16,7 +16,7 @@ MOST_TERMS, BEAM, TRIED = 5, 5, 12
 #: A further term must raise what is explained on runs left out by this many nats and this share.
 LEAST_NATS, LEAST_SHARE = 5.0, 0.01
 #: Laws within this share of the best of their size are told too.
-NEAR = 0.05
+TOLD_TOO = 0.05
 #: Most variables of which products are formed.
 MOST_VARIABLES = 6
 
@@ -168,7 +168,7 @@ def sparse_laws(grams: np.ndarray, fold: np.ndarray) -> list[Sparse]:
         if not better or better[0].score < last + max(LEAST_NATS, LEAST_SHARE * last):
             break
         beams = better[:BEAM]
-        path.append([law for law in better[:BEAM] if law.score > (1 - NEAR) * better[0].score])
+        path.append([law for law in better[:BEAM] if law.score > (1 - TOLD_TOO) * better[0].score])
     return [law for size in reversed(path) for law in size]
 
 
