@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.blind._choose import Setting, as_truth, choose, disturbance, fine, make_setting, sized
 from sksurrogate.blind._excite import coloured, initial_states, inputs
 from sksurrogate.blind._gap import gap_beyond
+from sksurrogate.blind._inexact import INEXACT
 from sksurrogate.blind._march import Course, march
 from sksurrogate.blind._plants import PLANTS, PlantSpec
 from sksurrogate.blind._truths import KINDS, Truth, remaining
@@ -22,7 +23,9 @@ __all__ = ["ARMS", "Case", "Question", "draw"]
 ARMS: dict[str, tuple[str, str]] = {
     "effect": ("one effect", "explained"),
     "two": ("two effects", "explained"),
+    "three": ("three effects", "explained"),
     "weak": ("one effect about as large as the noise", "either"),
+    "inexact": ("one effect in a form that is not the catalogue's", "named"),
     "sizes": ("one effect, gap of 0.1 to 10 times the noise", "either"),
     "detuned": ("one effect, all parameters off by up to 8 % and free", "explained"),
     "effect_disturbed": ("one effect, coloured disturbance of 1 %", "explained"),
@@ -32,6 +35,11 @@ ARMS: dict[str, tuple[str, str]] = {
     "novel": ("an effect that no catalogue holds", "unknown"),
     "outside_disturbed": ("as the two before, coloured disturbance of 1 %", "unknown"),
     "none": ("no effect", "none"),
+    "spikes": ("no effect, one reading in fifty is off by 5 to 50 times the noise", "none"),
+    "tails": ("no effect, noise of Student's t with three degrees of freedom", "none"),
+    "trends": ("no effect, sensors that drift slowly or differ from run to run", "sensor"),
+    "unequal": ("one effect, runs of unequal lengths", "explained"),
+    "far": ("one effect, all parameters off by up to 20 % and free", "explained"),
     "disturbed": ("no effect, coloured disturbance of 1.5 %", "none"),
     "coloured": ("no effect, coloured sensor noise of 1.5 %", "none"),
     "unexcited": ("an effect that these data never reach", "none"),
@@ -42,6 +50,9 @@ GAPS = {"weak": (0.4, 1.5), "sizes": (0.1, 10.0)}
 
 #: Least and largest gap over noise that initial states cannot close, where it is not 4 and more.
 REAL_GAPS = {"weak": (0.3, 1.6), "sizes": (0.0, 12.0)}
+
+#: By how much all parameters of the simulator are off.
+OFF = {"detuned": 0.08, "far": 0.20}
 
 #: Attempts at a drawing.
 ATTEMPTS = 60
@@ -181,7 +192,8 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
     if truths and arm != "unexcited":
         low, high = GAPS.get(arm, (5.0, 50.0))
         target = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        tried = [sized(setting, *one, target, low) for one in truths]
+        variants = [str(rng.choice(list(INEXACT[one[0]]))) if arm == "inexact" else "" for one in truths]
+        tried = [sized(setting, *one, target, low, variant) for one, variant in zip(truths, variants)]
         if any(one is None for one in tried):
             return None
         effects = [one for one in tried if one is not None]
@@ -210,6 +222,27 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
         if not low <= least <= gap <= high:
             return None
     return _case(rng, arm, seed, setting, tuple(effects), course, gap)
+
+
+def spoiled(rng: np.random.Generator, arm: str, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """What is wrong with readings (n_runs, n_samples, n_outputs) beside their white noise.
+
+    Spikes; the difference from white noise to one with heavy tails of the same deviation; a slow trend or an offset from
+    run to run of one sensor.
+    """
+    out = np.zeros_like(y)
+    if arm == "spikes":
+        hit = rng.random(y.shape) < 0.02
+        out = np.where(hit, rng.choice([-1.0, 1.0], y.shape) * rng.uniform(5.0, 50.0, y.shape) * noise, 0.0)
+    elif arm == "tails":
+        out = noise * (rng.standard_t(3, size=y.shape) / np.sqrt(3.0) - rng.normal(size=y.shape))
+    elif arm == "trends":
+        j, size = int(rng.integers(y.shape[2])), float(rng.uniform(2.0, 8.0))
+        if rng.random() < 0.5:
+            out[..., j] = size * noise[j] * np.linspace(-1.0, 1.0, y.shape[1]) * rng.choice([-1.0, 1.0])
+        else:
+            out[..., j] = size * noise[j] * rng.uniform(-1.0, 1.0, (len(y), 1))
+    return out
 
 
 def _real_gaps(setting: Setting, effects: list[Truth], course: Course) -> tuple[float, float]:
@@ -242,11 +275,13 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
     y = clean + noise * rng.normal(size=clean.shape)
     if setting.controller is not None and 0 in read:  # the controller read this very noise
         y[..., read.index(0)] = clean[..., read.index(0)] + setting.controller.noise
+    y = y + spoiled(rng, arm, y, noise)
     if arm == "coloured":
         y = y + 0.015 * setting.scale[read] * coloured(rng, y.shape, float(rng.uniform(5, 20)))
     params = dict(plant.params)
-    if arm == "detuned":
-        params = {name: value * (1 + rng.uniform(-0.08, 0.08)) for name, value in params.items()}
+    if arm in OFF:
+        off = OFF[arm]
+        params = {name: value * (1 + rng.uniform(-off, off)) for name, value in params.items()}
     test_kind = "steps" if setting.excitation in ("closed_loop", "recorded") else setting.excitation
     X_test = (
         inputs(rng, plant, test_kind, 2, min(n_samples, 300)) if setting.excitation != "recorded" else setting.U[:2]
@@ -262,7 +297,7 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
     counting = plant.simulator(params, setting.outputs, counting=True)
     question = Question(
         counting, course.inputs.reshape(n_runs * n_samples, -1), y.reshape(n_runs * n_samples, -1),
-        np.repeat(np.arange(n_runs), n_samples), "all" if arm == "detuned" else (),
+        np.repeat(np.arange(n_runs), n_samples), "all" if arm in OFF else (),
         remaining([truth.name for truth in truths]) if arm in ("outside", "outside_disturbed") else None, X_test, x0_test,
     )  # fmt: skip
     facts = {
@@ -272,6 +307,11 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
         "truths": [truth.to_dict() for truth in truths],
     }  # fmt: skip
     states = course.states.reshape(n_runs * n_samples, -1)
+    if arm == "unequal":
+        lengths = np.maximum((n_samples * rng.uniform(0.3, 1.0, n_runs)).astype(int), 40)
+        kept = np.tile(np.arange(n_samples), n_runs) < np.repeat(lengths, n_samples)
+        rows = question.X[kept], question.y[kept], question.groups[kept]
+        question, states = replace(question, X=rows[0], y=rows[1], groups=rows[2]), states[kept]
     return Case(
         arm,
         question,

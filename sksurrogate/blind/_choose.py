@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.blind._excite import EXCITATIONS, Controller, coloured, initial_states, inputs
+from sksurrogate.blind._inexact import INEXACT
 from sksurrogate.blind._march import Course, march
 from sksurrogate.blind._plants import PlantSpec
 from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Scene, Truth
@@ -43,6 +44,8 @@ DISTINCT = [
 ]
 REGIONAL = [name for name, kind in KINDS.items() if "region" in kind.marks]
 TIMED = [name for name, kind in KINDS.items() if "time" in kind.marks]
+#: Effects that make a response late: several of them are not told apart.
+LATE = {"input_delay", "input_lag", "sensor_delay", "sensor_lag", "rate_limit"}
 #: How often each place is drawn.
 PLACES = {"balance": 0.32, "input": 0.24, "sensor": 0.18, "parameter": 0.1, "hidden": 0.1, "limit": 0.06}
 #: Largest multiplier of the sizes tried.
@@ -120,15 +123,14 @@ Chosen = tuple[str, str, str | None, Kind, Scene]
 
 def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen] | None:
     """Names, places and variables of the effects of a case; None where the plant does not allow them."""
-    if arm in ("none", "disturbed", "coloured"):
+    if arm in ("none", "disturbed", "coloured", "spikes", "tails", "trends"):
         return []
     if arm == "two":
         pair = [_one(rng, _any_name(rng), setting) for _ in range(2)]
         if pair[0] is None or pair[1] is None:
             return None
         names, places = {pair[0][0], pair[1][0]}, [one[3].place for one in pair if one is not None]
-        late = {"input_delay", "input_lag", "sensor_delay", "sensor_lag", "rate_limit"}
-        if len(names) == 1 or names <= late or (places[0] == places[1] and places[0] in ("input", "sensor")):
+        if len(names) == 1 or names <= LATE or (places[0] == places[1] and places[0] in ("input", "sensor")):
             return None
         return [pair[0], pair[1]]
     if arm == "outside":
@@ -137,6 +139,10 @@ def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen]
         name = str(rng.choice([*DISTINCT, *NOVEL]))
     elif arm == "novel":
         name = str(rng.choice(list(NOVEL)))
+    elif arm == "inexact":
+        name = str(rng.choice(list(INEXACT)))
+    elif arm == "three":
+        return several(rng, setting, 3)
     elif arm == "region":
         name = str(rng.choice(REGIONAL))
     elif arm == "time":
@@ -145,10 +151,20 @@ def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen]
         name = str(rng.choice([*REGIONAL, "rate_limit"]))
     else:
         name = _any_name(rng)
-        if arm == "detuned" and KINDS[name].place == "parameter":
+        if arm in ("detuned", "far") and KINDS[name].place == "parameter":
             return None
     one = _one(rng, name, setting)
     return None if one is None else [one]
+
+
+def several(rng: np.random.Generator, setting: Setting, count: int) -> list[Chosen] | None:
+    """Effects of different names, no two that may twist one signal alike; None where the plant does not allow them."""
+    found = [_one(rng, _any_name(rng), setting) for _ in range(count)]
+    chosen = [one for one in found if one is not None]
+    names, places = {one[0] for one in chosen}, [(one[3].place, one[1]) for one in chosen]
+    late = [one for one in chosen if one[0] in LATE]
+    doubled = [place for place in places if places.count(place) > 1 and place[0] in ("input", "sensor", "parameter")]
+    return chosen if len(names) == count and len(late) < 2 and not doubled else None
 
 
 def _any_name(rng: np.random.Generator) -> str:
@@ -240,13 +256,13 @@ def as_truth(name: str, location: str, variable: str | None, kind: Kind, scene: 
 
 
 def sized(setting: Setting, name: str, location: str, variable: str | None, kind: Kind, scene: Scene,
-           target: float, least: float) -> Truth | None:  # fmt: skip
-    """The effect at the size that makes the gap ``target`` times the noise."""
+           target: float, least: float, variant: str = "") -> Truth | None:  # fmt: skip
+    """The effect (or a variant of it) at the size that makes the gap ``target`` times the noise."""
     few = min(2, len(setting.U))
 
     def gaps(sizes: np.ndarray) -> np.ndarray:
         m = np.repeat(sizes, few)
-        truth = as_truth(name, location, variable, kind, scene, m)
+        truth = replace(as_truth(name, location, variable, kind, scene, m), variant=variant)
         params = {k: np.broadcast_to(np.asarray(value, dtype=float), m.shape) for k, value in truth.params.items()}
         return _gaps(setting, replace(truth, params=params), len(sizes), few)
 
@@ -268,7 +284,7 @@ def sized(setting: Setting, name: str, location: str, variable: str | None, kind
         sizes = np.geomspace(sizes[upper - 1], sizes[upper], 6)
     m = float(sizes[-1] if len(sizes) == 1 else sizes[int(np.argmin(np.abs(gaps(sizes) - target)))])
     truth = as_truth(name, location, variable, kind, scene, m)
-    return replace(truth, params={key: float(value) for key, value in truth.params.items()})
+    return replace(truth, variant=variant, params={key: float(value) for key, value in truth.params.items()})
 
 
 def _gaps(setting: Setting, truth: Truth, times: int, few: int) -> np.ndarray:

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._inexact import SAMPLED, form_of, wandering
 from sksurrogate.blind._plants import PlantSpec
-from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Truth, sign
+from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Term, Truth, sign
 
 __all__ = ["Course", "march"]
 
@@ -90,6 +91,13 @@ def march(
                 z = machine.step(t + a, b - a, k, z)
             machine.leave(k)
     return Course(states, outputs, machine.U)
+
+
+def equation(truth: Truth, kind: Kind) -> Term:
+    """The static equation of an effect: of its inexact variant, or of its kind."""
+    form = form_of(truth) if truth.variant else kind.form
+    assert form is not None
+    return form
 
 
 class _Machine:
@@ -169,18 +177,19 @@ class _Machine:
         for j, (truth, kind) in self.actuators.items():
             p = truth.params
             if truth.name == "input_delay":
-                felt[j] = self.commanded(j, t - p["delay"], middle - p["delay"])
+                delay = p["delay"] * wandering(truth, t, self.dt)
+                felt[j] = self.commanded(j, t - delay, middle - delay)
             elif truth.name == "input_lag":
                 felt[j] = z[self.slots[id(truth)]][0]
             elif truth.name == "rate_limit":
-                most = p["limit"] * (t - k * self.dt)
+                within = self.dt if truth.variant == SAMPLED else t - k * self.dt
+                most = p["limit"] * within * wandering(truth, k * self.dt, self.dt)
                 felt[j] = self.memory[j] + np.clip(u[j] - self.memory[j], -most, most)
             elif truth.name == "input_backlash":
                 felt[j] = np.clip(self.memory[j], u[j] - p["half_width"], u[j] + p["half_width"])
             else:
-                assert kind.form is not None
                 v = u[self.plant.inputs.index(truth.variable)] if truth.variable else u[j]
-                felt[j] = kind.form(t, u[j], v, 1.0, p, truth.width)
+                felt[j] = equation(truth, kind)(t, u[j], v, 1.0, p, truth.width)
         return felt
 
     def parameter_values(self, t: float) -> dict[str, Any]:
@@ -252,7 +261,7 @@ class _Machine:
         u = self.commanded_all(end, end - 0.5 * self.dt)
         for j, (truth, _) in self.actuators.items():
             if truth.name == "rate_limit":
-                most = truth.params["limit"] * self.dt
+                most = truth.params["limit"] * self.dt * wandering(truth, k * self.dt, self.dt)
                 self.memory[j] = self.memory[j] + np.clip(u[j] - self.memory[j], -most, most)
         self.play(k, u)
 
@@ -279,10 +288,9 @@ class _Machine:
         if self.force is not None:
             dz[self.force[0]] += self.force[1][:, k]
         for truth, kind in self.terms:
-            assert kind.form is not None
             i = self.index[truth.location]
             v, w = self.factors(truth, x, u)
-            dz[i] += kind.form(t, x[i], v, w, truth.params, truth.width)
+            dz[i] += equation(truth, kind)(t, x[i], v, w, truth.params, truth.width)
         for truth in self.hidden:
             self.pull(truth, x, u, z, dz)
         for truth in self.limits:
@@ -379,9 +387,8 @@ class _Machine:
             elif truth.name == "sensor_delay":
                 shown[j] = self.delayed(j, truth, k, y[j])
             else:
-                assert kind.form is not None
                 v = y[self.plant.outputs.index(truth.variable)] if truth.variable else y[j]
-                shown[j] = kind.form(t, y[j], v, 1.0, truth.params, truth.width)
+                shown[j] = equation(truth, kind)(t, y[j], v, 1.0, truth.params, truth.width)
         return shown
 
     def delayed(self, j: int, truth: Truth, k: int, now: np.ndarray) -> np.ndarray:

@@ -16,6 +16,8 @@ from sksurrogate.blind._truths import KINDS, NOVEL, Truth
 __all__ = ["oracle_error", "score"]
 
 Key = tuple[str, str, str | None]
+#: Share of the gap (amplitude) on runs nobody fitted from which other names imitate the withheld one.
+IMITATED = 0.95
 
 
 def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict[str, Any]:
@@ -36,7 +38,8 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the location
         accused is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each true
         parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on runs nobody fitted fell,
-        without their noise. ``imitated``: said "explained" by other names that predict as well as the truth.
+        without their noise. ``imitated``: explained by other names that close 95 % of the gap on runs nobody fitted: where the true name
+    is withheld they are a right answer, and are counted.
     """
     row: dict[str, Any] = {**case.facts, "expected": ARMS[case.arm][1]}
     if "error" in answer:
@@ -72,11 +75,11 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
     row |= _regions(case, answer)
     row["calls"] = _calls(case, answer)
     row["imitated"] = bool(
-        answer["verdict"] == "explained"
+        answer["verdict"] in ("explained", "partial")
         and truths
         and not sum(named)
         and row["shrink"] is not None
-        and row["shrink"] >= 0.8
+        and row["shrink"] >= IMITATED
     )
     row["right"] = _right(case.arm, row, len(truths))
     return row
@@ -93,10 +96,14 @@ def _right(arm: str, row: Mapping[str, Any], n_truths: int) -> bool:
     verdict = ARMS[arm][1]
     if verdict == "explained":
         return row["verdict"] == "explained" and row["named"] == n_truths and not row["false_names"]
+    if verdict == "named":
+        return row["verdict"] in ("explained", "partial") and row["named"] == n_truths and not row["false_names"]
     if verdict == "either":
         return not row["false_names"] and row["verdict"] != "unknown"
     if verdict == "unknown":
-        return row["verdict"] == "unknown"
+        return row["verdict"] == "unknown" or row["imitated"] or (row["verdict"] == "partial" and not row["false_names"])
+    if verdict == "sensor":
+        return all(effect["name"].startswith("sensor_") for effect in row["effects"]) and row["verdict"] != "unknown"
     return row["verdict"] == "none" and not row["effects"]
 
 

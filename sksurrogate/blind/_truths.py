@@ -30,6 +30,8 @@ class Truth:
         Magnitude first; while sizes are searched, arrays with one value a column.
     width : float
         Width over which a sign is smoothed (units of the variable).
+    variant : str
+        Which inexact form of the effect acts; its own by default.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Truth:
     variable: str | None
     params: Params
     width: float = 0.0
+    variant: str = ""
 
     @property
     def key(self) -> tuple[str, str, str | None]:
@@ -46,7 +49,8 @@ class Truth:
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
         params = {key: float(value) for key, value in self.params.items()}
-        return {"name": self.name, "location": self.location, "variable": self.variable, "params": params}
+        found = {"name": self.name, "location": self.location, "variable": self.variable, "params": params}
+        return {**found, "variant": self.variant} if self.variant else found
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,13 @@ from sklearn.utils import check_random_state
 from sksurrogate._columns import by_name
 from sksurrogate._parallel._second import Second, one_thread
 from sksurrogate.effects._catalogue import build_effects, kinematic_states
+from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._pipeline import Questions
 from sksurrogate.gap._trajectory_report import diagnose_trajectory
 from sksurrogate.gap.fit._excerpt import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
@@ -44,6 +46,9 @@ class GapDiagnoser(BaseEstimator):
     free_params : sequence of str or "all", default=()
         Parameters of the simulator that are re-tuned jointly with the null and with every rival, so that a badly tuned
         simulator is not mistaken for a missing effect; None is none of them.
+    tolerance : float, default=0.1
+        Share of the gap (amplitude, on runs left out) that a model may leave and yet count as explained: no form of an effect
+        is exact on a real plant.
     correction : estimator, optional
         Generic learner of the waterfall; default ``HybridRegressor(simulator)``.
     n_jobs : int, optional
@@ -93,6 +98,9 @@ class GapDiagnoser(BaseEstimator):
     """
 
     __metadata_request__fit = {"groups": True}
+    report_: GapReport
+    augmented_: AugmentedSimulator
+    initial_states_: np.ndarray
 
     def __init__(
         self,
@@ -100,6 +108,7 @@ class GapDiagnoser(BaseEstimator):
         *,
         effects: Any = None,
         free_params: Sequence[str] | str | None = (),
+        tolerance: float = 0.1,
         correction: Any = None,
         n_jobs: int | None = None,
         verbose: int = 0,
@@ -108,6 +117,7 @@ class GapDiagnoser(BaseEstimator):
         self.simulator = simulator
         self.effects = effects
         self.free_params = free_params
+        self.tolerance = tolerance
         self.correction = correction
         self.n_jobs = n_jobs
         self.verbose = verbose
@@ -140,10 +150,7 @@ class GapDiagnoser(BaseEstimator):
             ``effects`` holds a name that is not in the catalogue or what is no effect; ``n_jobs`` is 0 or no whole number.
         """
         begun = time.perf_counter()
-        if self.n_jobs is not None and not (isinstance(self.n_jobs, Integral) and self.n_jobs != 0):
-            raise ValueError(
-                f"n_jobs={self.n_jobs!r}: expected None or a number of workers from 1 on, or -1 for one a core; write n_jobs=1."
-            )
+        self._check_parameters()
         seed = int(check_random_state(self.random_state).randint(2**31 - 1))
         X, y = (
             by_name(X, getattr(self.simulator, "inputs", None)),
@@ -169,7 +176,16 @@ class GapDiagnoser(BaseEstimator):
         fixed, apart = (self.simulator, plant, model, record, *candidates), self.n_jobs is None
         with Second(fixed, apart) as second, Second(fixed, apart, later=True) as later:
             search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say, second, later)
-            questions = Questions(problem, search, runs, whole, correction=self.correction, seed=seed, say=self._say)
+            questions = Questions(
+                problem,
+                search,
+                runs,
+                whole,
+                correction=self.correction,
+                tolerance=float(self.tolerance),
+                seed=seed,
+                say=self._say,
+            )
             try:
                 with quiet():
                     search.fit_null()
@@ -191,6 +207,17 @@ class GapDiagnoser(BaseEstimator):
         at = np.searchsorted(whole.starts, rows[record.starts[known]])
         self.initial_states_[at] = questions.final.fit.x[: len(plant.states), record.starts[known]].T
         return self
+
+    def _check_parameters(self) -> None:
+        """Values that no diagnosis can work with."""
+        if self.n_jobs is not None and not (isinstance(self.n_jobs, Integral) and self.n_jobs != 0):
+            raise ValueError(
+                f"n_jobs={self.n_jobs!r}: expected None or a number of workers from 1 on, or -1 for one a core; write n_jobs=1."
+            )
+        if not (isinstance(self.tolerance, Real) and 0.0 < self.tolerance < 1.0):
+            raise ValueError(
+                f"tolerance={self.tolerance!r}: expected a share of the gap between 0 and 1; the default is 0.1."
+            )
 
     def _say(self, message: str) -> None:
         """Progress."""

@@ -11,10 +11,12 @@ import numpy as np
 
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap.decide._baseline import WithoutNames
+from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
-from sksurrogate.gap.decide._equivalence import Slot, equivalents, next_experiment
-from sksurrogate.gap.decide._experiment import name_of, when_they_part
-from sksurrogate.gap.decide._features import certified, features_of, left_over
+from sksurrogate.gap.decide._equivalence import equivalents, next_experiment
+from sksurrogate.gap.decide._estimates import estimates
+from sksurrogate.gap.decide._experiment import name_of
+from sksurrogate.gap.decide._features import DecisionFeatures, certified, left_over, share_left
 from sksurrogate.gap.decide._held_out import (
     HeldOut,
     held_out,
@@ -26,13 +28,13 @@ from sksurrogate.gap.decide._held_out import (
 )
 from sksurrogate.gap.decide._intervals import intervals, parameter_errors
 from sksurrogate.gap.decide._partial_results import Found
+from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, stands
 from sksurrogate.gap.decide._probability import probabilities
 from sksurrogate.gap.decide._ranking import ranking_of
-from sksurrogate.gap.decide._reported import reported
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
 from sksurrogate.gap.decide._rules import ROUNDING, decide
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, DOUBTED, FAR, NEAR, NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import FAR, NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._problem import Problem, build_problem
@@ -42,15 +44,16 @@ from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
+from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 from sksurrogate.gap.results._shrink import NOT_KNOWN
-from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.results._where import Where
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed import _where
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
-from sksurrogate.gap.unnamed._free_curve import SUSPICIOUS, free_curve
+from sksurrogate.gap.unnamed._free_curve import free_curve
 from sksurrogate.gap.unnamed._law_rival import LawRival, law_rival
 from sksurrogate.gap.unnamed._location import accused, told_by, told_by_law
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, law_left
@@ -75,12 +78,13 @@ class Questions:
         whole: Record,
         *,
         correction: Any,
+        tolerance: float,
         seed: int,
         say: Callable[[str], None],
     ):
         self.problem, self.search, self.whole = problem, search, whole
         self.labels = [run.label for run in runs]
-        self.correction, self.seed, self.say = correction, seed, say
+        self.correction, self.tolerance, self.seed, self.say = correction, tolerance, seed, say
         self.found = Found([])
         self.complete = True
         self.uncertified = ""
@@ -109,6 +113,9 @@ class Questions:
         if few and final.left < NEAR and found.curve is not None and found.curve.gain > CERTAIN:
             self.name_what_is_seen()
             final = self.final
+        if final.effects:
+            say("whether a law without a name does as well")
+            final, found.posterior = stands(search, final, self.tolerance)
         found.retuned = self._retuning_counts()
         say("what these data cannot tell apart")
         found.slots = equivalents(search, final)
@@ -117,7 +124,6 @@ class Questions:
         found.finals = names_by_fold(search, final, found.slots)
         without = self.without.held(self.null, bool(final.effects))
         found.held = held_out(found.finals, without, same_names(found.finals, final.candidate))
-        self.imitation()
         say("what is left")
         found.remains = remaining.of(final)
         found.shrink = measure(found.held, self.floor(), problem.plant.outputs, self.seed)
@@ -125,7 +131,12 @@ class Questions:
             self.say_uncertified()
             final = self.final
         if final.effects:
-            found.shares = shares(final.candidate, found.shrink.fraction_power)
+            found.shares, found.retuning = shares(final.candidate, found.shrink.fraction_power)
+            weights = found.posterior.probabilities if found.posterior is not None else ()
+            found.probabilities = probabilities(search, final.candidate, found.slots, weights)
+        else:
+            found.retuning = found.shrink.fraction_power if found.retuned else 0.0
+            found.posterior = Posterior((), law_beside_none(search, self.tolerance))
         if final.effects or problem.free:
             found.fitted = self.fitted(final)
             found.bounds = intervals(found.fitted)
@@ -150,14 +161,6 @@ class Questions:
             x = x[: len(self.problem.plant.states)]
             found.rivals[named] = law_rival(rival, x, len(search.candidates), search.second)
         return found.rivals.get(named)
-
-    def imitation(self) -> LawRival | None:
-        """The law in the place of names that may imitate it: of more than one parameter, not at the noise, or beside which a
-        free curve is nearly worth its knots."""
-        final, curve = self.final, self.found.curve
-        several = final.candidate.n_parameters > 1 or final.left > AT_THE_NOISE
-        doubtful = several or (curve is not None and curve.gain > SUSPICIOUS)
-        return self.law_rival(True) if final.effects and doubtful and final.left < DOUBTED else None
 
     def fitted(self, final: Evidence) -> Evidence:
         """The rival that stands, fitted on more of a long record."""
@@ -216,26 +219,38 @@ class Questions:
     # ---- the report -------------------------------------------------------------------------------------------------
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
-        found, final, null = self.found, self.final, self.null
+        found, final = self.found, self.final
         if found.shrink is None or found.remains is None:
             return "unknown", UNDECIDED
-        latent, law = found.remains.latent, found.remains.law
-        beyond = left_over(final, latent, MOST_NOISE * self.problem.sd, found.retuned)
-        gap = float(np.sqrt(null.fit.cost / self.search.n_values))
         return decide(
-            features_of(
-                final=final,
-                shrink=found.shrink,
-                latent=latent,
-                law=law,
-                curve=found.curve,
-                rival=self.imitation(),
-                rounding=self.rounding(),
+            DecisionFeatures(
+                names=len(final.effects),
+                probability=min(found.probabilities, default=1.0),
                 retuned=found.retuned,
-                gap=gap,
-                beyond=beyond,
+                share_left=share_left(found.shrink),
+                left=self.over_noise(),
+                lawful=self.lawful(),
+                after=found.shrink.after,
+                error=found.shrink.before if np.isfinite(found.shrink.before) else np.inf,
+                law=float(np.max(found.remains.law, initial=0.0)),
+                curve=found.curve.gain if found.curve is not None else -np.inf,
+                curve_moved=found.curve.deviation if found.curve is not None else 0.0,
+                rounding=rounding.share if (rounding := self.rounding()) is not None else 0.0,
+                n_samples=self.problem.record.n_samples,
+                tolerance=self.tolerance,
             )
         )
+
+    def over_noise(self) -> float:
+        """Free-run error that is left, in units of the noise."""
+        found = self.found
+        assert found.remains is not None
+        return left_over(self.final, found.remains.latent, MOST_NOISE * self.problem.sd, found.retuned)
+
+    def lawful(self) -> float:
+        """Share of the gap (amplitude) that a law without a name makes up beside what is named."""
+        posterior = self.found.posterior
+        return posterior.law.size if posterior is not None and posterior.law is not None else 0.0
 
     def rounding(self) -> Rounding | None:
         """A grid of readings that nothing named explains, where it is coarse enough to matter."""
@@ -243,38 +258,8 @@ class Questions:
         return found if found is not None and found.share > ROUNDING else None
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
-        final, found = self.final, self.found
-        best = found.fitted or final
-        low, high = found.bounds or (final.fit.theta * np.nan, final.fit.theta * np.nan)
-        unnamed = found.curve.gain if found.curve is not None else -np.inf
-        chances = (
-            probabilities(self.search, final.candidate, found.slots, unnamed, verdict == "unknown")
-            if found.slots
-            else [float("nan")] * len(final.effects)
-        )
-        out = []
-        for i, effect in enumerate(final.effects):
-            rows = final.candidate.slice_of(i)
-            slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
-            params, ends = reported(effect, best.fit.theta[rows], low[rows], high[rows])
-            tied = [name_of(rival.effects[-1]) for rival in slot.twins]
-            twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.candidate.keys]
-            richer = [k for k in self.search.richer.get(effect.key, []) if k not in final.candidate.keys]
-            out.append(
-                EffectEstimate(
-                    effect.name,
-                    str(effect.location),
-                    effect.variable,
-                    float(found.shares[i]) if found.shares else float("nan"),
-                    params,
-                    ends,
-                    chances[i],
-                    [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
-                    when_they_part(
-                        name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer})
-                    ),
-                )
-            )
+        found = self.found
+        out = estimates(self.search, self.final, found)
         if not out and verdict == "explained":
             share = found.shrink.fraction_power if found.shrink else _NAN
             out = parameter_errors(self.retuned(), share, self.imitated())
@@ -299,7 +284,7 @@ class Questions:
         accusable = left_over.places if left_over is not None else []
         location, kind = None, None
         named = _where.named_places(
-            effects if verdict == "explained" else [], {e.key: e.kind for e in self.final.effects}
+            effects if verdict in ("explained", "partial") else [], {e.key: e.kind for e in self.final.effects}
         )
         if named:
             location, kind, _ = named[0]
@@ -338,10 +323,10 @@ class Questions:
         place = self.where(verdict, effects)
         shrink = found.shrink or NOT_KNOWN
         term = None
-        if verdict == "unknown" and found.remains is not None and place.location is not None:
+        if verdict in ("partial", "unknown") and found.remains is not None and place.location is not None:
             term = missing_term(self.channels, place.location, str(place.kind))
         notes = self.notes(verdict)
-        sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term)
+        sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term, self.remainder())
         return GapReport(
             verdict,
             sentence,
@@ -361,7 +346,26 @@ class Questions:
             traces(found.held, self.labels),
             seconds,
             reasons,
+            self.budget(),
+            self.remainder(),
         )
+
+    def budget(self) -> Table:
+        """Shares of the gap's power."""
+        found = self.found
+        if found.shrink is None or not found.shrink.measurable:
+            return EMPTY
+        names = [name_of(effect) for effect in self.final.effects]
+        law = found.posterior.law if found.posterior is not None else None
+        return budget_of(names, found.shares or [], found.retuning, found.shrink, law)
+
+    def remainder(self) -> Remainder:
+        """What is left beside everything that is named."""
+        found = self.found
+        if found.shrink is None or found.remains is None:
+            return NOTHING_KNOWN
+        law = found.posterior.law if found.posterior is not None else None
+        return remainder_of(found.shrink, share_left(found.shrink), self.over_noise(), law)
 
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""

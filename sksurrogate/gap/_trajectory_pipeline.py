@@ -36,7 +36,7 @@ class AroundQuestions:
     def __init__(self, diagnoser: Any, plant: Plant, runs: Runs, free: tuple[str, ...], seed: int):
         self.plant, self.runs, self.seed = plant, runs, seed
         self.say: Callable[[str], None] = diagnoser._say
-        self.correction = diagnoser.correction
+        self.correction, self.tolerance = diagnoser.correction, float(diagnoser.tolerance)
         self.effects = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
         wanted = [e for e in build_effects(plant, (), self.effects) if e.access == "trajectory"]
         self.check_asked(wanted)

@@ -15,8 +15,9 @@ import numpy as np
 from sksurrogate.effects._catalogue import left_out
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._trajectory_pipeline import AroundQuestions
+from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._experiment import name_of, when_they_part
-from sksurrogate.gap.decide._features import DecisionFeatures, needless, share_left
+from sksurrogate.gap.decide._features import DecisionFeatures, share_left
 from sksurrogate.gap.decide._held_out import notes_on_names, traces
 from sksurrogate.gap.decide._intervals import parameter_errors
 from sksurrogate.gap.decide._ranking import ranking
@@ -29,9 +30,11 @@ from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import sentence_of
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
-from sksurrogate.gap.results._shrink import NOT_KNOWN
+from sksurrogate.gap.results._shrink import NOT_KNOWN, Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._where import Where
+from sksurrogate.gap.search._search import EQUAL
+from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._shape import shape_of
 from sksurrogate.gap.unnamed._trajectory_location import channel_of, left_of
 from sksurrogate.gap.unnamed._where import by_frequency, by_location, by_output, named_places, regions, times
@@ -81,22 +84,40 @@ class _Answers(AroundQuestions):
         final, shrink = self.final, self.shrink
         if shrink is None:
             return "unknown", UNDECIDED
-        left = left_of(self.around, final)
         return decide(
             DecisionFeatures(
-                accepted=bool(final.effects),
-                share_left=share_left(shrink),
-                left=left,
-                law=float(np.max(self.law, initial=0.0)),
-                force=self.force,
-                retuned=self.moved(),
                 names=len(final.effects),
-                error=float(shrink.before) if np.isfinite(shrink.before) else np.inf,
+                probability=min((self.probability(final, i) for i in range(len(final.effects))), default=1.0),
+                retuned=self.moved(),
+                share_left=share_left(shrink),
+                left=left_of(self.around, final),
+                lawful=self.lawful(shrink),
+                after=shrink.after,
+                error=shrink.before if np.isfinite(shrink.before) else np.inf,
+                law=float(np.max(self.law, initial=0.0)),
                 n_samples=self.around.record.n_samples,
-                same_names=shrink.same_names if np.isfinite(shrink.same_names) else 1.0,
-                needless=needless(shrink, len(final.effects)),
+                tolerance=self.tolerance,
             )
         )
+
+    def lawful(self, shrink: Shrink) -> float:
+        """Share of the gap (amplitude) that states and inputs repeat of what is left."""
+        return share_left(shrink) * float(np.sqrt(max(np.max(self.law, initial=0.0), 0.0)))
+
+    def probability(self, final: Trial, i: int) -> float:
+        """That effect i, or one of its class, acts: by likelihood among the rivals in its place."""
+        slot = self.slots[i] if i < len(self.slots) else []
+        same = {final.effects[i].key, *(trial.effects[-1].key for trial, _ in slot)}
+        beside = {key for k, key in enumerate(final.keys) if k != i}
+        others = [
+            min(self.search.score(trial) - self.search.score(final), -0.5 * EQUAL)
+            for trial in self.search.rivals
+            if len(trial.keys) == len(final.keys) and beside < set(trial.keys) and not set(trial.keys) - beside <= same
+        ]
+        ours = [0.0, *(min(t.log_likelihood - final.log_likelihood, 0.0) for t, _ in slot)]
+        against = float(np.sum(np.exp([value for value in others if np.isfinite(value)])))
+        own = float(np.sum(np.exp(ours)))
+        return own / (own + against)
 
     def moved(self) -> bool:
         """Whether free parameters at other values are worth their number."""
@@ -122,13 +143,21 @@ class _Answers(AroundQuestions):
         if not effects and verdict == "explained":
             effects = parameter_errors(retuned, self.shrink.fraction_power if self.shrink is not None else _NAN)
         where, term = self.where(verdict, effects), None
-        if verdict == "unknown" and self.shrink is not None and where.location is not None:
+        if verdict in ("partial", "unknown") and self.shrink is not None and where.location is not None:
             assert self.search.null is not None
             term = shape_of(channel_of(around, self.search.null, where.location), where.location, str(where.kind))
         shrink = self.shrink or NOT_KNOWN
         return GapReport(
             verdict,
-            sentence_of(verdict, effects, where, shrink, self.experiment, term),
+            sentence_of(
+                verdict,
+                effects,
+                where,
+                shrink,
+                self.experiment,
+                term,
+                remainder_of(shrink, share_left(shrink), left_of(around, final), None),
+            ),
             effects,
             self.ranking(),
             retuned,
@@ -145,6 +174,8 @@ class _Answers(AroundQuestions):
             traces(self.held, self.labels()),
             seconds,
             reasons,
+            self.budget(shrink),
+            remainder_of(shrink, share_left(shrink), left_of(around, final), None),
         )
 
     def intervals(self, final: Trial) -> tuple[np.ndarray, np.ndarray]:
@@ -171,7 +202,6 @@ class _Answers(AroundQuestions):
             rows = final.slice_of(i)
             params, ends = reported(effect, final.theta[rows], low[rows], high[rows])
             slot = self.slots[i] if i < len(self.slots) else []
-            weights = [1.0, *(float(np.exp(min(t.log_likelihood - final.log_likelihood, 0.0))) for t, _ in slot)]
             out.append(
                 EffectEstimate(
                     effect.name,
@@ -180,7 +210,7 @@ class _Answers(AroundQuestions):
                     float(self.shares[i]) if self.shares else float(total),
                     params,
                     ends,
-                    1.0 / sum(weights),
+                    self.probability(final, i),
                     [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys(t.effects[-1].key for t, _ in slot)],
                     when_they_part(
                         name_of(effect),
@@ -195,7 +225,9 @@ class _Answers(AroundQuestions):
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         location, kind = None, None
-        named = named_places(effects if verdict == "explained" else [], {e.key: e.kind for e in self.final.effects})
+        named = named_places(
+            effects if verdict in ("explained", "partial") else [], {e.key: e.kind for e in self.final.effects}
+        )
         if named:
             location, kind, _ = named[0]
         elif verdict == "unknown" and self.places:
@@ -229,6 +261,22 @@ class _Answers(AroundQuestions):
             search.expected,
             self.final.keys,
         )
+
+    def budget(self, shrink: Shrink) -> Table:
+        """Shares of the gap's power."""
+        final, law = self.final, self.lawful(shrink)
+        retuning = (
+            0.0
+            if final.effects or not self.around.free or not np.isfinite(shrink.fraction_power)
+            else shrink.fraction_power
+        )
+        place = self.places[0] if self.places else None
+        beside = (
+            LawBeside(0.0, 0.0, place.location, place.kind, "", law, law, (0, 0, self.around.first_noise()))
+            if place is not None
+            else None
+        )
+        return budget_of([name_of(e) for e in final.effects], list(self.shares), retuning, shrink, beside)
 
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""

@@ -84,7 +84,8 @@ QUICK = ("effect", "detuned", "outside", "none", "unexcited")
 @pytest.mark.parametrize("arm", [arm if arm in QUICK else pytest.param(arm, marks=pytest.mark.slow) for arm in ARMS])
 def test_a_case_holds_what_its_arm_says(arm):
     case = drawn(arm)
-    assert len(case.truths) == {"two": 2}.get(arm, 0 if arm in ("none", "disturbed", "coloured") else 1)
+    without = ("none", "disturbed", "coloured", "spikes", "tails", "trends")
+    assert len(case.truths) == {"two": 2, "three": 3}.get(arm, 0 if arm in without else 1)
     question, gap = case.question, case.facts["gap_over_noise"]
     assert question.X.shape[0] == question.y.shape[0] == question.groups.shape[0] == case.states.shape[0]
     assert np.isfinite(question.y).all() and np.isfinite(case.y_test).all()
@@ -100,8 +101,8 @@ def test_a_case_holds_what_its_arm_says(arm):
         assert question.effects and not {t.name for t in case.truths} & set(question.effects)
     else:
         assert question.effects is None
-    assert (question.free_params == "all") == (arm == "detuned")
-    if arm != "detuned":
+    assert (question.free_params == "all") == (arm in ("detuned", "far"))
+    if arm not in ("detuned", "far"):
         assert question.simulator.params == PLANTS[case.facts["plant"]].params
 
 

@@ -80,7 +80,7 @@ def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_tra
     rival = problem.fit((CATALOGUE["sensor_saturation"]("voltage"),), np.array([limit]), x)
     assert rival.fit.cost < 1.5 * record.y.size
     assert np.max(np.abs(rival.fit.x[:, record.starts])) < 5.0, "what no reading shows stays near"
-    held = held_out(problem, [rival] * 4, without_names(problem, problem.fit((), np.zeros(0), smoothed.x)))
+    held = held_out([rival] * 4, without_names(problem.fit((), np.zeros(0), smoothed.x)))
     assert np.sqrt(np.mean((held.after - np.concatenate(truth).T) ** 2)) < 0.5 * noise
 
 

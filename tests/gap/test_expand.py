@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.fit._problem import Numerics
 from sksurrogate.gap.search._expander import Expander
 
-PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), n_sub=1, sharpness=50.0)
+PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1, 50.0))
 BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0))
 
 
@@ -19,7 +20,7 @@ def lag(variable):
 def rival(effect, cost, n_sub=1):
     return SimpleNamespace(
         effects=(effect,), keys=(effect.key,), fit=SimpleNamespace(cost=cost),
-        model=SimpleNamespace(n_sub=n_sub, sharpness=50.0), theta_of=lambda i: np.array([1.0, 2.0]),
+        problem=SimpleNamespace(numerics=Numerics(n_sub, 50.0)), theta_of=lambda i: np.array([1.0, 2.0]),
     )  # fmt: skip
 
 

@@ -15,24 +15,24 @@ def rival(*effects, value):
     return SimpleNamespace(effects=effects, keys=keys, n_parameters=len(effects), value=value)
 
 
-def chance(twins=(), rejected=(), null=-500.0, unnamed=-np.inf, unknown=False):
+def chance(twins=(), rejected=(), null=-500.0, posterior=1.0):
     final = rival(ConstantBias("speed"), value=0.0)
     fitted = {frozenset(one.keys): one for one in (final, *twins, *rejected)}
     null = SimpleNamespace(candidate=rival(value=null))
     search = SimpleNamespace(score=lambda one: one.value, own=lambda one: one, null=null, fitted=fitted, n_values=100)
-    (found,) = probabilities(search, final, [SimpleNamespace(index=0, twins=list(twins))], unnamed, unknown)
+    (found,) = probabilities(search, final, [SimpleNamespace(index=0, twins=list(twins))], [posterior])
     return found
 
 
-def test_alone_it_is_certain_and_a_twin_takes_its_part():
+def test_alone_it_is_certain_and_a_twin_counts_for_its_class():
     assert chance() == pytest.approx(1.0)
-    assert chance([rival(LinearLoss("speed", "speed"), value=np.log(0.25))]) == pytest.approx(0.8)
+    assert chance([rival(LinearLoss("speed", "speed"), value=np.log(0.25))]) == pytest.approx(1.0)
 
 
-def test_none_and_a_law_without_a_name_are_rivals_too():
+def test_none_and_a_law_without_a_name_count_against_it():
     assert chance(null=0.0) == pytest.approx(0.5)
-    assert chance(unnamed=2.0 * np.log(3.0)) == pytest.approx(0.25)
-    assert chance(unknown=True) == pytest.approx(0.5)
+    assert chance(posterior=0.25) == pytest.approx(0.25)
+    assert chance([rival(LinearLoss("speed", "speed"), value=0.0)], null=0.0, posterior=0.6) == pytest.approx(0.4)
 
 
 def test_a_rejected_rival_counts_as_little_as_its_finer_fit_said():

@@ -37,8 +37,8 @@ def free_run(step, noise, effects=()):
     _, Y, _ = experiment(step, noise)
     true = experiment(0.0, 0.0)[1]
     record = SimpleNamespace(y=Y.T)
-    model = SimpleNamespace(plant=SimpleNamespace(outputs=("level",)), record=record)
-    return SimpleNamespace(effects=effects, model=model, fit=SimpleNamespace(y=true.T))
+    problem = SimpleNamespace(plant=SimpleNamespace(outputs=("level",)), record=record)
+    return SimpleNamespace(effects=effects, problem=problem, fit=SimpleNamespace(y=true.T))
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
@@ -47,7 +47,7 @@ def test_the_step_and_the_error_of_the_rounding_are_found(noise):
     found = unnamed_rounding(rival)
     assert found.sensor == "level"
     assert found.step == pytest.approx(0.3, rel=1e-3)
-    assert found.share == pytest.approx(0.3 / 12**0.5 / rival.model.record.y.std(), rel=1e-3)
+    assert found.share == pytest.approx(0.3 / 12**0.5 / rival.problem.record.y.std(), rel=1e-3)
 
 
 @pytest.mark.parametrize(("step", "noise"), [(0.0, 0.01), (0.3, 0.15)])

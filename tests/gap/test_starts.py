@@ -53,8 +53,8 @@ def test_a_stribeck_velocity_of_0_is_left_again():
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("i",))
     stuck = problem.fit((friction,), np.array([0.45, 0.5, 1e-12]), smoothed.x)
-    assert dead(problem, stuck, 0)[1:].all()
-    found = revived(problem, stuck)
+    assert dead(stuck, 0)[1:].all()
+    found = revived(stuck)
     assert found.fit.theta == pytest.approx(list(true.values()), rel=0.1)
     assert found.fit.cost < 0.5 * stuck.fit.cost
 

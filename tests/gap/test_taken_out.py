@@ -36,8 +36,8 @@ def fitted():
 
 @pytest.mark.parametrize("i", [0, 1])
 def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
-    problem, rival = fitted
-    rest = taken_out(problem, rival, i)
+    _, rival = fitted
+    rest = taken_out(rival, i)
     assert rest.effects == (EFFECTS[1 - i],)
     assert np.array_equal(rest.fit.theta, rival.fit.theta[[1 - i]])
     assert rest.fit.cost > 3.0 * rival.fit.cost
@@ -46,6 +46,6 @@ def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
 def test_the_exact_twin_is_found_from_there(fitted):
     problem, rival = fitted
     search = Expander(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], rival.fit.x)
-    found = {r.effects[-1].name: r for r in search.anew(problem, taken_out(problem, rival, 1), 2, 0)}
+    found = {r.effects[-1].name: r for r in search.anew(taken_out(rival, 1), None, 2, 0)}
     assert found["parameter_error"].fit.cost == pytest.approx(rival.fit.cost, rel=1e-6)
     assert found["parameter_error"].fit.theta == pytest.approx(rival.fit.theta, rel=1e-3)

@@ -183,16 +183,23 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     )
 
 
-def shares(final: Candidate, total: float) -> list[float]:
-    """Share of the gap's power of every effect: what comes back when it alone is taken out, scaled to the total."""
-    if len(final.effects) == 1:
-        return [total]
+def shares(final: Candidate, total: float) -> tuple[list[float], float]:
+    """Shares of the gap's power of every effect, and of the re-tuning: what comes back when each alone is taken out."""
+    problem = final.problem
+    if len(final.effects) == 1 and not problem.free:
+        return [total], 0.0
     returned = []
     for i in range(len(final.effects)):
         rest = taken_out(final, i)
         returned.append(max(rest.fit.cost - final.fit.cost, 0.0) if rest is not None else final.fit.cost)
+    if problem.free:
+        theta = np.r_[final.fit.theta[: final.n_parameters], np.zeros(len(problem.free))]
+        nominal = frozen_fit(final, theta)
+        returned.append(max(nominal.fit.cost - final.fit.cost, 0.0) if nominal is not None else final.fit.cost)
     sum_ = sum(returned)
-    return [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
+    parts = [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
+    n = len(final.effects)
+    return parts[:n], float(sum(parts[n:]))
 
 
 def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> Table:

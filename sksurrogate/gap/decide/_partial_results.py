@@ -8,6 +8,7 @@ import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.results._next_experiment import NextExperiment
@@ -34,4 +35,7 @@ class Found:
     fitted: Evidence | None = None
     bounds: tuple[np.ndarray, np.ndarray] | None = None
     shares: list[float] | None = None
+    retuning: float = 0.0
+    posterior: Posterior | None = None
+    probabilities: list[float] = field(default_factory=list)
     retuned: bool = False

@@ -1,4 +1,4 @@
-"""How probable a name is: among the rivals fitted in its place, none, and the likeliest law without a name."""
+"""How probable a name is: the members of its class against the other effects in its place, beside a law without a name."""
 
 from __future__ import annotations
 
@@ -12,33 +12,27 @@ from sksurrogate.gap.search._search import EQUAL, Search
 
 __all__ = ["probabilities"]
 
-#: What is left of a probability where the verdict is unknown: the names leave too much, whatever their likelihood.
-UNKNOWN = 0.5
 
-
-def probabilities(
-    search: Search, final: Candidate, slots: Sequence[Slot], unnamed: float, unknown: bool
-) -> list[float]:
-    """Probability of each named effect, by penalised likelihood.
+def probabilities(search: Search, final: Candidate, slots: Sequence[Slot], posterior: Sequence[float]) -> list[float]:
+    """Probability that each effect, or one of its class, acts in the plant, whatever else acts.
 
     Parameters
     ----------
     search : Search
     final : Candidate
     slots : sequence of Slot
-    unnamed : float
-        ``2 (L - L_final)`` of the likeliest law without a name, its parameters paid; -inf where none was looked at.
-    unknown : bool
-        Whether the verdict is unknown.
+    posterior : sequence of float
+        Of each effect against a law without a name in its place (:func:`weigh`).
     """
     own = search.score(final)
     none = search.score(search.null.candidate) if search.null is not None else -np.inf
     out = []
-    for slot in slots:
-        tied = [_score(search, rival, final) for rival in slot.twins]
-        values = np.array([own, *tied, *_others(search, final, slot), none, own + 0.5 * unnamed])
-        weight = np.exp(values - np.max(values))
-        out.append(float(weight[0] / weight.sum()) * (UNKNOWN if unknown else 1.0))
+    for slot, chance in zip(slots, posterior):
+        ours = [own, *(_score(search, rival, final) for rival in slot.twins)]
+        against = [*_others(search, final, slot), none]
+        top = max([*ours, *against])
+        for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
+        out.append(chance * for_it / in_all)
     return out
 
 

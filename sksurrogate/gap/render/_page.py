@@ -9,6 +9,7 @@ from html import escape
 import numpy as np
 
 from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.gap.render._budget import budget_html, budget_lines
 from sksurrogate.gap.render._svg import BLACK, GREY, ORANGE, Line, bars, chart, limits
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, values_of, weight_of
 from sksurrogate.gap.results._missing_term import Curve
@@ -38,6 +39,10 @@ overflow-wrap:normal;white-space:nowrap}
 .skgap .bars{max-width:40em}.skgap .row{display:flex;gap:.5em;align-items:center;margin:.25em 0}
 .skgap .name{flex:0 0 10.5em}.skgap .rail{flex:1 1 auto}.skgap .size{flex:0 0 4.5em;font-variant-numeric:tabular-nums}
 .skgap .bar{display:block;height:1.2em;background:#0072b2;border-right:2px solid #000;print-color-adjust:exact;
+-webkit-print-color-adjust:exact}
+.skgap .budgetbar{display:flex;gap:2px;height:1.8em;max-width:40em}.skgap .budgetbar span{min-width:2px;
+print-color-adjust:exact;-webkit-print-color-adjust:exact}.skgap .budget ul{list-style:none;padding:0;margin:.4em 0}
+.skgap .key{display:inline-block;width:.8em;height:.8em;margin-right:.5em;border:1px solid #111;print-color-adjust:exact;
 -webkit-print-color-adjust:exact}
 .skgap .effect{border-left:4px solid #111;padding:.1em 0 .1em .8em;margin:.8em 0}
 .skgap .effect p{margin:.2em 0}
@@ -79,6 +84,8 @@ def terminal_page(report: ReportData, width: int = 80) -> str:
     """
     lines = [f"VERDICT  {report.verdict}" + ("" if report.complete else "  (interrupted)"), ""]
     lines += textwrap.wrap(report.sentence, width) + [""]
+    bar = budget_lines(report.budget, width)
+    lines += [*bar, ""] if bar else []
     for effect in report.effects:
         lines += textwrap.wrap(f"- {effect}", width, subsequent_indent="  ")
         if effect.equivalents:
@@ -196,6 +203,7 @@ def html_fragment(report: ReportData) -> str:
         f'<style>{_STYLE}</style><div class="skgap">',
         f'<h1>Verdict: <span class="verdict">{escape(report.verdict)}</span></h1>',
         f'<p class="lead">{escape(report.sentence)}</p>',
+        budget_html(report.budget),
     ]
     if not report.complete:
         parts.append("<p><strong>Interrupted:</strong> the page holds what was known by then.</p>")
@@ -307,7 +315,7 @@ def _where(report: ReportData) -> list[str]:
         if len(table):
             parts.append(f"<h3>{title}</h3>{_table(table)}")
         if len(table) and table is where.by_location:
-            share = "what effects named there hold of the gap" if report.verdict == "explained" else "its probability"
+            share = "what effects named there hold of the gap" if report.effects else "its probability"
             parts.append(f'<p class="small">Share: {share}. Evidence: of a free signal there alone, in nats.</p>')
         if table is where.by_time and any(row.get("kind") == "change between runs" for row in table):
             parts.append('<p class="small">Runs are counted from 1 in the order of the data.</p>')

@@ -19,7 +19,9 @@ class GapReport(ReportData):
 
     Attributes
     ----------
-    verdict : {"none", "explained", "unknown"}
+    verdict : {"none", "explained", "partial", "unknown"}
+        ``explained``: effects (or re-tuning) of probability 0.9, and what remains lawful is below the tolerance or within the
+        noise. ``partial``: such effects, but more than that remains lawful. ``unknown``: no effect is certain.
     sentence : str
         The verdict in plain words, with what to do next.
     effects : list of EffectEstimate
@@ -43,6 +45,11 @@ class GapReport(ReportData):
     seconds : float
     reasons : Reasons
         The rule that decided the verdict, and the numbers that it was given.
+    budget : Table
+        Shares of the gap's power on runs left out, which add up to one: part, kind ("effect", "re-tuning", "unnamed law",
+        "disturbance"), share, low, high (90 %); no rows without a gap.
+    remainder : Remainder
+        What is left beside everything that is named: size, lawful or not, place.
 
     Examples
     --------

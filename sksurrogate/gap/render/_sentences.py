@@ -10,6 +10,7 @@ from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._where import Where
 
@@ -51,6 +52,7 @@ def sentence_of(
     shrink: Shrink,
     experiment: NextExperiment | None,
     term: MissingTerm | None,
+    remainder: Remainder = NOTHING_KNOWN,
 ) -> str:
     """One to three sentences."""
     closed = f"{100 * shrink.fraction:.1f} %" if np.isfinite(shrink.fraction) else "an unknown share"
@@ -76,6 +78,8 @@ def sentence_of(
             if experiment is not None and any(e.equivalents for e in effects)
             else " Use augmented_ as the new simulator."
         )
+    if verdict == "partial":
+        return partial_sentence(effects, shrink, remainder, closed)
     if where.location is None:
         return (
             "The diagnosis stopped before it had an answer: nothing is decided yet. The ranking holds what was compared by "
@@ -100,3 +104,18 @@ def sentence_of(
         if ready
         else " Look at missing_term, try an effect of your own beside the catalogue, or use a hybrid model."
     )
+
+
+def partial_sentence(effects: Sequence[EffectEstimate], shrink: Shrink, remainder: Remainder, closed: str) -> str:
+    """What is certain, and what remains."""
+    named = _list([_described(effect) for effect in effects])
+    verb = "close" if len(effects) > 1 else "closes"
+    text = f"{named[0].upper()}{named[1:]} {verb} {closed} of the gap on runs left out; {100 * remainder.share:.0f} % remains (RMS)."
+    if remainder.location is not None and remainder.lawful > 0:
+        place = (
+            f"the balance of {remainder.location}"
+            if remainder.kind == "state"
+            else f"the {remainder.kind} {remainder.location}"
+        )
+        text += f" The likeliest place of what remains is {place}, as a function of {remainder.variable}."
+    return text + " Use augmented_ as the better simulator; look at missing_term for the shape of what remains."

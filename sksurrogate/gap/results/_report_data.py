@@ -8,8 +8,9 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
+from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 from sksurrogate.gap.results._shrink import Shrink
-from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.results._trace import Trace
 from sksurrogate.gap.results._where import Where
 
@@ -38,3 +39,5 @@ class ReportData:
     traces: tuple[Trace, ...] = ()
     seconds: float = float("nan")
     reasons: Reasons = UNDECIDED
+    budget: Table = EMPTY
+    remainder: Remainder = NOTHING_KNOWN

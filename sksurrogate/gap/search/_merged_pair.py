@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations, permutations
+from itertools import permutations
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -12,14 +12,11 @@ from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._problem import Candidate
 from sksurrogate.gap.search._nested import NESTED
 
-__all__ = ["folded", "opposed"]
+__all__ = ["folded"]
 
 #: A law is the sum of two where it differs by less than this share of its deviation (RMS); and its fit is where theirs is
 #: with less than so many times their cost: kinks of larger jumps are smoothed further.
 SAME_FORCE, LITTLE_MORE = 0.01, 1.3
-#: Two laws of which the sum varies by less than this share of the larger are neither: their difference imitates a third. Of
-#: true pairs it was 0.93, 1.25 and 1.37, of a root and a straight line in the place of a constant at 0.05 to 0.35.
-OPPOSED = 0.5
 
 
 def folded(rival: Candidate) -> Candidate | None:
@@ -36,20 +33,6 @@ def folded(rival: Candidate) -> Candidate | None:
             one = rival.problem.fit(effects, values, rival.fit.x[: rival.model.n_nominal], open_steps=0)
             return one if one is not None and one.fit.cost < LITTLE_MORE * rival.fit.cost else None
     return None
-
-
-def opposed(rival: Candidate) -> bool:
-    """Whether two static laws of one variable in one balance vary against each other, and nearly cancel."""
-    static = [
-        i for i, e in enumerate(rival.effects) if isinstance(e, BalanceEffect) and not isinstance(e, HiddenEffect)
-    ]
-    for i, j in combinations(static, 2):
-        first, second = rival.effects[i], rival.effects[j]
-        if first.variable is not None and (first.location, first.variable) == (second.location, second.variable):
-            one, other = (force_of(rival, k, rival.theta_of(k)) for k in (i, j))
-            if np.std(one + other) < OPPOSED * max(np.std(one), np.std(other)):
-                return True
-    return False
 
 
 def force_of(rival: Candidate, k: int, theta: np.ndarray) -> np.ndarray:

@@ -17,13 +17,19 @@ __all__ = ["Form", "Law", "laws", "of_time", "over_sample", "roughness", "stairc
 
 #: Forms of one parameter, of a signal over its largest value.
 SIMPLE = (
+    lambda z: np.sign(z),
     lambda z: np.sign(z) * np.sqrt(np.abs(z)),
+    lambda z: np.abs(z),
     lambda z: z,
     lambda z: z * np.abs(z),
     lambda z: z**2,
     lambda z: z**3,
     lambda z: z**4,
 )
+#: Place of the jump at zero among the simple forms.
+JUMP = 0
+#: Shares of the samples below the kinks of a signal.
+HINGES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 #: Degrees of the polynomials.
 DEGREES = (2, 3, 4)
 #: Knots of a smooth curve, and of a smooth surface along each of its signals.
@@ -145,15 +151,28 @@ def moves(z: np.ndarray) -> bool:
 
 
 def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
-    """Functions of a signal and their forms."""
+    """Functions of a signal and their forms: simple ones, kinks, polynomials, a smooth curve; with a jump at zero too."""
     simple = np.stack([form(z / np.max(np.abs(z))) for form in SIMPLE])
     powers = ((z - np.mean(z)) / np.ptp(z)) ** np.arange(max(DEGREES) + 1)[:, None]
-    curve = hats(z, KNOTS_OF_LAW)
-    ends = np.cumsum([len(simple), len(powers), len(curve)])
-    forms = [Form(np.array([k])) for k in range(ends[0])]
-    forms += [Form(np.arange(ends[0], ends[0] + degree + 1)) for degree in DEGREES]
-    forms.append(Form(np.arange(ends[1], ends[2]), roughness(len(curve)) if len(curve) > 2 else None))
-    return np.concatenate([simple, powers, curve]), tuple(forms)
+    curve, kinks = hats(z, KNOTS_OF_LAW), hinges(z)
+    ends = np.cumsum([len(simple), len(powers), len(curve), len(kinks)])
+    forms = [Form(np.array([k])) for k in [*range(ends[0]), *range(ends[2], ends[3])]]
+    polynomials = [np.arange(ends[0], ends[0] + degree + 1) for degree in (0, 1, *DEGREES)]
+    forms += [Form(own) for own in polynomials]
+    smooth = np.arange(ends[1], ends[2])
+    rough = roughness(len(curve)) if len(curve) > 2 else None
+    forms.append(Form(smooth, rough))
+    if np.min(z) < 0.0 < np.max(z):
+        forms += [Form(np.r_[own, JUMP]) for own in polynomials]
+        if rough is not None:
+            forms.append(Form(np.r_[smooth, JUMP], np.pad(rough, (0, 1))))
+    return np.concatenate([simple, powers, curve, kinks]), tuple(forms)
+
+
+def hinges(z: np.ndarray) -> np.ndarray:
+    """What a signal exceeds some of its quantiles by, and what it falls short of them by, (n_hinges, n_samples)."""
+    levels = np.unique(np.quantile(z, HINGES))
+    return np.concatenate([np.maximum(z - levels[:, None], 0.0), np.maximum(levels[:, None] - z, 0.0)]) / np.ptp(z)
 
 
 def roughness(n: int) -> np.ndarray:

@@ -1,0 +1,45 @@
+"""Every named effect with its parameters, intervals, share, probability, and the effects that cannot be told from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.gap.decide._equivalence import Slot
+from sksurrogate.gap.decide._experiment import name_of, when_they_part
+from sksurrogate.gap.decide._partial_results import Found
+from sksurrogate.gap.decide._reported import reported
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.search._search import Search
+
+__all__ = ["estimates"]
+
+
+def estimates(search: Search, final: Evidence, found: Found) -> list[EffectEstimate]:
+    """The effects of what stands, in the order of the search; nan for what is not known yet."""
+    best = found.fitted or final
+    low, high = found.bounds or (final.fit.theta * np.nan, final.fit.theta * np.nan)
+    out = []
+    for i, effect in enumerate(final.effects):
+        rows = final.candidate.slice_of(i)
+        slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
+        params, ends = reported(effect, best.fit.theta[rows], low[rows], high[rows])
+        tied = [name_of(rival.effects[-1]) for rival in slot.twins]
+        twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.candidate.keys]
+        richer = [k for k in search.richer.get(effect.key, []) if k not in final.candidate.keys]
+        out.append(
+            EffectEstimate(
+                effect.name,
+                str(effect.location),
+                effect.variable,
+                float(found.shares[i]) if found.shares else float("nan"),
+                params,
+                ends,
+                found.probabilities[i] if found.probabilities else float("nan"),
+                [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
+                when_they_part(
+                    name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer})
+                ),
+            )
+        )
+    return out

@@ -1,0 +1,159 @@
+"""How probable each name is, whatever else acts: sets of effects, each beside a law without a name, in one sum of evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
+from sksurrogate.kernels.disturbance import Noise
+
+__all__ = ["Posterior", "law_beside_none", "stands", "weigh"]
+
+#: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
+UNNAMED = 0.02
+#: Names less probable than this do not stand, beside others and alone: a law does as well in their place.
+LEAST_BESIDE, LEAST_ALONE = 0.9, 0.5
+#: Other sets that are compared beside a law; and nats by which one must be likelier to take the place of a set.
+MOST_OTHERS, CLEARLY = 2, 1.0
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Of what is named.
+
+    Attributes
+    ----------
+    probabilities : tuple of float
+        That each effect acts, beside a law of any size; the members of its class count for it.
+    law : LawBeside or None
+        The law beside the set; None where it cannot be judged.
+    """
+
+    probabilities: tuple[float, ...]
+    law: LawBeside | None
+
+
+def weigh(search: Search, final: Evidence, tolerance: float) -> Posterior:
+    """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
+    n = len(final.effects)
+    none = _without(final.candidate, tuple(range(n)))
+    nothing = _judged(search, final, none, tolerance, along=True)
+    seeds = [] if nothing is None else [nothing.seed]
+    own = _judged(search, final, final.candidate, tolerance, along=False, seeds=seeds)
+    if own is None:
+        return Posterior(tuple(1.0 for _ in final.effects), None)
+    net = _net(search, final.candidate, own)
+    empty = -np.inf if nothing is None else _net(search, none, nothing)
+    without = [empty]
+    if n > 1:
+        rests = [_without(final.candidate, (i,)) for i in range(n)]
+        laws = [_judged(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed]) for rest in rests]
+        without = [-np.inf if law is None else _net(search, rest, law) for rest, law in zip(rests, laws)]
+    odds = (np.clip(np.logaddexp(one, empty) - net, -700.0, 700.0) for one in without)
+    return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
+
+
+def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
+    """The set that is likeliest beside a law: without effects in whose place a law does as well, the least probable first;
+    with another effect in the place of one where that is likelier. And its posterior."""
+    while final.effects:
+        posterior = weigh(search, final, tolerance)
+        least = int(np.argmin(posterior.probabilities))
+        if posterior.probabilities[least] >= (LEAST_BESIDE if len(final.effects) > 1 else LEAST_ALONE):
+            better = likelier(search, final, posterior, tolerance)
+            if better is None:
+                return final, posterior
+            final = better
+            continue
+        fewer = search.without(final.candidate, least)
+        if fewer is None or not fewer.effects:
+            break
+        final = search.judged[search.stand(search.polish(fewer))]
+    search.final = search.begun
+    return search.begun, Posterior((), None)
+
+
+def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: float) -> Evidence | None:
+    """Another set of as many effects, likelier beside a law; None where there is none, or nothing is left that asks for it."""
+    own = posterior.law
+    if own is None or final.left < AT_THE_NOISE:
+        return None
+    net, keys = _net(search, final.candidate, own), frozenset(final.candidate.keys)
+    score = search.score(final.candidate)
+    others = [
+        rival
+        for names, rival in search.fitted.items()
+        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and search.score(rival) > score
+    ]
+    for rival in sorted(others, key=search.score, reverse=True)[:MOST_OTHERS]:
+        polished = search.polish(rival)
+        other = search.judged[polished]
+        found = _judged(search, other, polished, tolerance, along=False)
+        if found is not None and _net(search, polished, found) > net + CLEARLY:
+            search.stand(polished)
+            return other
+    return None
+
+
+def _without(candidate: Candidate, out: tuple[int, ...]) -> Candidate:
+    """A candidate without some effects, everything else as it is."""
+    keep = np.ones(len(candidate.fit.theta), bool)
+    for i in out:
+        keep[candidate.slice_of(i)] = False
+    effects = tuple(e for j, e in enumerate(candidate.effects) if j not in out)
+    fit = replace(candidate.fit, theta=candidate.fit.theta[keep], linearised=None)
+    return candidate.problem.candidate(effects, fit, candidate.problem.augmented(effects))
+
+
+def _judged(
+    search: Search,
+    final: Evidence,
+    candidate: Candidate,
+    tolerance: float,
+    along: bool,
+    seeds: Sequence[tuple[int, int, Noise]] = (),
+) -> LawBeside | None:
+    """A law beside a candidate, under the noise of what is named and under quiet forces; of two linear models the likelier.
+
+    Far from the data, also beside the gap, they are linear about the measured path, not about the free run.
+    """
+    problem = candidate.problem
+    far = final.left > max(FAR, tolerance * gap_over_noise(search))
+    x = (search.x if far else final.fit.x)[: len(problem.plant.states)]
+    noises, along = (final.noise, problem.quiet(final.noise)), along or far
+    how = gap_over_noise(search), tolerance, noises
+    with np.errstate(all="ignore"):
+        found = [law_beside(candidate, *how, x if along else None, seeds=seeds)]
+        if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
+            found.append(law_beside(candidate, *how, x, bare=True, seeds=seeds))
+    return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
+
+
+def gap_over_noise(search: Search) -> float:
+    """RMS of the gap of the simulator over the noise."""
+    return float(np.sqrt(max(search.begun.fit.cost / search.n_values - 1.0, 1e-6)))
+
+
+def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:
+    """The law beside no effect at all, along the measured path."""
+    null = search.begun
+    problem = null.candidate.problem
+    noises = null.noise, problem.quiet(null.noise)
+    with np.errstate(all="ignore"):
+        return law_beside(
+            null.candidate, gap_over_noise(search), tolerance, noises, search.x[: len(problem.plant.states)]
+        )
+
+
+def _net(search: Search, candidate: Candidate, law: LawBeside) -> float:
+    """Log evidence with the price of its parameters and the prior of its names and of a large law."""
+    price = len(candidate.effects) * np.log(len(search.candidates))
+    price += 0.5 * candidate.n_parameters * np.log(search.n_values)
+    return float(np.logaddexp(law.small, law.large + np.log(UNNAMED)) - price)

@@ -1,0 +1,85 @@
+"""The budget of the gap as one bar: for the terminal and for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.gap.results._table import Table
+
+__all__ = ["budget_html", "budget_lines"]
+
+#: Fill of each kind of part, and the letter of the terminal's bar.
+_FILL = {"effect": "#0072b2", "re-tuning": "#56b4e9", "unnamed law": "#e69f00", "disturbance": "#bbbbbb"}
+_LETTER = {"effect": "#", "re-tuning": "=", "unnamed law": "?", "disturbance": "."}
+#: What the parts that are no effects are called.
+_NAMES = {
+    "re-tuning": "re-tuned parameters",
+    "unnamed law": "a law without a name",
+    "disturbance": "disturbance (not repeatable)",
+}
+#: Parts below this share are left out of the text, unless they are effects.
+_LEAST = 0.0005
+
+
+def shown(budget: Table) -> list[Mapping[str, Any]]:
+    """The parts that are told."""
+    return [row for row in budget if row["kind"] == "effect" or row["share"] >= _LEAST]
+
+
+def budget_lines(budget: Table, width: int) -> list[str]:
+    """A bar of letters and one line a part.
+
+    Examples
+    --------
+    >>> rows = ({"part": "friction", "kind": "effect", "share": 0.75, "low": 0.7, "high": 0.8},
+    ...         {"part": "disturbance", "kind": "disturbance", "share": 0.25, "low": 0.2, "high": 0.3})
+    >>> for line in budget_lines(Table(rows), 50):
+    ...     print(line)
+    Budget of the gap (shares of its power on runs left out, 90 %)
+      [###############.....]
+      # 75.0 % [70.0, 80.0] friction
+      . 25.0 % [20.0, 30.0] disturbance (not repeatable)
+    """
+    rows = shown(budget)
+    if not rows:
+        return []
+    room = max(width - 30, 10)
+    ends = np.round(np.cumsum([row["share"] for row in rows]) * room).astype(int)
+    counts = np.diff(ends, prepend=0)
+    bar = "".join(_LETTER[row["kind"]] * int(count) for row, count in zip(rows, counts))
+    lines = ["Budget of the gap (shares of its power on runs left out, 90 %)", f"  [{bar:<{room}}]"]
+    return lines + [f"  {_LETTER[row['kind']]} {_percent(row)} {_name(row)}" for row in rows]
+
+
+def budget_html(budget: Table) -> str:
+    """One bar with its legend; empty where there is no gap."""
+    rows = shown(budget)
+    if not rows:
+        return ""
+    parts = "".join(
+        f'<span style="flex:{max(row["share"], 1e-4):.5f} 0 0;background:{_FILL[row["kind"]]}" title="{escape(_name(row))}"></span>'
+        for row in rows
+    )
+    legend = "".join(
+        f'<li><span class="key" style="background:{_FILL[row["kind"]]}"></span>{_percent(row)} {escape(_name(row))}</li>'
+        for row in rows
+    )
+    return (
+        f'<figure class="budget"><div class="budgetbar" role="img" aria-label="budget of the gap">{parts}</div>'
+        f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on runs left out, with 90 % intervals."
+        "</figcaption></figure>"
+    )
+
+
+def _percent(row: Mapping[str, Any]) -> str:
+    """Share and interval in per cent."""
+    return f"{100 * row['share']:.1f} % [{100 * row['low']:.1f}, {100 * row['high']:.1f}]"
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    """What a part is called."""
+    return _NAMES.get(row["kind"], str(row["part"]))

@@ -1,0 +1,415 @@
+"""Evidence of a set of effects that stands beside a law without a name: a smooth function of signals at one place.
+
+No named form is exact, and no model of a real plant is complete. The residual of a set is explained by the set's own
+parameters, by noise, and by a law ``f(z)`` at a place, whose movement of the outputs has the size ``a`` (root mean square
+over the noise). The law is integrated out under a Gaussian prior of its weights, its size under a prior of the sizes:
+half normal with the tolerance as its scale for a *small* law, log-uniform above the tolerance for a *large* one.
+
+References
+----------
+Kennedy, O'Hagan, *Bayesian calibration of computer models*, J. R. Statist. Soc. B 63 (2001); Brynjarsdottir, O'Hagan,
+*Learning about physical parameters: the importance of model discrepancy*, Inverse Problems 30 (2014).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sksurrogate.gap.fit._evidence import columns
+from sksurrogate.gap.fit._problem import Candidate, Problem
+from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.unnamed._curve_shapes import Curve
+from sksurrogate.gap.unnamed._law_rival import in_all_places, linear_along
+from sksurrogate.gap.unnamed._law_shapes import Form, Law
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
+
+__all__ = ["LawBeside", "amplitude_evidence", "law_beside"]
+
+#: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
+SIZES = np.geomspace(1e-3, 30.0, 48)
+#: Weights of the roughness of a smooth form beside its movement.
+SMOOTH = (1.0, 30.0, 1000.0)
+#: Directions that move the outputs by less than this share of the most (power) count as none.
+RANK = 1e-9
+#: Laws whose columns are computed at once.
+BLOCK = 12
+#: Turns of noise and law.
+TURNS = 2
+#: Step of the parameters of an effect, over their size, for its regressors.
+DIFFERENCE = 1e-4
+
+
+@dataclass(frozen=True)
+class LawBeside:
+    """The likeliest law beside a set of effects.
+
+    Attributes
+    ----------
+    small, large : float
+        Log evidence of the set beside a law of at most about the tolerance, and of a larger one; the choice of the law
+        among all is paid.
+    location, kind, variable : str
+        Place and signal of the likeliest law.
+    size, spread : float
+        Posterior mean and standard deviation of the RMS that it moves the outputs by, over the gap's.
+    seed : (int, int, Noise)
+        Which law and form it is among all, and the noise beside it.
+    """
+
+    small: float
+    large: float
+    location: str
+    kind: str
+    variable: str
+    size: float
+    spread: float
+    seed: tuple[int, int, Noise]
+
+    @property
+    def total(self) -> float:
+        """Log evidence of the set beside a law of any size."""
+        return float(np.logaddexp(self.small, self.large))
+
+    @property
+    def lawful(self) -> float:
+        """Posterior probability that the law is larger than the tolerance."""
+        return float(np.exp(self.large - self.total))
+
+
+def amplitude_evidence(H: np.ndarray, g: np.ndarray, root: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Log Bayes factor of weights ``c ~ N(0, a^2 R R')`` over none, for every size a.
+
+    ``log N(g) = sum_i [a^2 b_i^2 / (1 + a^2 l_i) - log(1 + a^2 l_i)] / 2`` in the eigenbasis of ``R' H R``.
+
+    Parameters
+    ----------
+    H : ndarray (n, n)
+        Gram of the law's functions under the noise, nuisance parameters projected out.
+    g : ndarray (n,)
+        Their products with the residual.
+    root : ndarray (n, n)
+        R, a root of the prior covariance at size one.
+    sizes : ndarray (n_sizes,)
+
+    Returns
+    -------
+    ndarray (n_sizes,)
+
+    Examples
+    --------
+    >>> float(amplitude_evidence(np.array([[3.0]]), np.array([2.0]), np.eye(1), np.array([1.0]))[0])  # 2^2/(2*4) - ln(4)/2
+    -0.1931471805599453
+    """
+    values, vectors = np.linalg.eigh(root.T @ H @ root)
+    values = np.maximum(values, 0.0)
+    b = vectors.T @ (root.T @ g)
+    power = sizes[:, None] ** 2
+    return 0.5 * np.sum(power * b**2 / (1.0 + power * values) - np.log1p(power * values), axis=1)
+
+
+def law_beside(
+    rival: Candidate,
+    unit: float,
+    tolerance: float,
+    noises: Sequence[Noise],
+    x: np.ndarray | None = None,
+    bare: bool = False,
+    seeds: Sequence[tuple[int, int, Noise]] = (),
+) -> LawBeside | None:
+    """The likeliest law beside a set of effects, along a path.
+
+    Parameters
+    ----------
+    rival : Candidate
+        The set; its parameters follow to first order.
+    unit : float
+        RMS of the gap over the noise: the size that counts as one.
+    tolerance : float
+        Size of a law that is small.
+    noises : sequence of Noise
+        Under which laws are compared; from each of them the noise is fitted beside the likeliest.
+    x : ndarray (n_states, n_samples), optional
+        Path of the plant's states about which the set is linear; its own free run by default.
+    bare : bool, default=False
+        Whether the simulator without effects carries laws and effects alike to the outputs, as regressors: an effect that is
+        stiff, as a friction at rest, would not let a law correct it.
+    seeds : sequence of (int, int, Noise)
+        Of laws beside other sets about the same path: these are compared too, with a jump at zero where they have none.
+
+    Returns
+    -------
+    LawBeside or None
+        None where the path cannot be followed.
+    """
+    if bare:
+        assert x is not None
+        here, r, J, precision, pull = as_regressors(rival, x)
+    else:
+        here = rival if x is None else linear_along(rival, x)
+        r, J, precision, pull = columns(here)
+    D = here.disturbance
+    if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
+        return None
+    prior = float(here.fit.theta @ pull[len(pull) - len(here.fit.theta) :])
+    fit = _Fit(here.problem, here, D, r, J, precision, pull, prior, unit, tolerance)
+    try:
+        picks = {fit.likeliest(noise) for noise in noises}
+        found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
+        for k, f, noise in seeds:
+            found += [fit.refined(k, form, noise) for form in fit.relatives(k, f)]
+        best = max(found, key=_of_any_size)
+        again = fit.likeliest(best.noise)  # beside the noise that a law leaves another may be likelier
+        if again not in picks:
+            best = max([best, fit.refined(*again, best.noise)], key=_of_any_size)
+    except np.linalg.LinAlgError:
+        return None
+    alone = max(fit.alone(noise) for noise in noises)
+    return fit.told(best, alone)
+
+
+def as_regressors(rival: Candidate, x: np.ndarray) -> tuple[Candidate, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The simulator without effects, linear about a path; the residual of a set, its sensitivities and what holds its parameters,
+    as that simulator carries what the effects do along the path."""
+    problem, n = rival.problem, rival.n_parameters
+    theta = rival.fit.theta
+    none = problem.candidate((), replace(rival.fit, theta=theta[n:], linearised=None), problem.augmented(()))
+    none = linear_along(none, x)
+    now, alone = x[:, None], none.model.bind(theta[n:, None])
+    after, shown = alone(now), alone.outputs(now)
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        """What the effects move the outputs by, for every column of parameters: (n_outputs, n_columns, n_samples)."""
+        path = np.repeat(now, values.shape[1], axis=1)
+        bound = rival.model.bind(values)
+        return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
+
+    _, J, precision, pull = columns(none)
+    steps = DIFFERENCE * problem.units(rival.effects, theta)[:n]
+    values = np.repeat(theta[:, None], 1 + n, axis=1)
+    values[np.arange(n), 1 + np.arange(n)] += steps
+    found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))
+    own = (found[:, 1:] - found[:, :1]) / steps[:, None] if n else found[:, :0]
+    held = np.r_[np.where(theta[:n] != 0, np.abs(theta[:n]), np.inf) ** -2.0, precision]
+    r = problem.record.y - none.fit.y - found[:, 0]
+    return none, r, np.concatenate([own, J], axis=1), held, np.r_[np.zeros(n), pull]
+
+
+class _Found(NamedTuple):
+    """Log evidence with a small and a large law, mean size and its spread, weights of parameters and law, noise; which law."""
+
+    small: float
+    large: float
+    size: float
+    spread: float
+    theta: np.ndarray
+    noise: Noise
+    k: int
+    f: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A residual explained by the parameters of a set and by one of many laws."""
+
+    problem: Problem
+    base: Candidate
+    D: Disturbance
+    r: np.ndarray
+    J: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
+    prior: float
+    unit: float
+    tolerance: float
+    made: dict[int, list[list[np.ndarray]]] = field(default_factory=dict)
+
+    @cached_property
+    def candidates(self) -> list[tuple[Curve, Law, str]]:
+        """All laws in all places."""
+        return list(in_all_places(self.base))
+
+    @cached_property
+    def price(self) -> float:
+        """Log of the number of forms that the likeliest was chosen from."""
+        return float(np.log(sum(len(law.forms) for _, law, _ in self.candidates)))
+
+    @cached_property
+    def priors(self) -> np.ndarray:
+        """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
+        step = np.log(SIZES[1] / SIZES[0])
+        half_normal = (
+            np.sqrt(2.0 / np.pi) / self.tolerance * np.exp(-0.5 * (SIZES / self.tolerance) ** 2) * SIZES * step
+        )
+        above = self.tolerance < SIZES
+        uniform = np.where(above, 1.0 / np.sum(above), 0.0)
+        return np.stack([half_normal, uniform])
+
+    def likeliest(self, noise: Noise) -> tuple[int, int]:
+        """Law and form of most evidence under one noise."""
+        known = np.concatenate([self.r[:, None], self.J], axis=1)
+        k = np.arange(1 + self.J.shape[1])
+        best, at = -np.inf, (0, 0)
+        for a in range(0, len(self.candidates), BLOCK):
+            part = self.candidates[a : a + BLOCK]
+            moved = [curve.moved() for curve, _, _ in part]
+            for i, G in enumerate(self.D.gram_each(known, moved, noise)):
+                for f, (form, roots) in enumerate(zip(part[i][1].forms, self.roots_of(a + i, moved[i]))):
+                    own = np.r_[k, len(k) + form.functions]
+                    value = self.sized(G[np.ix_(own, own)], roots)[0]
+                    top = float(np.logaddexp(*value))
+                    if top > best + 1e-9:
+                        best, at = top, (a + i, f)
+        return at
+
+    @cached_property
+    def _known(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sensitivities of the parameters over white noise, initial states projected out (n_theta, ...); those of the starts."""
+        sd = self.problem.sd[:, None]
+        J_x = self.base.linearised.J_x[:, self.base.model.free_states] / sd[:, None]
+        J = project_starts(self.J.transpose(1, 0, 2) / sd, J_x, self.problem.record.starts) if self.J.size else self.J
+        return J.reshape(self.J.shape[1], self.r.size), J_x
+
+    def metric(self, F: np.ndarray) -> np.ndarray:
+        """Mean square over the noise that weights of functions F move the outputs by, as a quadratic form (n, n).
+
+        Initial states and parameters follow.
+        """
+        J, J_x = self._known
+        moved = project_starts(F.transpose(1, 0, 2) / self.problem.sd[:, None], J_x, self.problem.record.starts)
+        moved = moved.reshape(len(moved), -1)
+        if len(J):
+            q, _ = np.linalg.qr((J / np.maximum(np.linalg.norm(J, axis=1, keepdims=True), 1e-300)).T)
+            moved = moved - (moved @ q) @ q.T
+        return moved @ moved.T / moved.shape[1]
+
+    def roots_of(self, k: int, F: np.ndarray) -> list[list[np.ndarray]]:
+        """Of every form of law k, whose functions move the outputs by F; they are made once."""
+        if k not in self.made:
+            metric = self.metric(F)
+            forms = self.candidates[k][1].forms
+            self.made[k] = [self.roots(form, metric[np.ix_(form.functions, form.functions)]) for form in forms]
+        return self.made[k]
+
+    def roots(self, form: Form, metric: np.ndarray) -> list[np.ndarray]:
+        """Roots of the prior covariances of a form's weights: its mean square movement is one, more or less smooth."""
+        if not np.isfinite(metric).all() or np.max(np.diag(metric)) <= 0.0:
+            return []
+        scale = np.sqrt(np.maximum(np.diag(metric), 1e-12 * max(float(np.max(np.diag(metric))), 1e-300)))
+        unit = metric / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(unit)
+        kept = values > RANK * values[-1]
+        white = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]  # every direction moves as much
+        found = [white / np.sqrt(white.shape[1])]
+        if form.rough is not None:
+            rough = white.T @ form.rough @ white
+            rough /= max(float(np.trace(rough)) / len(rough), 1e-300)
+            for weight in SMOOTH:
+                level, axes = np.linalg.eigh(np.eye(len(rough)) + weight * rough)
+                root = white @ (axes / np.sqrt(level))
+                found.append(root / np.sqrt(np.sum(1.0 / level)))
+        return found
+
+    def sized(self, G: np.ndarray, roots: list[np.ndarray]) -> tuple[tuple[float, float], np.ndarray, np.ndarray]:
+        """Log Bayes factors of a small and of a large law over none; posterior of the sizes; root of the prior covariance."""
+        k = 1 + self.J.shape[1]
+        if not (np.isfinite(G).all() and roots):
+            return (-np.inf, -np.inf), np.full(len(SIZES), 1.0 / len(SIZES)), np.eye(len(G) - k)
+        H, g = G[k:, k:], G[k:, 0]
+        if k > 1:
+            known = G[1:k, 1:k] + np.diag(self.precision)
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-150))
+            cross = G[1:k, k:] * scale[:, None]
+            solved = np.linalg.lstsq(
+                known * np.outer(scale, scale), np.column_stack([cross, scale * (G[1:k, 0] + self.pull)]), rcond=1e-10
+            )[0]
+            H, g = H - cross.T @ solved[:, :-1], g - cross.T @ solved[:, -1]
+        best: tuple[Any, ...] = ()
+        for root in roots:
+            value = amplitude_evidence(0.5 * (H + H.T), g, root, SIZES * self.unit)
+            top = float(np.max(value))
+            weights = np.exp(value - top) * self.priors
+            small, large = np.sum(weights, axis=1)
+            if not best or np.log(small + large) + top > best[0]:
+                posterior = np.sum(weights, axis=0) / (small + large)
+                best = np.log(small + large) + top, (_log(small) + top, _log(large) + top), posterior, root
+        return best[1], best[2], best[3]
+
+    def none(self, G: np.ndarray, logdet: float) -> float:
+        """Log likelihood without a law, parameters at their best to first order."""
+        k = 1 + self.J.shape[1]
+        base = -0.5 * (G[0, 0] + logdet) + 0.5 * self.prior
+        if k == 1:
+            return base
+        H, g = G[1:k, 1:k] + np.diag(self.precision), G[1:k, 0] + self.pull
+        scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+        return base + 0.5 * float(g / scale @ np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0])
+
+    def alone(self, noise: Noise) -> float:
+        """Without a law, under one noise."""
+        return self.none(*self.D.gram(np.concatenate([self.r[:, None], self.J], axis=1), noise))
+
+    def relatives(self, k: int, f: int) -> list[int]:
+        """A form of a law, and those that contain its functions and one more; none where this set has no such law."""
+        if k >= len(self.candidates) or f >= len(self.candidates[k][1].forms):
+            return []
+        forms = [set(form.functions.tolist()) for form in self.candidates[k][1].forms]
+        return [f, *(i for i, other in enumerate(forms) if forms[f] < other and len(other) == len(forms[f]) + 1)]
+
+    def found(self, k: int, f: int, F: np.ndarray, noise: Noise) -> _Found:
+        """A law under one noise."""
+        form = self.candidates[k][1].forms[f]
+        G, logdet = self.D.gram(np.concatenate([self.r[:, None], self.J, F], axis=1), noise)
+        metric = self.metric(F)
+        (small, large), posterior, root = self.sized(G, self.roots(form, metric))
+        base = self.none(G, logdet) - self.price
+        size, n = float(posterior @ SIZES) * self.unit, self.J.shape[1]
+        # Weights at the mean size, in the coordinates of the prior's root.
+        R = np.zeros((len(G) - 1, n + root.shape[1]))
+        R[:n, :n], R[n:, n:] = np.eye(n), size * root
+        H = R.T @ G[1:, 1:] @ R + np.diag(np.r_[self.precision, np.ones(root.shape[1])])
+        g = R.T @ (G[1:, 0] + np.r_[self.pull, np.zeros(len(G) - 1 - n)])
+        scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
+        inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+        theta = R @ (inverse @ g)
+        slope = R.T @ np.r_[np.zeros(n), metric @ theta[n:]]  # of half the mean square movement
+        moved = np.sqrt(max(float(theta[n:] @ metric @ theta[n:]), 1e-300))
+        spread = np.sqrt(max(float(slope @ inverse @ slope), 0.0)) / moved
+        return _Found(base + small, base + large, moved / self.unit, spread / self.unit, theta, noise, k, f)
+
+    def refined(self, k: int, f: int, start: Noise) -> _Found:
+        """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""
+        curve, law, _ = self.candidates[k]
+        F, n = curve.moved()[:, law.forms[f].functions], self.J.shape[1]
+        unit, caps = self.problem.force_unit(), self.problem.caps
+        now = self.found(k, f, F, start)
+        for _ in range(TURNS):
+            J = np.concatenate([self.J, np.einsum("okt,k->ot", F, now.theta[n:])[:, None]], axis=1)
+            held, pull = np.r_[self.precision, 0.0], np.r_[self.pull, 0.0]
+            noise, _, _ = fit_noise(self.D, self.r, now.noise, unit, J, held, pull, caps=caps)
+            now = self.found(k, f, F, noise)
+        return now
+
+    def told(self, one: _Found, alone: float) -> LawBeside:
+        """With its place; a set with next to no law is not less likely than the set alone."""
+        curve, _, kind = self.candidates[one.k]
+        small = float(np.logaddexp(one.small, alone - np.log(2.0)))
+        weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
+        size, spread = float(one.size * weight), float(one.spread)
+        seed = one.k, one.f, one.noise
+        return LawBeside(small, float(one.large), curve.location, kind, curve.variable, size, spread, seed)
+
+
+def _of_any_size(one: _Found) -> float:
+    """Log evidence with a law of any size."""
+    return float(np.logaddexp(one.small, one.large))
+
+
+def _log(value: float) -> float:
+    """Logarithm, -inf of nothing."""
+    return float(np.log(value)) if value > 0 else -np.inf
