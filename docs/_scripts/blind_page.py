@@ -82,7 +82,10 @@ def baselines(result: BlindResult) -> str:
     asked = {(row["arm"], row["seed"]) for row in others.rows}
     same = [row for row in result.rows if (row["arm"], row["seed"]) in asked]
     lines = [
-        {"method": row["diagnosis"].rpartition(":")[2], **{k: row[k] for k in ("cases", "right", "named", "false", "shrink")}}
+        {
+            "method": row["diagnosis"].rpartition(":")[2],
+            **{k: row[k] for k in ("cases", "right", "named", "false", "shrink")},
+        }
         for row in BlindResult((*others.rows, *same)).scores("diagnosis")
     ]
     return table(lines).replace("ask_gap_diagnoser", "GapDiagnoser")

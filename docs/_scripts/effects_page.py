@@ -7,22 +7,24 @@ from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 
 HEAD = """# The catalogue of effects
 
-An *effect* is a small parametric change to a simulator; its null value gives the simulator back. x is the state of
-the `location`, v the `variable` that drives the effect, c the first parameter (the *magnitude*), t the time from the
-first row of a run. Terms on a balance are added to dx/dt, so that c has the unit of dx/dt over that of the form.
-Several effects on one input, or on one sensor, act in the order of this page. Twins are effects that often predict the
-same; the diagnosis computes from the data which do.
+An *effect* is a small parametric change to a simulator. Its null value gives the original simulator. The tables use these
+symbols: x is the state of the `location`, v is the `variable` that drives the effect, c is the first parameter (the
+*magnitude*), and t is the time from the first row of a run.
 
-This page is written by `docs/_scripts/effects_page.py` from the classes in `sksurrogate.effects`. To add an effect of
-your own see [Extending](extending.md).
+- Terms on a balance are added to dx/dt, so c has the unit of dx/dt divided by the unit of the form.
+- Several effects on one input, or on one sensor, act in the order of this page.
+- Twins are effects that often predict the same outputs. The diagnosis computes from the data which ones do.
+
+`docs/_scripts/effects_page.py` writes this page from the classes in `sksurrogate.effects`. You can add
+[an effect of your own](extending.md).
 """
 
 PLACES = {
     "parameter": "On a parameter",
     "state": "On the balance of a state",
     "hidden": "With a hidden state",
-    "input": "On an input (acts before the simulator)",
-    "output": "On a sensor (acts on an output, behind the simulator)",
+    "input": "On an input (before the simulator)",
+    "output": "On a sensor (after the simulator)",
 }
 
 

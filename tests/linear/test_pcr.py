@@ -131,7 +131,7 @@ def test_search_over_knots_degree_and_rank():
 
 @pytest.mark.slow
 def test_example_of_knots_and_rank(monkeypatch):
-    example = Path(__file__).parents[2] / "examples" / "plot_choose_knots_and_rank.py"
+    example = Path(__file__).parents[2] / "examples" / "fits" / "plot_choose_knots_and_rank.py"
     pyplot = pytest.importorskip("matplotlib.pyplot")
     monkeypatch.setattr(pyplot, "show", lambda: None)
     found = runpy.run_path(str(example))

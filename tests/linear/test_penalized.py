@@ -453,7 +453,7 @@ def test_an_offset_of_y_moves_the_intercept_only(solver):
 def test_example_of_secondary_losses(monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     monkeypatch.setattr(pyplot, "show", lambda: None)
-    example = Path(__file__).parents[2] / "examples" / "plot_secondary_losses.py"
+    example = Path(__file__).parents[2] / "examples" / "fits" / "plot_secondary_losses.py"
     errors = runpy.run_path(str(example))["errors"]
     pyplot.close("all")
     assert errors["nothing: the slash operator"] > 10
