@@ -57,6 +57,7 @@ numpydoc_xref_ignore = "all"  # ... where they are this package's
 numpydoc_xref_aliases = aliases()
 xref.DEFAULT_LINKS.clear()  # terms in the inventories of numpy and python, which are not fetched
 add_module_names = False
+toc_object_entries_show_parents = "hide"
 templates_path = ["_templates"]
 
 html_theme = "pydata_sphinx_theme"
