@@ -125,7 +125,7 @@ def link_names(app, doctree, docname):
     for literal in list(doctree.findall(nodes.literal)):
         name = re.match(r"\w*", literal.astext()).group()
         ends = literal.astext()[len(name) :]
-        inside = isinstance(literal.parent, nodes.reference) or isinstance(literal.parent, nodes.title)
+        inside = isinstance(literal.parent, (nodes.reference, nodes.title))
         if not inside and PAGES.get(name) and (not ends or (ends[0] == "(" and ends[-1] == ")")):
             target = app.builder.get_relative_uri(docname, PAGES[name])
             literal.replace_self(nodes.reference("", "", literal.deepcopy(), internal=True, refuri=target))
