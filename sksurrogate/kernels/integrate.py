@@ -14,7 +14,7 @@ import numpy as np
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.free_run_model import Stepper
 
-__all__ = ["close", "closing_weight", "march", "rk4", "state_jacobian"]
+__all__ = ["close", "closing_weight", "march", "moved_one_by_one", "rk4", "state_jacobian"]
 
 #: Relative step of the forward differences through the step map (insensitive between 1e-9 and 1e-3).
 DIFFERENCE = 1e-5
@@ -120,6 +120,18 @@ def march(
     return out
 
 
+def moved_one_by_one(x: np.ndarray, steps: np.ndarray, n_columns: int = 0) -> np.ndarray:
+    """x (n_states, n_samples) as columns (n_states, n_columns, n_samples): as it is, then one state after the other moved by its step.
+
+    At least ``1 + n_states`` columns; further ones hold x as it is.
+    """
+    n = len(x)
+    columns = np.repeat(x[:, None, :], max(n_columns, 1 + n), axis=1)
+    for j in range(n):
+        columns[j, 1 + j] += steps[j]
+    return columns
+
+
 def state_jacobian(step: Stepper, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The next states and their derivative with respect to the states, by forward differences of the whole step map.
 
@@ -135,12 +147,8 @@ def state_jacobian(step: Stepper, x: np.ndarray, scale: np.ndarray) -> tuple[np.
     following : ndarray (n_states, n_samples)
     A : ndarray (n_states, n_states, n_samples)
     """
-    n = len(x)
-    columns = np.repeat(x[:, None, :], n + 1, axis=1)
     steps = DIFFERENCE * scale
-    for j in range(n):
-        columns[j, j + 1] += steps[j]
-    after = step(columns)
+    after = step(moved_one_by_one(x, steps))
     return after[:, 0], (after[:, 1:] - after[:, :1]) / steps[:, None]
 
 

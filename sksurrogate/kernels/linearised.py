@@ -8,7 +8,7 @@ import numpy as np
 
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.free_run_model import FreeRunModel
-from sksurrogate.kernels.integrate import DIFFERENCE
+from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one
 
 __all__ = ["Linearised", "linearise"]
 
@@ -57,10 +57,8 @@ def linearise(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, unit: np.nd
         Size of each parameter.
     """
     n, k, starts = model.n_states, model.n_theta, model.record.starts
-    columns = np.repeat(x[:, None, :], 1 + n + k, axis=1)
     dx = DIFFERENCE * model.scale
-    for j in range(n):
-        columns[j, 1 + j] += dx[j]
+    columns = moved_one_by_one(x, dx, 1 + n + k)
     dtheta = THETA_DIFFERENCE * np.maximum(np.abs(theta), unit)
     values = np.repeat(theta[:, None], 1 + n + k, axis=1)
     values[np.arange(k), 1 + n + np.arange(k)] += dtheta
@@ -95,10 +93,8 @@ def _start_of_hidden(
     if not known.any():
         return
     n, m, k, starts = model.n_states, model.n_nominal, model.n_theta, model.record.starts
-    first = np.repeat(x[:m, None, starts], 1 + m + k, axis=1)
     dx = DIFFERENCE * model.scale
-    for j in range(m):
-        first[j, 1 + j] += dx[j]
+    first = moved_one_by_one(x[:m, starts], dx, 1 + m + k)
     base = np.repeat(theta[:, None], 1 + m, axis=1)
     begun = model.bind(np.concatenate([base, values], axis=1)).start(first)
     for i in np.flatnonzero(known):

@@ -13,7 +13,7 @@ import numpy as np
 
 from sksurrogate.kernels.banded import BlockTridiagonal
 from sksurrogate.kernels.free_run_model import ObservedStepper
-from sksurrogate.kernels.integrate import DIFFERENCE, state_jacobian
+from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one, state_jacobian
 
 __all__ = ["Smoothed", "drawn", "noise_of_differences", "smooth"]
 
@@ -71,13 +71,17 @@ class Smoothed:
 
 def output_jacobian(bound: ObservedStepper, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Outputs (n_outputs, n_samples) and their derivative (n_outputs, n_states, n_samples), differences at each sample."""
-    n = len(x)
-    columns = np.repeat(x[:, None, :], n + 1, axis=1)
     steps = DIFFERENCE * scale
-    for j in range(n):
-        columns[j, j + 1] += steps[j]
-    y = bound.outputs(columns)
+    y = bound.outputs(moved_one_by_one(x, steps))
     return y[:, 0], (y[:, 1:] - y[:, :1]) / steps[:, None]
+
+
+def _defects(after: np.ndarray, x: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """``F(x_k) - x_{k+1}`` in row k, 0 in the last row of a run."""
+    d = np.zeros_like(x)
+    d[:, :-1] = after[:, :-1] - x[:, 1:]
+    d[:, ends] = 0.0
+    return d
 
 
 def smooth(
@@ -131,9 +135,7 @@ def smooth(
         g, C = output_jacobian(bound, x, scale)
         if not (np.all(np.isfinite(after)) and np.all(np.isfinite(A)) and np.all(np.isfinite(g))):
             break
-        d = np.zeros_like(x)
-        d[:, :-1] = after[:, :-1] - x[:, 1:]
-        d[:, ends] = 0.0
+        d = _defects(after, x, ends)
         best = Smoothed(x, d, np.sqrt(np.sum((d / part) ** 2, axis=1) / n_inner), A)
         if iteration == max_iterations - 1:
             break
@@ -164,9 +166,7 @@ def drawn(
     after, A = state_jacobian(bound, x, scale)
     g, C = output_jacobian(bound, x, scale)
     ends = np.r_[starts[1:], x.shape[1]] - 1
-    d = np.zeros_like(x)
-    d[:, :-1] = after[:, :-1] - x[:, 1:]
-    d[:, ends] = 0.0
+    d = _defects(after, x, ends)
     if not (np.all(np.isfinite(d)) and np.all(np.isfinite(A)) and np.all(np.isfinite(g))):
         return None
     allowed = np.broadcast_to(1.0 / (_ALLOWANCE * scale[:, None]) ** 2, x.shape)

@@ -14,8 +14,9 @@ from sksurrogate.physics._events import EventMap
 from sksurrogate.physics._free_run import free_run, raise_if_diverged
 from sksurrogate.physics._linear import exact_run
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._rhs import PointwiseFunction
-from sksurrogate.physics._simulator import BaseSimulator, describe
+from sksurrogate.physics._simulator import describe
 
 __all__ = ["ODESimulator"]
 
@@ -24,7 +25,7 @@ def _has_events(self: ODESimulator) -> bool:
     return bool(self.events)
 
 
-class ODESimulator(BaseSimulator):
+class ODESimulator(ParametricSimulator):
     """Simulator of ``dx/dt = rhs(t, x, u, p)``.
 
     Parameters
@@ -107,27 +108,6 @@ class ODESimulator(BaseSimulator):
     def __getstate__(self) -> dict[str, Any]:
         """What is looked up again stays behind."""
         return {key: value for key, value in super().__getstate__().items() if key != "_map"}
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Constructor arguments; with ``deep`` also every parameter as ``params__<name>``."""
-        out = super().get_params(deep=False)
-        if deep and isinstance(self.params, Mapping):
-            out.update({f"params__{name}": value for name, value in self.params.items()})
-        return out
-
-    def set_params(self, **params: Any) -> ODESimulator:
-        """Set constructor arguments, or single parameters as ``params__k=2.0`` (in a new dict; the user's is never written)."""
-        single = {key.removeprefix("params__"): params.pop(key) for key in list(params) if key.startswith("params__")}
-        if params:
-            super().set_params(**params)
-        if single:
-            unknown = sorted(set(single) - set(self.params))
-            if unknown:
-                raise ValueError(
-                    f"params__{unknown[0]}: the simulator has no parameter {unknown[0]!r}; it has {sorted(self.params)}."
-                )
-            self.params = {**self.params, **single}
-        return self
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run.

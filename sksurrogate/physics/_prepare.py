@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.kernels.integrate import DIFFERENCE, close
+from sksurrogate.kernels.integrate import DIFFERENCE, close, moved_one_by_one
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import drawn
@@ -97,8 +97,7 @@ def fastest(model: FitModel, theta: np.ndarray, x: np.ndarray) -> float:
     at = x[:, rows]
     size = np.max(np.abs(at), axis=1)
     step = DIFFERENCE * np.where(size > 0, size, 1.0)
-    columns = np.repeat(at[:, None], n + 1, axis=1)
-    columns[np.arange(n), 1 + np.arange(n)] += step[:, None]
+    columns = moved_one_by_one(at, step)
     t, mean, _ = model.points_at(rows, n + 1)
     params = model.bind(theta[:, None]).params(0)
     slopes = model.inner.derivative_points(t, columns.reshape(n, -1), mean[0], params).reshape(n, n + 1, -1)
