@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from numbers import Integral
 from typing import Any
 
 import numpy as np
+from sklearn.base import clone
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._free_run import raise_if_diverged
-from sksurrogate.physics._mujoco_engine import Engine, Points
+from sksurrogate.physics._mujoco_effects import as_parameters
+from sksurrogate.physics._mujoco_engine import Points
 from sksurrogate.physics._mujoco_patch import patched
-from sksurrogate.physics._mujoco_read import Resolved, known_names, listed, whole_steps
-from sksurrogate.physics._mujoco_source import identity, read_model
-from sksurrogate.physics._params import ParametricSimulator
+from sksurrogate.physics._mujoco_read import NamedModel, whole_steps
 
 __all__ = ["MuJoCoSimulator"]
 
@@ -30,7 +28,7 @@ def _has_sensors(self: MuJoCoSimulator) -> bool:
     return self._engine().markov and not set(self.outputs) <= set(self.states)
 
 
-class MuJoCoSimulator(ParametricSimulator):
+class MuJoCoSimulator(NamedModel):
     """A MuJoCo model: robots, hands, mechanisms, with contacts.
 
     Parameters
@@ -109,11 +107,6 @@ class MuJoCoSimulator(ParametricSimulator):
     0.191
     """
 
-    inputs: Any = Resolved()
-    outputs: Any = Resolved()
-    params: Any = Resolved()
-    dt: Any = Resolved()
-    x0: Any = Resolved()
     hold = "zoh"
     exact_step = True
 
@@ -150,99 +143,6 @@ class MuJoCoSimulator(ParametricSimulator):
             setattr(self, name, params.pop(name))
         super().set_params(**params)
         return self
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The model in memory stays behind."""
-        return {key: value for key, value in super().__getstate__().items() if key != "_handle"}
-
-    def close(self) -> None:
-        """Free the model in memory and its threads; the next simulation opens it again."""
-        handle = self.__dict__.pop("_handle", None)
-        if handle is not None and handle[1].alive:
-            handle[1].close()
-
-    def _engine(self) -> Engine:
-        """The model in memory; opened on first use and after a change of source, threads or process."""
-        key = (identity(self.model), self._threads())
-        handle = self.__dict__.get("_handle")
-        if handle is None or handle[0] != key or not handle[1].alive:
-            self._handle = handle = (key, Engine(read_model(self.model), key[1]))
-        return handle[1]
-
-    def _threads(self) -> int:
-        given = self.n_threads
-        if given is None:
-            return 1
-        if not isinstance(given, Integral) or (given < 1 and given != -1):
-            raise SimulatorError(f"n_threads={given!r}: expected None, -1 or a positive integer.")
-        return os.cpu_count() or 1 if given == -1 else int(given)
-
-    def _read_inputs(self, given: Sequence[str] | None) -> list[str]:
-        layout = self._engine().layout
-        names = list(layout.controls) if given is None else listed(given)
-        return known_names(names, (*layout.controls, *layout.ports), "inputs", "is neither an actuator nor a joint")
-
-    def _read_outputs(self, given: Sequence[str] | None) -> list[str]:
-        layout = self._engine().layout
-        names = list(layout.sensors or layout.states) if given is None else listed(given)
-        return known_names(names, (*layout.states, *layout.sensors), "outputs", "is neither a state nor a sensor")
-
-    def _read_params(self, given: Any) -> dict[str, float]:
-        own = self._engine().parameters
-        names = list(own) if given is None else known_names(listed(given), tuple(own), "params", "is no parameter")
-        return {name: float(given[name]) if isinstance(given, Mapping) else own[name].value for name in names}
-
-    def _read_dt(self, given: float | None) -> float:
-        step = self._engine().timestep
-        if given is not None:
-            whole_steps(np.array([float(given)]), step, "dt is")
-        return step if given is None else float(given)
-
-    def _read_x0(self, given: Any) -> np.ndarray:
-        engine = self._engine()
-        return engine.start if given is None else self._checked_x0(np.asarray(given, dtype=float).reshape(-1), engine)
-
-    def _checked_x0(self, start: np.ndarray, engine: Engine) -> np.ndarray:
-        if start.shape[-1] != engine.n_states:
-            raise SimulatorError(
-                f"x0 has {start.shape[-1]} values, expected {engine.n_states}: one for each of states={self.states}."
-            )
-        return start
-
-    @property
-    def states(self) -> list[str]:
-        """Positions, velocities and activations by name."""
-        return list(self._engine().layout.states)
-
-    @property
-    def ports(self) -> list[str]:
-        """Where forces can enter that are no inputs."""
-        taken = set(self.inputs)
-        return [name for name in self._engine().layout.ports if name not in taken]
-
-    @property
-    def kinematic(self) -> list[str]:
-        """States that are integrals of others."""
-        return list(self._engine().layout.positions)
-
-    @property
-    def timestep(self) -> float:
-        """Step of the model's integrator."""
-        return self._engine().timestep
-
-    def keyframe(self, name: str) -> np.ndarray:
-        """State (n_states,) of a keyframe of the model, to be given as ``x0``.
-
-        Raises
-        ------
-        SimulatorError
-            The model has no such keyframe.
-        """
-        model = self._engine().origin
-        known = [model.key(i).name for i in range(model.nkey)]
-        known_names([name], known, "name", "is no keyframe")
-        key = model.key(name)
-        return np.concatenate([key.qpos, key.qvel, key.act])
 
     # ---- points -----------------------------------------------------------------------------------------------------
     @available_if(_is_markov)
@@ -380,6 +280,38 @@ class MuJoCoSimulator(ParametricSimulator):
         return X, read, times
 
     # ---- back to MuJoCo ---------------------------------------------------------------------------------------------
+    def as_parameters(self, effects: Sequence[Any], values: Sequence[Mapping[str, float]]) -> tuple[Any, list[int]]:
+        """Effects as parameters of the model, where they are ones.
+
+        ``parameter_error``, ``input_gain`` of a motor, and ``linear_loss`` and ``coulomb_friction`` at a joint's port, driven
+        by its velocity, are parameters. (Dry friction is a constraint in MuJoCo, softened near rest.)
+
+        Parameters
+        ----------
+        effects : sequence of BaseEffect
+        values : sequence of dict of float
+            Parameters of each effect.
+
+        Returns
+        -------
+        simulator : MuJoCoSimulator
+            A clone with other ``params``.
+        left : list of int
+            Positions of the effects that no parameter can say; they are not in ``simulator``.
+
+        Examples
+        --------
+        >>> from sksurrogate.effects import CATALOGUE
+        >>> from sksurrogate.physics import MuJoCoSimulator
+        >>> slider = MuJoCoSimulator('''<mujoco><worldbody><body><joint name="rail" type="slide"/>
+        ...     <geom size="0.1"/></body></worldbody><actuator><motor name="push" joint="rail"/></actuator></mujoco>''')
+        >>> weak, left = slider.as_parameters([CATALOGUE["input_gain"]("push")], [{"relative_error": -0.2}])
+        >>> weak.params["push.gear"], left
+        (0.8, [])
+        """
+        changed, left = as_parameters(self._engine(), self.params, effects, values)
+        return clone(self).set_params(params={**self.params, **changed}), left
+
     def to_mjcf(self, path: Any = None) -> str:
         """The model with the parameters of this simulator, as MJCF.
 

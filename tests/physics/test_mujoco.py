@@ -356,7 +356,7 @@ def test_delayed_actuators_are_simulated_by_trajectories_only():
     try:
         simulator = MuJoCoSimulator(text)
         simulator.simulate(np.zeros((2, 2)))
-    except SimulatorError as error:  # before MuJoCo 3.5
+    except SimulatorError as error:  # an older MuJoCo
         pytest.skip(str(error))
     assert describe(simulator).access == "trajectory"
     U = np.zeros((12, 2))

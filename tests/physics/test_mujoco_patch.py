@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics import MuJoCoSimulator
 
@@ -123,3 +124,37 @@ def test_what_mjcf_cannot_say_is_an_error():
     simulator = MuJoCoSimulator(bounded).set_params(**{"params__pole.mass": 0.2})
     with pytest.raises(SimulatorError, match=r"MJCF cannot say what params says \(pole.mass\): compile options"):
         simulator.to_mjcf()
+
+
+# ---- effects that are parameters ------------------------------------------------------------------------------------
+def test_errors_of_parameters_and_gains_of_motors_are_parameters():
+    simulator = MuJoCoSimulator(CART, dt=0.01)
+    effects = [
+        CATALOGUE["parameter_error"]("pole.mass"),
+        CATALOGUE["parameter_error"]("pin.frictionloss"),  # 0 in the model: an absolute change
+        CATALOGUE["input_gain"]("drive"),
+        CATALOGUE["input_gain"]("servo"),
+        CATALOGUE["input_delay"]("drive"),
+    ]
+    values = [{"relative_error": 0.2}, {"relative_error": 0.03}, {"relative_error": -0.1}, {"relative_error": 0.1}, {"delay": 0.02}]  # fmt: skip
+    own, left = simulator.as_parameters(effects, values)
+    assert left == [3, 4]  # a servo of another gain on its target alone, a delay
+    assert own.params["pole.mass"] == pytest.approx(0.36) and own.params["drive.gear"] == pytest.approx(1.8)
+    U = np.random.default_rng(0).normal(size=(50, 4))
+    added = AugmentedSimulator(simulator, effects[:3], values[:3]).simulate(U)
+    np.testing.assert_allclose(own.simulate(U), added, atol=1e-6)  # tolerance of the solver, cold at every sample
+    compare(own, own.to_mjcf(), 1e-9)
+
+
+def test_friction_laws_at_a_port_are_parameters_of_the_joint():
+    simulator = MuJoCoSimulator(CART, dt=0.01)
+    viscous, dry = CATALOGUE["linear_loss"]("pin", "pin.vel"), CATALOGUE["coulomb_friction"]("pin", "pin.vel")
+    own, left = simulator.as_parameters([viscous, dry], [{"coefficient": 0.05}, {"level": 0.02}])
+    assert left == []
+    x = np.array([[0.1, 0.1], [0.2, -0.3], [0.5, 0.5], [3.0, -4.0]])
+    u, forces = np.zeros((4, 2)), np.zeros((2, 2))
+    forces[1] = -0.05 * x[3] - 0.02 * np.sign(x[3])
+    added = simulator.rhs(0.0, x, u, simulator.params, forces=forces)
+    np.testing.assert_allclose(own.rhs(0.0, x, u, own.params), added, atol=1e-6)  # tolerance of the solver
+    elsewhere = CATALOGUE["linear_loss"]("pin", "rail.vel")
+    assert simulator.as_parameters([elsewhere], [{"coefficient": 0.05}])[1] == [0]

@@ -1,0 +1,79 @@
+"""Which effects are parameters of a MuJoCo model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sksurrogate.exceptions import require
+from sksurrogate.physics._mujoco_engine import Engine
+
+__all__ = ["as_parameters"]
+
+#: Laws at a port driven by the joint's own velocity or position, which add to a parameter of the joint.
+_LAWS = {
+    "linear_loss": ("vel", "damping"),
+    "coulomb_friction": ("vel", "frictionloss"),
+}
+
+
+def as_parameters(
+    engine: Engine, own: Mapping[str, float], effects: Sequence[Any], values: Sequence[Mapping[str, float]]
+) -> tuple[dict[str, float], list[int]]:
+    """Parameters that say what effects say, and the numbers of the effects that no parameter can say.
+
+    Parameters
+    ----------
+    engine : Engine
+    own : dict of float
+        The simulator's parameters.
+    effects : sequence of BaseEffect
+    values : sequence of dict of float
+        Parameters of each effect, magnitude first.
+
+    Returns
+    -------
+    params : dict of float
+        Those that change.
+    left : list of int
+    """
+    now = {name: one.value for name, one in engine.parameters.items()} | dict(own)
+    changed: dict[str, float] = {}
+    left: list[int] = []
+    for i, (effect, given) in enumerate(zip(effects, values)):
+        size = next(iter(given.values()), 0.0)
+        found = _as_parameter(engine, effect, size, now)
+        plain = not any(getattr(effect, name, None) is not None for name in ("onset", "end", "runs"))
+        if found is None or not plain:
+            left.append(i)
+            continue
+        now[found[0]] = changed[found[0]] = found[1]
+    return changed, left
+
+
+def _as_parameter(engine: Engine, effect: Any, size: float, now: Mapping[str, float]) -> tuple[str, float] | None:
+    """Name and value of the parameter that says what an effect says."""
+    place = str(effect.location)
+    if effect.name == "parameter_error" and place in now:
+        return place, now[place] * (1.0 + size) if now[place] != 0 else size
+    if effect.name == "input_gain" and f"{place}.gear" in now and _is_linear(engine, place):
+        return f"{place}.gear", now[f"{place}.gear"] * (1.0 + size)
+    if effect.name in _LAWS and place in engine.layout.ports:
+        part, quantity = _LAWS[effect.name]
+        state = engine.layout.velocities[engine.layout.ports.index(place)]
+        name = f"{state.removesuffix(f'.{part}')}.{quantity}"
+        if effect.variable == state and name in now:  # a joint of one degree of freedom
+            return name, now[name] + size
+    return None
+
+
+def _is_linear(engine: Engine, actuator: str) -> bool:
+    """Whether the force of an actuator is in proportion to its control."""
+    mujoco, model = require("mujoco", "mujoco"), engine.origin
+    i = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, actuator)
+    if i < 0 or model.actuator_biastype[i] != int(mujoco.mjtBias.mjBIAS_NONE):
+        return False
+    linear = [getattr(mujoco.mjtDyn, f"mjDYN_{name}") for name in ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT")]
+    limited = model.actuator_ctrllimited[i] or model.actuator_forcelimited[i] or model.actuator_actlimited[i]
+    fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    return fixed and not limited and int(model.actuator_dyntype[i]) in map(int, linear)
