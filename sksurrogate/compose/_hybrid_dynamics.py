@@ -19,6 +19,7 @@ from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._free_run import free_run
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant, describe, simulated
 
@@ -63,6 +64,7 @@ class DynamicsCorrection:
         judges = everything[1::4] if len(everything) >= 4 else everything
         pupils = [r for r in everything if r not in judges] or everything
         best, bases = np.inf, self._bases(z)
+        chosen = bases[0]
         self.terms: Any = None
         for basis in bases:
             if len(bases) > 1:
@@ -70,9 +72,8 @@ class DynamicsCorrection:
                 error = self._error([inputs[r] for r in judges], [measured[r] for r in judges])
             else:
                 error = 0.0
-            if self.terms is None or error < best:
+            if error < best:
                 best, chosen = error, basis
-                self.terms = self.terms if self.terms is not None else model
         self._learn(plant, model, guess, chosen, everything, before)
         self._judge(plant, inputs, measured)
         self.fitted = self._filled()
@@ -93,6 +94,10 @@ class DynamicsCorrection:
             starts = np.repeat(plant.x0[None], len(inputs), axis=0)
             self.noise = noise_of_differences(record.y, record.starts)
             model, guess = prepared(PlantModel(plant), record, self.noise, [], np.zeros(0), starts, False, True)
+            steps = model.bind(np.zeros((0, 1)))(guess[:, None])
+        if not np.isfinite(steps).all(axis=0).any():
+            place = not_finite_along(model.inner, record)
+            raise SimulatorError(f"the simulator gives no finite step along the data: {place}")
         return plant, model, guess
 
     def _judge(self, plant: Plant, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:

@@ -25,6 +25,7 @@ from sksurrogate.physics._begin import coarse_start
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._intervals import known
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import describe, simulated
 from sksurrogate.runs import Runs, resolve_runs
@@ -183,9 +184,10 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                 PlantModel(plant), record, sd, names, theta, unit, (low, high), starts, x0 is not None
             )
             if fit is None:
+                place = not_finite_along(PlantModel(plant), record, [run.label for run in runs])
                 raise SimulatorError(
                     f"no finite free run was found near params={dict(zip(names, theta.tolist()))}: give starting values nearer "
-                    "to the plant (set_params(params__name=...)), bounds, or x0, and see that the right-hand side is finite there."
+                    f"to the plant (set_params(params__name=...)), bounds, or x0{': ' + place if place else '.'}"
                 )
             lin = fit.linearised or linearise(model, fit.theta, fit.x, unit)
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}

@@ -53,7 +53,10 @@ def test_settings(settings, error, message):
         (plant(params={"k": "a"}), r"params\['k'\]='a': expected a finite number"),
         (plant(lambda t, x, u, p: [x[0], x[0]]), r"must return 1 components, one for each of \['x'\]"),
         (plant(lambda t, x, u, p: None), "must return 1 components.*returned None"),
-        (plant(lambda t, x, u, p: [np.nan * x[0]]), "see that the right-hand side is finite"),
+        (
+            plant(lambda t, x, u, p: [np.nan * x[0]]),
+            "state 'x' is not finite in 40 of 40 samples along the data, first in row 0",
+        ),
         (plant(lambda t, x, u, p: [u[0] - x[0]], params={}), "no parameters to fit.*params=\\[\\]"),
         (plant(lambda t, x, u, p: list(x), states=["x", "x"]), r"states=\['x', 'x'\]: 'x' is named twice"),
     ],
