@@ -101,7 +101,9 @@ def _right(arm: str, row: Mapping[str, Any], n_truths: int) -> bool:
     if verdict == "either":
         return not row["false_names"] and row["verdict"] != "unknown"
     if verdict == "unknown":
-        return row["verdict"] == "unknown" or row["imitated"] or (row["verdict"] == "partial" and not row["false_names"])
+        return (
+            row["verdict"] == "unknown" or row["imitated"] or (row["verdict"] == "partial" and not row["false_names"])
+        )
     if verdict == "sensor":
         return all(effect["name"].startswith("sensor_") for effect in row["effects"]) and row["verdict"] != "unknown"
     return row["verdict"] == "none" and not row["effects"]

@@ -27,7 +27,7 @@ from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._not_finite import not_finite_along
+from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import resolve_runs
 
@@ -172,11 +172,8 @@ class GapDiagnoser(BaseEstimator):
         kinematic = kinematic_states(model)
         balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
         candidates = list(build_effects(plant, balances, self.effects))
-        try:
+        with finite_along(model, whole, [run.label for run in runs]):
             problem, smoothed = build_problem(plant, model, record, free, balances)
-        except FloatingPointError as error:
-            where = not_finite_along(model, whole, [run.label for run in runs])
-            raise SimulatorError(f"the simulator gives no finite step along the data. {where}".rstrip()) from error
         self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
         fixed, apart = (self.simulator, plant, model, record, *candidates), self.n_jobs is None
         with Second(fixed, apart) as second, Second(fixed, apart, later=True) as later:

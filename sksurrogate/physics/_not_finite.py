@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
+from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import first_guess
 
-__all__ = ["not_finite_along"]
+__all__ = ["finite_along", "not_finite_along"]
 
 WAY_OUT = (
     "See that the unit and the offset of the outputs are those of the simulator, and where its function is defined: a root, a "
@@ -57,3 +59,13 @@ def not_finite_along(inner: PlantModel, record: Record, labels: Sequence[object]
         f"{where}row {k - int(record.starts[run])}, t = {record.t[k]:g}, from "
         f"{', '.join(f'{name} = {value:.4g}' for name, value in at.items())}. {WAY_OUT}"
     )
+
+
+@contextmanager
+def finite_along(inner: PlantModel, record: Record, labels: Sequence[object]) -> Iterator[None]:
+    """What fails within for numbers that are not finite raises :class:`SimulatorError`, with the place."""
+    try:
+        yield
+    except FloatingPointError as error:
+        place = not_finite_along(inner, record, labels) or str(error)
+        raise SimulatorError(f"the simulator gives no finite step along the data: {place}") from error
