@@ -234,7 +234,7 @@ class SqrtLeak(BalanceEffect):
 
 
 class PowerLaw(BalanceEffect):
-    """A loss with an unknown exponent: ``- c v^m``, or ``- c v^m w`` of two signals; v >= 0."""
+    """A loss with an unknown exponent: ``- c v^m``, or ``- c v^m w`` of two signals; odd: ``v^m`` is ``sign(v) |v|^m``."""
 
     name = "power_law"
     drivers = ("state",)
@@ -242,16 +242,16 @@ class PowerLaw(BalanceEffect):
         Parameter("coefficient", low=0.0, unit="dx/dt over v^m (w)"),
         Parameter("exponent", null=1.0, low=0.05, high=8.0),
     )
-    equation = "- c v^m, v >= 0 (- c v^m w for v*w)"
+    equation = "- c sign(v) abs(v)^m (times w for v*w)"
     signature = "a loss that is no straight line in the level: kinetics, valves, natural convection"
     twins = ("linear_loss", "sqrt_leak", "quadratic_loss", "bilinear", "parameter_error")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c v^m`` or ``- c v^m w``."""
+        """``- c sign(v) |v|^m``, times w where there are two signals."""
         coefficient, exponent = theta
         if isinstance(v, tuple):
-            return -coefficient * positive(v[0]) ** exponent * v[1]
-        return -coefficient * positive(v) ** exponent
+            return -coefficient * np.sign(v[0]) * positive(np.abs(v[0])) ** exponent * v[1]
+        return -coefficient * np.sign(v) * positive(np.abs(v)) ** exponent
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
@@ -261,7 +261,7 @@ class PowerLaw(BalanceEffect):
         return (*plant.states, *used, *(f"{w}*{location}" for w in others))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Exponents below and above one; none where v never is positive."""
+        """Exponents below and above one; none where v never is positive: there the loss would be a gain."""
         assert probe.v is not None
         v: Any = probe.factors if len(probe.factors) == 2 else (probe.v, np.ones_like(probe.v))
         if not np.any(v[0] > 0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.fit._problem import Numerics, build_problem
 from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
@@ -45,7 +45,7 @@ def problem():
     plant = describe(simulator, n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     found, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
-    return replace(found, n_sub=2, sharpness=150.0), smoothed
+    return replace(found, numerics=Numerics(2, 150.0)), smoothed
 
 
 @pytest.mark.parametrize(

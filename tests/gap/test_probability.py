@@ -30,9 +30,9 @@ def test_alone_it_is_certain_and_a_twin_counts_for_its_class():
 
 
 def test_none_and_a_law_without_a_name_count_against_it():
-    assert chance(null=0.0) == pytest.approx(0.5)
     assert chance(posterior=0.25) == pytest.approx(0.25)
-    assert chance([rival(LinearLoss("speed", "speed"), value=0.0)], null=0.0, posterior=0.6) == pytest.approx(0.4)
+    other = rival(LinearLoss("speed", "speed"), value=100.0)
+    assert chance(rejected=[other], posterior=0.6) == pytest.approx(0.6 / (1.0 + np.exp(-EQUAL)))
 
 
 def test_a_rejected_rival_counts_as_little_as_its_finer_fit_said():

@@ -22,14 +22,13 @@ def probabilities(search: Search, final: Candidate, slots: Sequence[Slot], poste
     final : Candidate
     slots : sequence of Slot
     posterior : sequence of float
-        Of each effect against a law without a name in its place (:func:`weigh`).
+        Of each effect against none and against a law without a name in its place (:func:`weigh`).
     """
     own = search.score(final)
-    none = search.score(search.null.candidate) if search.null is not None else -np.inf
     out = []
     for slot, chance in zip(slots, posterior):
         ours = [own, *(_score(search, rival, final) for rival in slot.twins)]
-        against = [*_others(search, final, slot), none]
+        against = _others(search, final, slot)
         top = max([*ours, *against])
         for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
         out.append(chance * for_it / in_all)
