@@ -79,9 +79,9 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "at_the_noise",
-        lambda f: certain(f) and f.left < SETTLED,
+        lambda f: certain(f) and f.left < SETTLED and f.share_left <= MOST_LEFT,
         "explained",
-        "What is named leaves no more than the noise.",
+        "What is named closes most of the gap, and leaves no more than the noise.",
     ),
     Rule(
         "disturbance_left",
