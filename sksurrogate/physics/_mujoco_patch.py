@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from sksurrogate._files import write_text
 from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._mujoco_layout import name_of
 from sksurrogate.physics._mujoco_params import ModelParameter
@@ -75,7 +76,7 @@ def patched(
     if folder is not None and folder != to.parent:
         _move(tree, folder, to.parent)
     text = ElementTree.tostring(tree, encoding="unicode")
-    to.write_text(text + "\n", encoding="utf-8")
+    write_text(to, text + "\n")
     return text
 
 

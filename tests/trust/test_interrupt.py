@@ -35,7 +35,7 @@ def diagnose(at):
     simulator = ODESimulator(counting_rhs, states=["y"], inputs=["u"], outputs=["y"], params=params, dt=0.02, x0=[4.0])
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        diagnoser = GapDiagnoser(simulator, effects=NAMES, random_state=0).fit(X, y, groups=groups)
+        diagnoser = GapDiagnoser(simulator, effects=NAMES, n_jobs=1, random_state=0).fit(X, y, groups=groups)
     return diagnoser, [str(w.message) for w in said]
 
 
@@ -60,7 +60,7 @@ def test_an_interrupt_at_any_moment(share, calls):
     assert not report.complete
     assert any("interrupt" in message.lower() for message in said)
     assert "interrupted" in str(report) and "Interrupted" in report.to_html()
-    assert report.verdict in ("none", "explained", "unknown")
+    assert report.verdict in ("none", "explained", "partial", "unknown")
     assert str(pickle.loads(pickle.dumps(report))) == str(report)
     found = diagnoser.augmented_.simulate(X[groups == 0], x0=y[:1])
     assert np.isfinite(found).all()
