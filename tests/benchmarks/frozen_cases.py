@@ -60,7 +60,10 @@ class Task:
 
 
 class SimulateAlone(BaseSimulator):
-    """A simulator of which nothing is reached but ``simulate``, its names and its parameters."""
+    """A simulator of which nothing is reached but its free runs, its names and its parameters.
+
+    Several runs go at once through ``simulate_batch``: the answers are about the diagnosis, not about the integrator's speed.
+    """
 
     def __init__(self, hidden: Any, with_start: bool):
         self.hidden = hidden
@@ -72,8 +75,15 @@ class SimulateAlone(BaseSimulator):
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run."""
-        changed = {f"params__{name}": value for name, value in self.params.items()}
-        return np.asarray(self.hidden.set_params(**changed).simulate(U, x0, t))
+        return np.asarray(self._tuned().simulate(U, x0, t))
+
+    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
+        """Free runs of runs of one length."""
+        return np.asarray(self._tuned().simulate_batch(U, X0, t))
+
+    def _tuned(self) -> Any:
+        """The simulator behind, with the present parameters."""
+        return self.hidden.set_params(**{f"params__{name}": value for name, value in self.params.items()})
 
 
 def entropy(k: int) -> int:
