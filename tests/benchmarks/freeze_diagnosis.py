@@ -38,8 +38,8 @@ from frozen_cases import CASES, Asked, Task
 
 import sksurrogate.gap
 
-#: Stored rows, and the processor seconds after which a case is left out.
-FROZEN, LONGEST = Path(__file__).parent / "frozen" / "rows.jsonl.xz", 90.0
+#: Stored rows, and the processor seconds after which a case is left out; of one that is stored, so many times more.
+FROZEN, LONGEST, PATIENCE = Path(__file__).parent / "frozen" / "rows.jsonl.xz", 90.0, 5.0
 #: Parts of a row that a comparison leaves out.
 INFORMATIVE = ("seconds", "left_out")
 
@@ -162,23 +162,24 @@ def _expired(*_: Any) -> None:
     raise TooLong
 
 
-def row_of(task: Task, decisions: Decisions, left_out: dict[str, str]) -> dict[str, Any]:
+def row_of(task: Task, decisions: Decisions, frozen: dict[str, Any]) -> dict[str, Any]:
     """Ask one case; an error or a case that takes too long is a row too."""
     row: dict[str, Any] = {"id": task.id, **task.facts}
-    if task.id in left_out:
-        return {**row, "left_out": left_out[task.id]}
+    if "left_out" in frozen:
+        return {**row, "left_out": frozen["left_out"]}
+    limit = LONGEST * PATIENCE if frozen else LONGEST
     decisions.clear()
     begun = None
     try:
         asked: Asked = task.prepare()
         row |= asked.facts
         begun = time.process_time()
-        signal.setitimer(signal.ITIMER_PROF, LONGEST)
+        signal.setitimer(signal.ITIMER_PROF, limit)
         report = asked.diagnose()
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         row |= answer_row(report, decisions)
     except TooLong:
-        row["left_out"] = f"more than {LONGEST:.0f} s of processor time"
+        row["left_out"] = f"more than {limit:.0f} s of processor time"
     except Exception as error:
         row["error"] = f"{type(error).__name__}: {error}"
     finally:
@@ -244,7 +245,6 @@ def sample(tasks: Sequence[Task], frozen: dict[str, dict[str, Any]], count: int)
 def run(out: Path, part: str, count: int | None, only: str) -> None:
     """Ask the cases that OUT does not hold yet; rows are appended as they come."""
     frozen = read_rows(FROZEN) if FROZEN.exists() else {}
-    left_out = {key: row["left_out"] for key, row in frozen.items() if "left_out" in row}
     tasks = [task for task in CASES if task.id.startswith(only)]
     tasks = sample(tasks, frozen, count) if count else tasks
     if all(task.id in frozen for task in tasks):  # the cheap ones first
@@ -261,7 +261,7 @@ def run(out: Path, part: str, count: int | None, only: str) -> None:
     for task in tasks:
         if task.id in done:
             continue
-        row = row_of(task, decisions, left_out)
+        row = row_of(task, decisions, frozen.get(task.id, {}))
         with open(out, "ab") as file:
             file.write(gzip.compress(line_of(row)))
         said = row.get("verdict") or row.get("error") or row.get("left_out")

@@ -192,7 +192,7 @@ def _ball_and_beam(name: str) -> Problem:
         rolling, states=["position", "velocity"], inputs=["angle"], outputs=["position"],
         params={"k": 7.0, "offset": 0.0}, dt=0.1,
     )  # fmt: skip
-    u, y = data["u"][:, None], data["y"][:, None]
+    u, y = data["u"][:500, None], data["y"][:500, None]
     accepted = (*AIR, *DRY, "input_bias", "input_backlash")
     return Problem(name, simulator, u, y, _one_run(u), "all", accepted, ("velocity", "angle"))
 
