@@ -132,7 +132,15 @@ def test_steps_ahead_equal_a_free_run_from_each_row():
 def test_any_regressor_runs_freely():
     X, y, groups = planted()
     model = RecursivePredictor(RandomForestRegressor(5, random_state=0), 1, 2).fit(X, y, groups=groups)
-    assert np.isfinite(model.predict(X, groups=groups)).all()
+    found = model.predict(X, y0=y[:2, None], groups=groups)
+    row = found[:2].tolist()
+    for t in range(2, 80):  # the forest knows lags of y, then of u: a plain loop
+        row.append(float(model.estimator_.predict([[row[-1], row[-2], X[t, 0], X[t - 1, 0]]])[0]))
+    np.testing.assert_array_equal(found[:80], row)
+    past = [t for t in range(240) if t % 80 > 1]
+    phi = np.array([[y[t - 1], y[t - 2], X[t, 0], X[t - 1, 0]] for t in past])
+    alone = RandomForestRegressor(5, random_state=0).fit(phi, y[past])
+    np.testing.assert_array_equal(model.estimator_.predict(phi), alone.predict(phi))
     with pytest.raises(DataError, match="RandomForestRegressor gives none"):
         model.set_params(loss="shooting").fit(X, y, groups=groups)
 

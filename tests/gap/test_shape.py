@@ -86,11 +86,20 @@ def test_sparse_laws_find_the_columns_that_made_the_signal():
     assert sparse_laws(np.einsum("rit,rjt->rij", whole, whole), np.arange(4))[0].chosen == (2, 5)
 
 
-def test_every_shape_is_finite_and_can_be_written():
-    z = np.linspace(0.1, 2.0, 7)
-    for shape in SHAPES:
-        term = Term(((shape, "z", 0.7, 0.01),))
-        assert np.all(np.isfinite(term.value({"z": z}, z))) and "z" in term.text + "z"
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_a_term_says_is_what_it_gives(shape):
+    """Its text, read as a formula, has its value, off the kinks."""
+    z, name = np.linspace(-1.9, 1.9, 40), "t" if shape == "after" else "z"
+    known = {name: z, "max": np.maximum, **{f: getattr(np, f) for f in ("abs", "sign", "sqrt", "sin", "cos", "exp")}}
+    for constant in (0.7, 1.3):
+        term = Term(((shape, name, constant, 1e-9),))
+        with np.errstate(all="ignore"):
+            written = np.broadcast_to(eval(term.text.replace("^", "**"), {}, known), z.shape)
+        there = np.isfinite(written)
+        assert there.sum() >= 20 and term.variables == (() if name == "t" else ("z",))
+        np.testing.assert_allclose(term.value({"z": z}, z)[there], written[there], rtol=1e-6, atol=1e-8)
+    both = Term(((shape, name, 0.7, 1e-9), ("size", "w", 0.0, 0.0)))
+    assert both.text == f"{Term(both.factors[:1]).text}*abs(w)"
 
 
 def test_a_law_is_an_effect_that_a_simulator_takes():
