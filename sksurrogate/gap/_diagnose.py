@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-import warnings
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
 from typing import Any
 
@@ -15,19 +13,11 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 
 from sksurrogate._columns import by_name
-from sksurrogate._parallel._second import Second, one_thread
-from sksurrogate.effects._catalogue import build_effects, kinematic_states
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.gap._pipeline import Questions
-from sksurrogate.gap._trajectory_report import diagnose_trajectory
-from sksurrogate.gap.fit._excerpt import SEARCHED_SAMPLES, excerpt
-from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap._begin import begin_ode, begin_trajectory
 from sksurrogate.gap.render._report import GapReport
-from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.record import Record
-from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import resolve_runs
 
@@ -66,7 +56,8 @@ class GapDiagnoser(BaseEstimator):
     augmented_ : AugmentedSimulator
         The simulator with the effects added and free parameters at their re-tuned values.
     initial_states_ : ndarray (n_runs, n_states)
-        Initial states of the runs that go with it; nan for runs of a long record that took no part.
+        Initial states of the runs that go with it; nan for runs of a long record that took no part, and where a simulator with
+        ``simulate`` alone is given none.
 
     Notes
     -----
@@ -162,52 +153,17 @@ class GapDiagnoser(BaseEstimator):
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
         free = _free(self.free_params, plant.params)
-        if plant.access == "trajectory":
-            self.report_, self.augmented_ = diagnose_trajectory(self, plant, runs, free, seed, begun)
-            return self
         whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
-        record, rows = excerpt(whole, SEARCHED_SAMPLES)
-        model = PlantModel(plant)
-        model.probe(record.u[:, 0])
-        kinematic = kinematic_states(model)
-        balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-        candidates = list(build_effects(plant, balances, self.effects))
-        with finite_along(model, whole, [run.label for run in runs]):
-            problem, smoothed = build_problem(plant, model, record, free, balances)
-        self._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
-        fixed, apart = (self.simulator, plant, model, record, *candidates), self.n_jobs is None
-        with Second(fixed, apart) as second, Second(fixed, apart, later=True) as later:
-            search = Search(problem, candidates, smoothed.x, self.n_jobs, self._say, second, later)
-            questions = Questions(
-                problem,
-                search,
-                runs,
-                whole,
-                correction=self.correction,
-                tolerance=float(self.tolerance),
-                seed=seed,
-                say=self._say,
-            )
-            try:
-                with quiet():
-                    search.fit_null()
-                    questions.begin()
-                    search.run()
-                    questions.ask()
-            except KeyboardInterrupt:
-                warnings.warn(
-                    "interrupted: the report holds what was known by then (report_.complete is False)",
-                    UserWarning,
-                    stacklevel=2,
-                )
-                questions.complete = False
-            with quiet():
-                self.report_ = questions.answer(time.perf_counter() - begun)
-        self.augmented_ = questions.augmented()
-        self.initial_states_ = np.full((len(runs), len(plant.states)), np.nan)
-        known = np.isin(rows[record.starts], whole.starts)
-        at = np.searchsorted(whole.starts, rows[record.starts[known]])
-        self.initial_states_[at] = questions.final.fit.x[: len(plant.states), record.starts[known]].T
+        begin = begin_trajectory if plant.access == "trajectory" else begin_ode
+        pipeline, rows, (second, later) = begin(self, plant, runs, whole, free, seed)
+        with second, later:
+            self.report_ = pipeline.run(begun)
+        self.augmented_ = pipeline.augmented()
+        at_start = pipeline.final.candidate.initial_states()
+        first = rows[pipeline.problem.record.starts]
+        known = np.isin(first, whole.starts)
+        self.initial_states_ = np.full((len(runs), at_start.shape[1]), np.nan)
+        self.initial_states_[np.searchsorted(whole.starts, first[known])] = at_start[known]
         return self
 
     def _check_parameters(self) -> None:
@@ -225,13 +181,6 @@ class GapDiagnoser(BaseEstimator):
         """Progress."""
         if self.verbose:
             print(f"[gap] {message}", file=sys.stderr, flush=True)
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Linear algebra in one thread; rivals that run away are met everywhere with finite checks."""
-    with np.errstate(all="ignore"), one_thread():
-        yield
 
 
 def _free(free_params: Any, params: Any) -> tuple[str, ...]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap.fit._problem import Numerics, build_problem
+from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.fit._ode import Numerics
 from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record

@@ -7,9 +7,9 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._choice_by_fold import ByRun, by_run, chosen_without
 from sksurrogate.gap.decide._held_out import held_out, notes_on_names, same_names, without_names
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import judged_under
 from sksurrogate.gap.fit._prior import prior_cost
-from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import CallableSimulator, ODESimulator
@@ -53,7 +53,7 @@ def test_likelihoods_of_runs_add_up_and_those_of_some_runs_are_those_of_a_fit_to
     """The plant and the effect are linear: one step leads from the fit of all runs to that of three of them."""
     problem, (rival,) = fitted(recorded(), CATALOGUE["constant_bias"]("level"))
     noise = problem.first_noise()
-    runs = by_run(rival, [noise], problem.record.starts, by_size=False)
+    runs = by_run(rival, [noise], problem.record.starts, by_size=False, prior=prior_cost(rival))
     everything = np.ones(RUNS, bool)
     assert runs.evidence(everything) == pytest.approx(likelihood(rival, noise), rel=1e-9)
     kept = np.array([True, False, True, True])

@@ -104,7 +104,9 @@ def test_more_left_never_makes_a_better_verdict():
             lawful=float(rng.uniform(0.0, 0.6)),
             after=float(rng.uniform(0.0, 0.3)),
         )
-        worse = replace(one, share_left=one.share_left + 0.2, left=one.left + 1.0, lawful=one.lawful + 0.1, after=one.after + 0.05)
+        worse = replace(
+            one, share_left=one.share_left + 0.2, left=one.left + 1.0, lawful=one.lawful + 0.1, after=one.after + 0.05
+        )
         assert rank[decide(worse)[0]] >= rank[decide(one)[0]]
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap.fit._problem import Numerics
-from sksurrogate.gap.search._expander import Expander
+from sksurrogate.gap.fit._ode import Numerics
+from sksurrogate.gap.search._search import Search
 
-PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1, 50.0))
+PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1))
 BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0))
 
 
@@ -20,21 +20,21 @@ def lag(variable):
 def rival(effect, cost, n_sub=1):
     return SimpleNamespace(
         effects=(effect,), keys=(effect.key,), fit=SimpleNamespace(cost=cost),
-        problem=SimpleNamespace(numerics=Numerics(n_sub, 50.0)), theta_of=lambda i: np.array([1.0, 2.0]),
+        problem=SimpleNamespace(numerics=Numerics(n_sub)), theta_of=lambda i: np.array([1.0, 2.0]),
     )  # fmt: skip
 
 
 @pytest.fixture
 def expander(monkeypatch):
-    monkeypatch.setattr(Expander, "searching", lambda self, base: PROBLEM)
-    return Expander(
+    monkeypatch.setattr(Search, "searching", lambda self, base: PROBLEM)
+    return Search(
         PROBLEM, [lag("q"), lag("v"), lag("f"), lag("w"), CATALOGUE["linear_loss"]("v", "v")], np.zeros((2, 10))
     )
 
 
 def test_siblings_that_were_fitted_with_these_numerics_are_not_fitted_again(monkeypatch, expander):
     asked = []
-    monkeypatch.setattr(Expander, "shaped", lambda self, *given: asked.append(given) or [])
+    monkeypatch.setattr(Search, "shaped", lambda self, *given: asked.append(given) or [])
     known, coarse = rival(lag("v"), 300.0), rival(lag("f"), 400.0, n_sub=2)
     expander.remember([known, coarse])
     found = expander.siblings([rival(lag("q"), 20.0)], BASE)
@@ -53,10 +53,10 @@ def test_every_effect_has_the_cheapest_of_its_starts_and_the_first_is_what_other
         asked.extend((len(starts), best) for starts in chosen)
         return [rival(starts[0].effect, min(start.cost for start in starts)) for starts in chosen]
 
-    monkeypatch.setattr(Expander, "fit_apart", fit_apart)
+    monkeypatch.setattr(Search, "fit_apart", fit_apart)
     effects = [lag(f"x{k}") for k in range(n)]
     chosen = [[SimpleNamespace(effect=e, cost=10.0 * k + c) for c in (3, 1, 2)] for k, e in enumerate(effects)]
-    found = Expander(PROBLEM, effects, np.zeros((2, 10))).fit_all(PROBLEM, BASE, chosen)
+    found = Search(PROBLEM, effects, np.zeros((2, 10))).fit_all(PROBLEM, BASE, chosen)
     assert [(r.effects[0], r.fit.cost) for r in found] == [(e, 10.0 * k + 1.0) for k, e in enumerate(effects)]
     apart = 3 * (n if n <= 2 else 1)
     assert asked == [(1, 1000.0)] * apart + [(3, 1.0)] * (n - apart // 3)

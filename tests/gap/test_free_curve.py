@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.unnamed._curve_shapes import shapes
 from sksurrogate.gap.unnamed._free_curve import free_curve
 from sksurrogate.kernels.record import Record

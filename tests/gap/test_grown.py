@@ -5,8 +5,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._screen import grown
 from sksurrogate.kernels.record import Record

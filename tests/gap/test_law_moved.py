@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.unnamed._latent_force import LatentForce, law_of, moved_by
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._problem import build_problem
-from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.unnamed import _law_rival
 from sksurrogate.gap.unnamed._law_rival import law_rival, without_names
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces

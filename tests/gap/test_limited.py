@@ -5,9 +5,9 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._problem import build_problem
-from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap.fit._evidence import REACH, columns, estimate_noise
-from sksurrogate.gap.fit._problem import QUIET, build_problem
+from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.fit._evidence import estimate_noise
+from sksurrogate.gap.fit._ode import QUIET, REACH
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.search._fits import APART, apart
 from sksurrogate.gap.search._search import arrived
@@ -63,7 +64,7 @@ def test_steps_of_an_effect_are_held_within_its_size_and_those_of_free_parameter
     problem, smoothed = problem_of(free=("loss",))
     effect = CATALOGUE["constant_bias"]("level")
     rival = problem.fit((effect,), np.array([0.02, 0.0]), smoothed.x)
-    _, _, precision, pull = columns(rival)
+    _, _, precision, pull = rival.columns()
     prior = 1.0 / problem.prior(rival.effects, rival.fit.theta) ** 2
     assert precision[0] == pytest.approx((REACH * rival.fit.theta[0]) ** -2)
     assert precision[1] == pytest.approx(prior[1])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.gap.fit._project import eliminate, eliminate_rows, project_starts
+from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows, project_starts
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

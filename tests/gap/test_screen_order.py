@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, BalanceEffect, Parameter
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.output_error import linearise

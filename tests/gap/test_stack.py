@@ -7,8 +7,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._problem import Candidate, Numerics
-from sksurrogate.gap.search._expander import Expander
+from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
+from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
 
 
@@ -32,8 +32,7 @@ def leaving(error, names, sigma=0.1):
     """A rival of so many names whose residual is a constant."""
     candidate = SimpleNamespace(
         effects=[CATALOGUE["constant_bias"](f"x{i}") for i in range(names)],
-        problem=SimpleNamespace(record=SimpleNamespace(y=np.full((1, 50), error))),
-        fit=SimpleNamespace(y=np.zeros((1, 50))),
+        residual=np.full((1, 50), error),
     )
     return Evidence(candidate, SimpleNamespace(sigma=np.array([sigma])), 0.0)
 
@@ -49,13 +48,13 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     lag, mode, spring = (CATALOGUE[name]("v", "q") for name in ("hidden_relaxation", "hidden_mode", "hysteresis"))
     loss = CATALOGUE["linear_loss"]("v", "v")
     problem = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1))
-    expander = Expander(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
-    monkeypatch.setattr(Expander, "searching", lambda self, base: problem)
-    monkeypatch.setattr(Expander, "guess", lambda self, base: None)
-    monkeypatch.setattr(Expander, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or [])
+    expander = Search(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
+    monkeypatch.setattr(Search, "searching", lambda self, base: problem)
+    monkeypatch.setattr(Search, "guess", lambda self, base: None)
+    monkeypatch.setattr(Search, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or [])
     for effects in [(lag,), (lag, mode)]:
         keys = tuple(effect.key for effect in effects)
-        base = Candidate(problem, effects, None, of_cost(1).fit)
+        base = OdeCandidate(effects, of_cost(1).fit, problem, None)
         assert base.keys == keys
         expander.expand(base, 4, 2)
     assert asked == [[mode, spring, loss], [loss]]

@@ -6,7 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.effects._parts import Probe
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.search._restart import dead, in_scale, revived
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

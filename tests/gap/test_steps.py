@@ -5,8 +5,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._evidence import estimate_noise, frozen_fit, judged_under
-from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.fit._evidence import estimate_noise, judged_under
 from sksurrogate.gap.search._line_search import promising
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -81,7 +81,7 @@ def test_a_step_far_below_the_noise_earns_nothing(plant):
     effects = (CATALOGUE["input_quantization"]("flow"),)
     rival = problem.candidate(effects, null.fit)
     for step in np.geomspace(1e-6, 5e-6, 25):
-        one = frozen_fit(rival, np.array([step]))
+        one = rival.frozen(np.array([step]))
         assert judged_under(one, [null.noise]).log_likelihood < null.log_likelihood + 0.3
 
 
@@ -107,14 +107,14 @@ def test_values_nearby_are_ranked_as_their_own_free_runs_rank_them(plant):
     problem, smoothed = problem_of(plant, data)
     effects = (CATALOGUE["input_quantization"]("flow"),)
     start = problem.candidate(effects, problem.fit((), np.zeros(0), smoothed.x).fit)
-    off = frozen_fit(start, np.array([0.31 * 1.0105]))
+    off = start.frozen(np.array([0.31 * 1.0105]))
     steps = [step for (step,) in effects[0].scan((float(off.fit.theta[0]),))]
-    cost = {step: frozen_fit(off, np.array([step])).fit.cost for step in steps}
+    cost = {step: off.frozen(np.array([step])).fit.cost for step in steps}
     best = [float(theta[0]) for theta in promising(off)]
     assert best == sorted(cost, key=lambda step: cost[step])[: len(best)]
     assert best[0] == pytest.approx(0.31, rel=0.005)
-    assert promising(frozen_fit(off, np.array([0.31]))) == []
+    assert promising(off.frozen(np.array([0.31]))) == []
     beside = *effects, CATALOGUE["input_bias"]("flow")
-    first = frozen_fit(problem.candidate(beside, off.fit), np.array([*off.fit.theta, 0.0]))
+    first = problem.candidate(beside, off.fit).frozen(np.array([*off.fit.theta, 0.0]))
     assert promising(first, 0)[0][0] == pytest.approx(0.31, rel=0.005)
     assert promising(first) == []  # a bias has no steps

@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._problem import build_problem
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.search._merged_pair import together
 from sksurrogate.kernels.output_error import Fit, free_run

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
-from sksurrogate.gap.fit._problem import build_problem
-from sksurrogate.gap.search._expander import Expander
-from sksurrogate.gap.search._fits import taken_out
+from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.search._search import Search
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -36,8 +35,8 @@ def fitted():
 
 @pytest.mark.parametrize("i", [0, 1])
 def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
-    _, rival = fitted
-    rest = taken_out(rival, i)
+    _problem, rival = fitted
+    rest = rival.taken_out(i)
     assert rest.effects == (EFFECTS[1 - i],)
     assert np.array_equal(rest.fit.theta, rival.fit.theta[[1 - i]])
     assert rest.fit.cost > 3.0 * rival.fit.cost
@@ -45,7 +44,7 @@ def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
 
 def test_the_exact_twin_is_found_from_there(fitted):
     problem, rival = fitted
-    search = Expander(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], rival.fit.x)
-    found = {r.effects[-1].name: r for r in search.anew(taken_out(rival, 1), None, 2, 0)}
+    search = Search(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], rival.fit.x)
+    found = {r.effects[-1].name: r for r in search.anew(rival.taken_out(1), None, 2, 0)}
     assert found["parameter_error"].fit.cost == pytest.approx(rival.fit.cost, rel=1e-6)
     assert found["parameter_error"].fit.theta == pytest.approx(rival.fit.theta, rel=1e-3)

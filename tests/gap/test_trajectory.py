@@ -5,8 +5,7 @@ import pytest
 
 from sksurrogate.effects import BalanceEffect, LawEffect, Parameter
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
-from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._trajectory_pipeline import AroundQuestions
+from sksurrogate.gap import GapDiagnoser, _pipeline
 from sksurrogate.gap.decide._rules import decide
 
 
@@ -197,10 +196,10 @@ def test_runs_that_only_diverge_together_are_told_apart_from_others():
 
 
 def test_an_interrupt_before_the_certificate_names_nothing_for_certain(monkeypatch):
-    def stopped(self, final):
+    def stopped(*given):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(AroundQuestions, "held_out", stopped)
+    monkeypatch.setattr(_pipeline, "held_out", stopped)
     X, y, groups = seen_as(lambda y: y + 0.2)
     with pytest.warns(UserWarning, match="interrupted"):
         report = (
@@ -209,6 +208,44 @@ def test_an_interrupt_before_the_certificate_names_nothing_for_certain(monkeypat
             .report_
         )
     assert (report.verdict, report.complete) == ("unknown", False)
+
+
+def test_a_candidate_with_which_the_simulator_raises_is_lost_with_a_note():
+    """Inputs beyond those recorded are refused: an input effect cannot be tried, a sensor effect can."""
+
+    class Refusing(FirstOrder):
+        def simulate(self, U, x0=None, t=None):
+            if np.max(np.abs(U)) > 1.2:
+                raise ValueError("the valve is out of range")
+            return super().simulate(U)
+
+    X, y, groups = seen_as(lambda y: 1.3 * y)
+    report = (
+        GapDiagnoser(Refusing(), effects=["sensor_gain", "input_gain"], random_state=0).fit(X, y, groups=groups).report_
+    )
+    assert [effect.name for effect in report.effects] == ["sensor_gain"]
+    assert any("ValueError: the valve is out of range" in note for note in report.notes)
+
+
+def test_initial_states_are_those_of_the_last_fit():
+    class Started(FirstOrder):
+        x0 = [0.0]
+
+        def simulate(self, U, x0=None, t=None):
+            y = np.full(len(U), 0.0 if x0 is None else float(x0[0]))
+            for k in range(len(U) - 1):
+                y[k + 1] = y[k] + (1 - np.exp(-0.1)) * (U[k, 0] - y[k])
+            return y[:, None]
+
+    rng = np.random.default_rng(0)
+    U = np.repeat(rng.uniform(-1, 1, 40), 5)[:, None]
+    diagnoser = GapDiagnoser(Started(), effects=["sensor_bias"], random_state=0)
+    for start in (0.5, -0.8):
+        Y = Started().simulate(U, [start]) + 0.3 + 0.002 * rng.normal(size=(200, 1))
+        diagnoser.fit(U, Y)
+        assert diagnoser.initial_states_ == pytest.approx(np.array([[start]]), abs=0.02)
+    diagnoser.set_params(simulator=FirstOrder()).fit(U, FirstOrder().simulate(U) + 0.3)
+    assert diagnoser.initial_states_.shape == (1, 0)
 
 
 def test_a_law_that_is_not_asked_for_is_unknown():
@@ -243,7 +280,7 @@ def test_the_verdict_knows_how_many_effects_are_named(monkeypatch):
         asked.append(facts)
         return decide(facts)
 
-    monkeypatch.setattr("sksurrogate.gap._trajectory_report.decide", spy)
+    monkeypatch.setattr("sksurrogate.gap._pipeline.decide", spy)
     X, y, groups = seen_as(lambda y: 1.3 * y + 0.4)
     diagnoser = GapDiagnoser(FirstOrder(), effects=["sensor_gain", "sensor_bias"], random_state=0)
     report = diagnoser.fit(X, y, groups=groups).report_

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._prior import shown, start_cost
-from sksurrogate.gap.fit._problem import build_problem
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._unseen import Unseen

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sksurrogate.gap.results._interval import BAND
 from sksurrogate.gap.results._remainder import Remainder
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 
 __all__ = ["budget_of", "remainder_of"]
-
-#: Half width of a 90 % interval in standard deviations.
-BAND = 1.645
 
 
 def budget_of(

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
-from sksurrogate.gap.fit._evidence import Evidence, bar, columns, judged_under, profile
+from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.fit._evidence import C, Evidence, bar, judged_under, profile
 from sksurrogate.gap.fit._folds import blocked, run_folds
-from sksurrogate.gap.fit._prior import prior_cost
-from sksurrogate.gap.fit._problem import Candidate
-from sksurrogate.gap.fit._project import project_starts
-from sksurrogate.gap.search._search import CORRELATED, Search
+from sksurrogate.gap.search._base import CORRELATED, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["ByRun", "by_run", "chosen_without", "names_by_fold"]
@@ -58,16 +56,13 @@ class ByRun:
         return -0.5 * n_values / CORRELATED * float(np.log(max(-2.0 * value, 1e-300))) if by_size else value
 
 
-def by_run(rival: Candidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool) -> ByRun:
+def by_run(rival: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool, prior: float) -> ByRun:
     """Likelihood of a rival over runs (or blocks) that begin at ``starts``: under the likeliest of some noises, white by size."""
     problem = rival.problem
-    r, J, precision, pull = columns(rival)
+    r, J, precision, pull = rival.columns()
     stacked = np.concatenate([r[:, None], J], axis=1)
     if by_size:
-        lin = rival.linearised
-        white = (stacked / problem.sd[:, None, None]).transpose(1, 0, 2)
-        free = lin.J_x[:, rival.model.free_states] / problem.sd[:, None, None]
-        white = project_starts(white, free, starts)
+        white = rival.without_starts(stacked.transpose(1, 0, 2), starts)
         ends = np.r_[starts[1:], problem.record.n_samples]
         flat = [white[:, :, a:b].reshape(len(white), -1) for a, b in zip(starts, ends)]
         grams, log_dets = np.stack([part @ part.T for part in flat]), np.zeros(len(starts))
@@ -75,7 +70,7 @@ def by_run(rival: Candidate, noises: Sequence[Noise], starts: np.ndarray, by_siz
         noise = judged_under(rival, noises).noise if len(noises) > 1 else noises[0]
         grams, log_dets = rival.disturbance.begun_at(starts).gram_by_run(stacked, noise)
     theta, bounds = rival.fit.theta, problem.bounds(rival.effects)
-    return ByRun(grams, log_dets, precision, pull, theta, bounds, prior_cost(rival), rival.n_parameters)
+    return ByRun(grams, log_dets, precision, pull, theta, bounds, prior, rival.n_parameters)
 
 
 def chosen_without(
@@ -119,12 +114,12 @@ def chosen_without(
     return out
 
 
-def names_by_fold(search: Search, final: Evidence, slots: Sequence[Slot]) -> list[Candidate]:
+def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slot[C]]) -> list[C]:
     """The rival that the runs outside each fold choose: the final one, or another set of as many effects.
 
     Parameters
     ----------
-    search : Search
+    search : BaseSearch
     final : Evidence
         What all runs choose.
     slots : sequence of Slot
@@ -138,14 +133,14 @@ def names_by_fold(search: Search, final: Evidence, slots: Sequence[Slot]) -> lis
     if not others or n_folds < 2:
         return [named] * n_folds
     by_size = all(search.is_far(rival) for rival in (named, *others))
-    own = by_run(named, [final.noise], starts, by_size)
+    own = by_run(named, [final.noise], starts, by_size, search.prior_cost(named))
     known = [[noise for noise in (search.noise_of(rival), final.noise) if noise is not None] for rival in others]
-    against = [by_run(rival, noises, starts, by_size) for rival, noises in zip(others, known)]
+    against = [by_run(r, noises, starts, by_size, search.prior_cost(r)) for r, noises in zip(others, known)]
     picks = chosen_without(own, against, fold, record.lengths * len(record.y), len(search.candidates), by_size)
     return [named if pick is None else others[pick] for pick in picks]
 
 
-def _others(search: Search, final: Candidate, slots: Sequence[Slot]) -> list[Candidate]:
+def _others(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]]) -> list[C]:
     """Rivals that differ from the final one in one effect, outside of its class; the best on all runs."""
     keys = frozenset(final.keys)
     same = set()

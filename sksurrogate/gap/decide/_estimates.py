@@ -6,16 +6,16 @@ import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._experiment import name_of, when_they_part
-from sksurrogate.gap.decide._partial_results import Found
+from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._reported import reported
-from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._base import BaseSearch
 
 __all__ = ["estimates"]
 
 
-def estimates(search: Search, final: Evidence, found: Found) -> list[EffectEstimate]:
+def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, among: str) -> list[EffectEstimate]:
     """The effects of what stands, in the order of the search; nan for what is not known yet."""
     best = found.fitted or final
     low, high = found.bounds or (final.fit.theta * np.nan, final.fit.theta * np.nan)
@@ -38,7 +38,7 @@ def estimates(search: Search, final: Evidence, found: Found) -> list[EffectEstim
                 found.probabilities[i] if found.probabilities else float("nan"),
                 [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
                 when_they_part(
-                    name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer})
+                    name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer}), among
                 ),
             )
         )

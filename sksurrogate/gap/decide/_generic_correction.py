@@ -11,11 +11,13 @@ import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.gap.fit._problem import Problem
+from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.kernels.record import Record
 
-__all__ = ["generic_correction", "known_runs"]
+__all__ = ["Correction", "generic_correction", "known_runs"]
 
+#: Free runs (n_outputs, n_samples) over a record whose runs are in folds, each learned from the others.
+Correction = Callable[[Record, np.ndarray], np.ndarray]
 #: Inputs, initial states, outputs.
 Run = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -62,7 +64,7 @@ def _key(U: Any, x0: Any) -> bytes:
     return np.ascontiguousarray(U, dtype=float).tobytes() + b"|" + start
 
 
-def known_runs(problem: Problem) -> list[Run]:
+def known_runs(problem: OdeBackend) -> list[Run]:
     """The runs of the simulator alone that a problem holds; none where they did not stay finite."""
     record, run = problem.record, problem.run
     if run is None or not np.isfinite(run).all() or run.shape[1] != record.n_samples:
@@ -73,9 +75,7 @@ def known_runs(problem: Problem) -> list[Run]:
     return [(record.u[:, a:b].T, run[:, a], y[:, a:b].T) for a, b in zip(record.starts, ends)]
 
 
-def generic_correction(
-    simulator: Any, correction: Any, runs: Iterable[Run] = ()
-) -> Callable[[Record, np.ndarray], np.ndarray]:
+def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()) -> Correction:
     """The waterfall's learned correction: fitted on the training runs, free run on the others.
 
     ``runs`` of the simulator that are known already (inputs, initial states, outputs) are not simulated again.

@@ -10,13 +10,11 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._experiment import name_of
-from sksurrogate.gap.fit._evidence import frozen_fit
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._folds import blocked, run_folds
-from sksurrogate.gap.fit._problem import Candidate, Problem
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
-from sksurrogate.gap.search._fits import taken_out
 from sksurrogate.kernels.record import Record
 
 __all__ = [
@@ -53,72 +51,42 @@ class HeldOut:
     same_names: float = float("nan")
 
 
-def without_names(null: Candidate) -> HeldOut:
+def without_names(null: BaseCandidate) -> HeldOut:
     """Free runs on runs left out of what needs no name: the simulator, ``after`` as ``before``, and re-tuning alone."""
-    problem = null.problem
-    whole = replace(problem, record=blocked(problem.record))
-    nominal = replace(whole, free=())
-    all_free = replace(whole, free=tuple(problem.plant.params))
-    nominal_null = replace(null, fit=replace(null.fit, theta=np.zeros(0)))
-    tuned = all_free.fit((), _all_theta(null), null.fit.x) if problem.plant.params else None
-    record, fold = whole.record, run_folds(whole.record)
-    before = _by_fold(nominal, [nominal_null] * (int(fold.max()) + 1))
+    record = blocked(null.problem.record)
+    n_folds = int(run_folds(record).max()) + 1
+    nominal, tuned = null.baselines(record)
+    before = _by_fold(record, [nominal] * n_folds)
     lost = ~np.isfinite(before)
     before[lost] = np.repeat(record.y.mean(axis=1, keepdims=True), record.n_samples, axis=1)[lost]
-    retuned = _or_else(_by_fold(all_free, [tuned] * (int(fold.max()) + 1)), before)
+    retuned = _or_else(_by_fold(record, [tuned] * n_folds), before)
     return HeldOut(record, before, before, retuned, np.full_like(before, np.nan))
 
 
-def held_out(finals: Sequence[Candidate], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
+def held_out(finals: Sequence[BaseCandidate], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
     """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn.
 
     ``finals`` are the rivals that the other runs of each fold choose (`names_by_fold`).
     """
-    after = _by_fold(replace(finals[0].problem, record=without.record), finals)
-    return replace(without, after=_or_else(after, without.before), same_names=same_names)
+    after = _or_else(_by_fold(without.record, finals), without.before)
+    return replace(without, after=after, same_names=same_names)
 
 
-def _by_fold(problem: Problem, rivals: Sequence[Candidate | None]) -> np.ndarray:
+def _by_fold(record: Record, rivals: Sequence[BaseCandidate | None]) -> np.ndarray:
     """Outputs on the runs of every fold, of its rival refitted on the others; nan where it gives none."""
-    fold, row_of = run_folds(problem.record), problem.record.run_of_row
-    out = np.full(problem.record.y.shape, np.nan)
+    fold = run_folds(record)
+    out = np.full(record.y.shape, np.nan)
     for k, rival in enumerate(rivals):
         test, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
-        predicted = _left_out(problem, rival, train, test, row_of) if rival is not None else None
+        predicted = rival.left_out(record, train, test) if rival is not None else None
         if predicted is not None:
-            out[:, np.isin(row_of, test)] = predicted
+            out[:, np.isin(record.run_of_row, test)] = predicted
     return out
 
 
 def _or_else(predicted: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Samples without a finite prediction are those of the simulator."""
     return np.where(np.isfinite(predicted).all(axis=0), predicted, before)
-
-
-def _all_theta(null: Candidate) -> np.ndarray:
-    """Every parameter at the value that the null found for it."""
-    known = dict(zip(null.problem.free, null.fit.theta))
-    return np.array([known.get(name, 0.0) for name in null.problem.plant.params])
-
-
-def _left_out(
-    problem: Problem, rival: Candidate, train: np.ndarray, test: np.ndarray, row_of: np.ndarray
-) -> np.ndarray | None:
-    """Outputs on the test runs of a rival refitted on the training runs."""
-    rows_train, rows_test = np.isin(row_of, train), np.isin(row_of, test)
-    theta = rival.fit.theta
-    with np.errstate(all="ignore"):
-        if len(theta) and len(train):
-            refit = (
-                problem.at(rival.problem.numerics)
-                .on(train.tolist())
-                .fit(rival.effects, theta, rival.fit.x[:, rows_train], open_steps=0, max_steps=8, settled=True)
-            )
-            theta = refit.fit.theta if refit is not None else theta
-        judging = problem.at(rival.problem.numerics).on(test.tolist())
-        start = judging.candidate(rival.effects, replace(rival.fit, x=rival.fit.x[:, rows_test], theta=theta))
-        there = frozen_fit(start, theta, near=True)  # behind a limit initial states are hardly seen
-    return None if there is None else there.fit.y
 
 
 def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_state: int) -> Shrink:
@@ -183,22 +151,15 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     )
 
 
-def shares(final: Candidate, total: float) -> tuple[list[float], float]:
+def shares(final: BaseCandidate, total: float) -> tuple[list[float], float]:
     """Shares of the gap's power of every effect, and of the re-tuning: what comes back when each alone is taken out."""
-    problem = final.problem
-    if len(final.effects) == 1 and not problem.free:
+    n, free = len(final.effects), bool(final.problem.free)
+    if n == 1 and not free:
         return [total], 0.0
-    returned = []
-    for i in range(len(final.effects)):
-        rest = taken_out(final, i)
-        returned.append(max(rest.fit.cost - final.fit.cost, 0.0) if rest is not None else final.fit.cost)
-    if problem.free:
-        theta = np.r_[final.fit.theta[: final.n_parameters], np.zeros(len(problem.free))]
-        nominal = frozen_fit(final, theta)
-        returned.append(max(nominal.fit.cost - final.fit.cost, 0.0) if nominal is not None else final.fit.cost)
+    rests = [*(final.taken_out(i) for i in range(n)), *([final.at_nominal()] if free else [])]
+    returned = [max(rest.fit.cost - final.fit.cost, 0.0) if rest is not None else final.fit.cost for rest in rests]
     sum_ = sum(returned)
     parts = [total * value / sum_ if sum_ > 0 else total / len(returned) for value in returned]
-    n = len(final.effects)
     return parts[:n], float(sum(parts[n:]))
 
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._problem import Candidate, Numerics
-from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._normal_equations import seen_inverse
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._interval import BAND
 from sksurrogate.gap.results._table import Table
 
 __all__ = ["intervals", "parameter_errors"]
@@ -28,44 +28,24 @@ def covariance(found: Evidence) -> np.ndarray:
     and coloured sensor noise; initial states are projected out.
     """
     rival = found.candidate
-    problem, lin = rival.problem, rival.linearised
-    k = lin.J_theta.shape[1]
+    k = len(rival.fit.theta)
     if k == 0:
         return np.zeros((0, 0))
-    white = 1.0 / problem.sd[:, None, None]
-    J = project_starts(
-        (lin.J_theta * white).transpose(1, 0, 2), lin.J_x[:, rival.model.free_states] * white, problem.record.starts
-    )
+    J = rival.without_starts(rival.sensitivities.transpose(1, 0, 2))
     flat = J.reshape(k, -1)
-    H = flat @ flat.T + np.diag(1.0 / problem.prior(rival.effects, rival.fit.theta) ** 2)
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
-    seen = values > 1e-10 * values[-1]
-    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T / np.outer(scale, scale)
-    pull = rival.disturbance.spread((J * white.transpose(1, 0, 2)).transpose(1, 0, 2), found.noise)
-    out = inverse @ pull @ inverse
-    blind = np.sum(vectors[:, ~seen] ** 2, axis=1) > 1e-6
+    H, blind = seen_inverse(flat @ flat.T + np.diag(rival.precision))
+    white = 1.0 / rival.problem.sd[:, None]
+    out = H @ rival.disturbance.spread((J * white).transpose(1, 0, 2), found.noise) @ H
     out[blind, blind] = np.inf
     return out
-
-
-def numerical_change(rival: Candidate) -> np.ndarray:
-    """How far the parameters move when the steps are halved and kinks made sharper."""
-    problem, numerics = rival.problem, rival.problem.numerics
-    finer = problem.at(Numerics(2 * numerics.n_sub, 2 * numerics.sharpness))
-    fit = finer.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, settled=True, max_steps=6)
-    coarse = problem.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, settled=True, max_steps=6)
-    if fit is None or coarse is None:
-        return np.zeros(len(rival.fit.theta))
-    return np.abs(fit.fit.theta - coarse.fit.theta)
 
 
 def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
     """90 % intervals of all parameters: noise and disturbance, and what steps and kinks may have moved."""
     rival, theta = found.candidate, found.fit.theta
     spread = np.sqrt(np.maximum(np.diag(covariance(found)), 0.0))
-    numerical = numerical_change(rival)
-    half = np.sqrt((1.645 * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2)
+    numerical = rival.numerical_change()
+    half = np.sqrt((BAND * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2)
     low, high = rival.problem.bounds(rival.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
@@ -21,7 +21,7 @@ UNNAMED = 0.02
 #: Names less probable than this do not stand, beside others and alone: a law does as well in their place.
 LEAST_BESIDE, LEAST_ALONE = 0.9, 0.5
 #: Other sets that are compared beside a law; and nats by which one must be likelier to take the place of a set.
-MOST_OTHERS, CLEARLY = 2, 1.0
+MOST_OTHERS, CLEARLY_LIKELIER = 2, 1.0
 
 
 @dataclass(frozen=True)
@@ -96,26 +96,22 @@ def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: f
         polished = search.polish(rival)
         other = search.judged[polished]
         found = _judged(search, other, polished, tolerance, along=False)
-        if found is not None and _net(search, polished, found) > net + CLEARLY:
+        if found is not None and _net(search, polished, found) > net + CLEARLY_LIKELIER:
             search.stand(polished)
             return other
     return None
 
 
-def _without(candidate: Candidate, out: tuple[int, ...]) -> Candidate:
+def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
     """A candidate without some effects, everything else as it is."""
-    keep = np.ones(len(candidate.fit.theta), bool)
-    for i in out:
-        keep[candidate.slice_of(i)] = False
-    effects = tuple(e for j, e in enumerate(candidate.effects) if j not in out)
-    fit = replace(candidate.fit, theta=candidate.fit.theta[keep], linearised=None)
-    return candidate.problem.candidate(effects, fit, candidate.problem.augmented(effects))
+    effects, theta = candidate.without_effect(*out)
+    return candidate.problem.candidate(effects, replace(candidate.fit, theta=theta, linearised=None))
 
 
 def _judged(
     search: Search,
     final: Evidence,
-    candidate: Candidate,
+    candidate: OdeCandidate,
     tolerance: float,
     along: bool,
     seeds: Sequence[tuple[int, int, Noise]] = (),
@@ -126,7 +122,7 @@ def _judged(
     """
     problem = candidate.problem
     far = final.left > max(FAR, tolerance * gap_over_noise(search))
-    x = (search.x if far else final.fit.x)[: len(problem.plant.states)]
+    x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
     noises, along = (final.noise, problem.quiet(final.noise)), along or far
     how = gap_over_noise(search), tolerance, noises
     with np.errstate(all="ignore"):
@@ -152,7 +148,7 @@ def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:
         )
 
 
-def _net(search: Search, candidate: Candidate, law: LawBeside) -> float:
+def _net(search: Search, candidate: OdeCandidate, law: LawBeside) -> float:
     """Log evidence with the price of its parameters and the prior of its names and of a large law."""
     price = len(candidate.effects) * np.log(len(search.candidates))
     price += 0.5 * candidate.n_parameters * np.log(search.n_values)

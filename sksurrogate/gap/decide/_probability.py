@@ -7,19 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
-from sksurrogate.gap.fit._problem import Candidate
-from sksurrogate.gap.search._search import EQUAL, Search
+from sksurrogate.gap.fit._evidence import C
+from sksurrogate.gap.search._base import EQUAL, BaseSearch
 
 __all__ = ["probabilities"]
 
 
-def probabilities(search: Search, final: Candidate, slots: Sequence[Slot], posterior: Sequence[float]) -> list[float]:
+def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Sequence[float]) -> list[float]:
     """Probability that each effect, or one of its class, acts in the plant, whatever else acts.
 
     Parameters
     ----------
-    search : Search
-    final : Candidate
+    search : BaseSearch
+    final : BaseCandidate
     slots : sequence of Slot
     posterior : sequence of float
         Of each effect against none and against a law without a name in its place (:func:`weigh`).
@@ -35,14 +35,14 @@ def probabilities(search: Search, final: Candidate, slots: Sequence[Slot], poste
     return out
 
 
-def _score(search: Search, rival: Candidate, final: Candidate) -> float:
+def _score(search: BaseSearch[C], rival: C, final: C) -> float:
     """Of a tied rival; one that was not given a noise of its own predicts the same as the final one."""
     if search.own(rival) is not None:
         return search.score(rival)
     return search.score(final) - 0.5 * (rival.n_parameters - final.n_parameters) * float(np.log(search.n_values))
 
 
-def _others(search: Search, final: Candidate, slot: Slot) -> list[float]:
+def _others(search: BaseSearch[C], final: C, slot: Slot[C]) -> list[float]:
     """Scores of the rivals in one slot that the data reject, at least :data:`EQUAL` below the final one."""
     own = final.effects[slot.index].key
     beside = frozenset(final.keys) - {own}

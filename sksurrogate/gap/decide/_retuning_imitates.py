@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._project import eliminate, project_starts
+from sksurrogate.gap.fit._normal_equations import eliminate, project_starts
 from sksurrogate.gap.screen._screen import Screen
 
 __all__ = ["imitated_by_retuning"]

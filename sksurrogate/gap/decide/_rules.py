@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 from sksurrogate.gap.decide._features import DecisionFeatures
 from sksurrogate.gap.fit._closeness import FAR, SETTLED
-from sksurrogate.gap.fit._problem import LARGEST_DISTURBANCE
+from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 

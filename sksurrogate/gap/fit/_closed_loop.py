@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.kernels.record import Record
 
 __all__ = ["LOOP", "closed_loop", "may_follow_noise"]
@@ -17,7 +17,7 @@ OWN, FOREIGN = 6, 3
 #: Share of the moves of an input that residuals must explain beyond its own past, and its size against chance.
 SHARE_FOLLOWED, CHANCE = 0.02, 40.0
 #: A move beyond this many times the median one is a jump of the reference.
-JUMP = 6.0
+JUMP_OF_INPUT = 6.0
 #: Moves of an input that are enough to judge by.
 FEWEST_MOVES = 60
 
@@ -71,12 +71,12 @@ def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """What the input's own past leaves of its moves, and the rows without the jumps of a reference, which would hide it."""
     left = move
     for _ in range(3):
-        calm = np.abs(left) <= JUMP * float(np.median(np.abs(left)))
+        calm = np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
         left = move - own @ np.linalg.lstsq(own[calm], move[calm], rcond=1e-10)[0]
-    return left, np.abs(left) <= JUMP * float(np.median(np.abs(left)))
+    return left, np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
 
 
-def may_follow_noise(rival: Candidate, base: Candidate) -> bool:
+def may_follow_noise(rival: OdeCandidate, base: OdeCandidate) -> bool:
     """Whether what a rival adds to ``base`` at an input may only follow the noise that a controller puts into it.
 
     Where an output shows an input at once and the input answers the output's noise at once, an effect on the input can
@@ -90,7 +90,7 @@ def may_follow_noise(rival: Candidate, base: Candidate) -> bool:
     return looped in added and shown_at_once(rival, str(looped))
 
 
-def shown_at_once(rival: Candidate, name: str) -> bool:
+def shown_at_once(rival: OdeCandidate, name: str) -> bool:
     """Whether an output of the simulator depends on an input in the same sample."""
     problem = rival.problem
     record, i = problem.record, problem.plant.inputs.index(name)

@@ -5,47 +5,42 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._second import Second
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, NEARLY_WHITE
-from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.fit._backend import BaseCandidate, Fitted
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.fit._normal_equations import UNSEEN, scaled
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
-from sksurrogate.kernels.output_error import Fit, output_error
 
 __all__ = [
     "Evidence",
     "arrived",
-    "as_white",
     "bar",
-    "columns",
     "estimate_noise",
     "follow_noise",
     "follow_null",
-    "frozen_fit",
     "judged_under",
     "profile",
 ]
 
-#: Steps of an effect's parameters, over their size, that slopes are good for.
-REACH = 1.0
-#: Forces that a noise fit may start from, over the RMS of dx/dt.
-FORCES = (1e-3, 1e-2, 1e-1)
+C = TypeVar("C", bound=BaseCandidate)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class Evidence(Generic[C]):
     """A candidate judged under a noise.
 
     Attributes
     ----------
-    candidate : Candidate
+    candidate : BaseCandidate
     noise : Noise
     log_likelihood : float
     curvature : ndarray or None
@@ -54,7 +49,7 @@ class Evidence:
         Whether the noise is that of others, and was only looked at.
     """
 
-    candidate: Candidate
+    candidate: C
     noise: Noise
     log_likelihood: float
     curvature: np.ndarray | None = None
@@ -66,7 +61,7 @@ class Evidence:
         return self.candidate.effects
 
     @property
-    def fit(self) -> Fit:
+    def fit(self) -> Fitted:
         """Of the candidate."""
         return self.candidate.fit
 
@@ -82,7 +77,7 @@ class Evidence:
 
     def left_within(self, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
         """The same with the sensor noise within limits."""
-        r = self.candidate.problem.record.y - self.fit.y
+        r = self.candidate.residual
         sigma = np.maximum(np.minimum(self.noise.sigma, most), least)
         return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))
 
@@ -90,25 +85,6 @@ class Evidence:
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
     """What 2 (L_rival - L_null) must exceed: ``k ln N + 2 ln M``."""
     return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_rivals, 1))
-
-
-def columns(rival: Candidate) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Residual, sensitivities, and what holds a step of the parameters: its precision, and the pull of their prior.
-
-    A prediction that jumps with a parameter has no slope to be followed: its sensitivity counts as none. Steps beyond the
-    size of an effect's parameter are held back: there the slopes say nothing, and parameters that only act together, as a
-    level and a velocity far beyond the data, would explain to first order what the effect cannot.
-    """
-    problem, J = rival.problem, rival.linearised.J_theta
-    for i, effect in enumerate(rival.effects):
-        if effect.scan(tuple(rival.theta_of(i))):
-            J = J.copy()
-            J[:, rival.slice_of(i)] = 0.0
-    r = problem.record.y - rival.fit.y
-    theta = rival.fit.theta
-    precision = 1.0 / problem.prior(rival.effects, theta) ** 2
-    reach = np.where((theta != 0) & (np.arange(len(theta)) < rival.n_parameters), np.abs(theta), np.inf)
-    return r, J, precision + (REACH * reach) ** -2.0, -precision * theta
 
 
 def profile(
@@ -124,8 +100,8 @@ def profile(
     if len(G) == 1:
         return base
     H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
-    normal, right = H / np.outer(scale, scale), g / scale
+    normal, scale = scaled(H, 1e-150)
+    right = g / scale
     if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
         return -np.inf
     step = _bounded(normal, right, (bounds[0] - theta) * scale, (bounds[1] - theta) * scale)
@@ -139,7 +115,7 @@ def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.nd
         if not free.any():
             break
         pushed = right[free] - normal[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], pushed, rcond=1e-10)[0]
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], pushed, rcond=UNSEEN)[0]
         outside = free & ((step < low) | (step > high))
         if not outside.any():
             break
@@ -148,10 +124,10 @@ def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.nd
     return step
 
 
-def judged_under(rival: Candidate, noises: Sequence[Noise]) -> Evidence:
+def judged_under(rival: C, noises: Sequence[Noise]) -> Evidence[C]:
     """A candidate under the first of the likeliest of some noises."""
     best = Evidence(rival, noises[0], -np.inf, quick=True)
-    r, J, precision, pull = columns(rival)
+    r, J, precision, pull = rival.columns()
     if not np.all(np.isfinite(J)):
         return best
     bounds = rival.problem.bounds(rival.effects)
@@ -169,8 +145,8 @@ def judged_under(rival: Candidate, noises: Sequence[Noise]) -> Evidence:
 
 
 def estimate_noise(
-    rival: Candidate, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
-) -> Evidence:
+    rival: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Evidence[C]:
     """A candidate under its own noise.
 
     The noise of another rival is a start; forces beside quiet sensors are others, followed too where they are likelier:
@@ -178,25 +154,24 @@ def estimate_noise(
     takes the start's place where it is likelier: a fit that explains what was coloured before must not start from that
     colour.
     """
-    noises = [start, *forces_and_white(rival, start)]
+    forces, white = rival.other_noises(start)
+    noises = [start, *forces, *white]
     value = [judged_under(rival, [noise]).log_likelihood for noise in noises]
     k = int(np.argmax(value)) if max(value) > value[0] + LIKELIER else 0
-    if k > len(FORCES):
+    if k > len(forces) and rival.white_alone:
         return follow_noise(rival, noises[k], None, max_iterations)
     first = follow_noise(rival, start, curvature, max_iterations)
     other = follow_noise(rival, noises[k], None, max_iterations) if k else first
     return first if other.log_likelihood <= first.log_likelihood else other
 
 
-def follow_noise(
-    rival: Candidate, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
-) -> Evidence:
+def follow_noise(rival: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15) -> Evidence[C]:
     """The top of the likelihood that is reached from one start."""
-    r, J, precision, pull = columns(rival)
+    r, J, precision, pull = rival.columns()
     problem, D = rival.problem, rival.disturbance
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
         return Evidence(rival, start, -np.inf)
-    noise, _, curvature = fit_noise(
+    noise, _, curved = fit_noise(
         D,
         r,
         start,
@@ -208,10 +183,10 @@ def follow_noise(
         max_iterations=max_iterations,
         caps=problem.caps,
     )
-    return Evidence(rival, noise, judged_under(rival, [noise]).log_likelihood, curvature)
+    return Evidence(rival, noise, judged_under(rival, [noise]).log_likelihood, curved)
 
 
-def follow_null(null: Candidate, start: Noise, known: Evidence | None = None, second: Second | None = None) -> Evidence:
+def follow_null(null: C, start: Noise, known: Evidence[C] | None = None, second: Second | None = None) -> Evidence[C]:
     """The null under its own noise: what it misses there would count for every rival.
 
     The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed, side by
@@ -219,46 +194,14 @@ def follow_null(null: Candidate, start: Noise, known: Evidence | None = None, se
     """
     sensors = [start, replace(start, coloured=1.0 * start.sigma, force=0.01 * start.force)]
     force = replace(start, coloured=0.05 * start.sigma, force=10.0 * start.force)
-    kinds = sensors, [force, *forces_and_white(null, start)]
+    forces, white = null.other_noises(start)
+    kinds = sensors, [force, *forces, *white]
     starts = [judged_under(null, noises).noise for noises in kinds]
     found = side_by_side(lambda first: follow_noise(null, first, max_iterations=25).judgement, starts, second)
     tops = [Evidence(null, *judgement) for judgement in found]
     return max([*([] if known is None else [known]), *tops], key=lambda top: top.log_likelihood)
 
 
-def forces_and_white(rival: Candidate, start: Noise) -> list[Noise]:
-    """Where a noise fit may start too: forces of three sizes beside quiet sensors, white noise near the data."""
-    problem = rival.problem
-    rms = np.sqrt(np.mean((problem.record.y - rival.fit.y) ** 2, axis=1))
-    quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
-    others = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
-    if np.all(rms < NEARLY_WHITE * problem.sd):
-        others.append(as_white(start, rms, problem.quiet_force()))
-    return others
-
-
-def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:
-    """White noise of the size of a residual, in the place of a noise that may be coloured."""
-    coloured = np.minimum(start.coloured, 0.05 * start.sigma)
-    return replace(start, sigma=rms, force=np.minimum(start.force, quiet), coloured=coloured)
-
-
-def frozen_fit(rival: Candidate, theta: np.ndarray, *, near: bool = False) -> Candidate | None:
-    """Free run at fixed parameters with the initial states fitted; ``near`` that of the rival, to which it falls back."""
-    fit = output_error(
-        rival.model,
-        theta,
-        rival.fit.x,
-        rival.problem.sd,
-        unit=rival.problem.units(rival.effects, theta),
-        bounds=(theta, theta),
-        open_steps=1,
-        max_steps=6,
-        fallback=rival.fit.x if near else None,
-    )
-    return None if fit is None else replace(rival, fit=fit)
-
-
-def arrived(rival: Evidence | None, before: Candidate) -> bool:
+def arrived(rival: Evidence | None, before: BaseCandidate) -> bool:
     """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
     return rival is not None and rival.left < AT_THE_NOISE and before.fit.cost > AT_THE_NOISE**2 * rival.fit.cost

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import LARGEST_DISTURBANCE
+from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
+from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.state_space import subspace
 
-__all__ = ["StandIn", "learn"]
+__all__ = ["LinearSurrogate", "learn"]
 
 #: Orders that are tried; the smallest whose error is within WORSE of the best is taken.
 ORDERS, WORSE = (1, 2, 3, 4), 1.3
@@ -25,7 +26,7 @@ ROWS_OF_PAST = 12
 
 
 @dataclass(frozen=True, eq=False)
-class StandIn:
+class LinearSurrogate:
     """``x' = A x + B u``, ``y = C x + D u`` about the simulator's own outputs.
 
     Attributes
@@ -52,10 +53,7 @@ class StandIn:
 
     def respond(self, du: np.ndarray) -> np.ndarray:
         """Change of the outputs (n_columns, n_outputs, n_samples) for changes of the inputs (n_columns, n_inputs, n_samples)."""
-        b = np.zeros((len(self.A), len(du), self.n_samples))
-        b[:, :, 1:] = np.einsum("ij,kjt->ikt", self.B, du)[:, :, :-1]
-        b[:, :, self.starts] = 0.0
-        x = solve_recursion(self.band, b)
+        x = solve_recursion(self.band, a_sample_later(np.einsum("ij,kjt->ikt", self.B, du), self.starts))
         return np.einsum("oi,ikt->kot", self.C, x) + np.einsum("oj,kjt->kot", self.D, du)
 
     def transients(self) -> np.ndarray:
@@ -94,7 +92,7 @@ class StandIn:
         return LARGEST_DISTURBANCE / np.maximum(gain, 1e-9), LARGEST_DISTURBANCE * spread
 
 
-def learn(record: Record, y: np.ndarray) -> StandIn:
+def learn(record: Record, y: np.ndarray) -> LinearSurrogate:
     """From the simulator's outputs y (n_outputs, n_samples) under the record's inputs.
 
     A model of one state that forgets at once stands in where nothing can be learned (inputs that never move).
@@ -106,7 +104,7 @@ def learn(record: Record, y: np.ndarray) -> StandIn:
     level = record.u.mean(axis=1, keepdims=True)
     size = np.maximum(np.std(record.u, axis=1, keepdims=True), 1e-12)
     z, u = (y - middle) / spread, (record.u - level) / size
-    trials: list[tuple[float, int, StandIn]] = []
+    trials: list[tuple[float, int, LinearSurrogate]] = []
     past = int(min(ROWS_OF_PAST, max((record.lengths.max() - 1) // 3, 1)))
     for n in ORDERS:
         for through in (False, True):
@@ -117,13 +115,13 @@ def learn(record: Record, y: np.ndarray) -> StandIn:
             if found is None:
                 continue
             A, B, C, D, b, c = found
-            model = StandIn(A, B, C, D, np.ones(n), record.starts, record.n_samples)
+            model = LinearSurrogate(A, B, C, D, np.ones(n), record.starts, record.n_samples)
             error = _free_error(model, u, z, b, c)
             if np.isfinite(error):
                 trials.append((error, n + through, model))
     if not trials:
         m, k = len(y), len(record.u)
-        return StandIn(
+        return LinearSurrogate(
             0.5 * np.eye(m),
             np.zeros((m, k)),
             np.eye(m),
@@ -134,7 +132,7 @@ def learn(record: Record, y: np.ndarray) -> StandIn:
         )
     best = min(error for error, _, _ in trials)
     _, _, model = min((item for item in trials if item[0] <= WORSE * best + 1e-4), key=lambda item: item[1:2])
-    return StandIn(
+    return LinearSurrogate(
         model.A,
         model.B / size.T,
         spread * model.C,
@@ -145,7 +143,7 @@ def learn(record: Record, y: np.ndarray) -> StandIn:
     )
 
 
-def _free_error(model: StandIn, u: np.ndarray, z: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
+def _free_error(model: LinearSurrogate, u: np.ndarray, z: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
     """RMS error of the free run, initial states fitted."""
     n = len(model.A)
     load = np.zeros((n, 1 + n, model.n_samples))

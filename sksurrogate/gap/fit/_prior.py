@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import PRIOR, Candidate
+from sksurrogate.gap.fit._ode import PRIOR, OdeCandidate
 from sksurrogate.gap.fit._quantization import told_apart
 
 __all__ = ["prior_cost", "retuning_cost"]
@@ -15,12 +15,12 @@ START = 10.0
 SMALL = 1.0
 
 
-def prior_cost(rival: Candidate) -> float:
+def prior_cost(rival: OdeCandidate) -> float:
     """Of the free parameters, of steps of quantisation and of the initial states."""
     return retuning_cost(rival) + step_cost(rival) + start_cost(rival)
 
 
-def retuning_cost(rival: Candidate) -> float:
+def retuning_cost(rival: OdeCandidate) -> float:
     """``sum (log ratio / PRIOR)^2`` of the free parameters.
 
     Gaussian, unlike the prior of the fits: these must not pull at a parameter that is far off.
@@ -30,7 +30,7 @@ def retuning_cost(rival: Candidate) -> float:
     return float(np.sum(np.square(moved))) / PRIOR**2
 
 
-def step_cost(rival: Candidate) -> float:
+def step_cost(rival: OdeCandidate) -> float:
     """Of a step of quantisation how many can be told apart down to it, beyond what ``k ln N`` counts."""
     problem, counted = rival.problem, np.log(rival.fit.y.size)
     apart = [
@@ -39,7 +39,7 @@ def step_cost(rival: Candidate) -> float:
     return float(sum(max(0.0, 2.0 * np.log(count) - counted) for count in apart))
 
 
-def start_cost(rival: Candidate) -> float:
+def start_cost(rival: OdeCandidate) -> float:
     """``min_x (x - x0)' H (x - x0) + sum (x / (START size))^2``: states that no output shows must be likely where they begin.
 
     One of them could make one effect of another by where it starts. What the data do not see of it (H, by the slopes of the

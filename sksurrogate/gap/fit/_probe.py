@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, Probe
-from sksurrogate.gap.fit._problem import Problem
+from sksurrogate.gap.fit._ode import OdeBackend
 
 __all__ = ["probe_of"]
 
@@ -20,7 +20,7 @@ class SignalSlopes(Protocol):
 
 
 def probe_of(
-    problem: Problem, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: SignalSlopes | None = None
+    problem: OdeBackend, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: SignalSlopes | None = None
 ) -> Probe:
     """What an effect sees of the smoothed trajectory."""
     plant, record = problem.plant, problem.record

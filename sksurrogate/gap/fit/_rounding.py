@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
-from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 
 __all__ = ["GRID_NOTE", "Rounding", "names_steps", "unnamed_rounding"]
 
@@ -42,7 +42,7 @@ class Rounding:
     share: float
 
 
-def names_steps(rival: Candidate) -> bool:
+def names_steps(rival: OdeCandidate) -> bool:
     """Whether an effect of a rival is a rounding whose steps the readings show."""
     outputs = rival.problem.plant.outputs
     return any(
@@ -52,7 +52,7 @@ def names_steps(rival: Candidate) -> bool:
     )
 
 
-def unnamed_rounding(rival: Candidate) -> Rounding | None:
+def unnamed_rounding(rival: OdeCandidate) -> Rounding | None:
     """The coarsest grid that rounds the free run of a rival to the readings, where nothing named does; None without one."""
     rounded = {effect.location for effect in rival.effects if effect.name == "sensor_quantization"}
     found = [

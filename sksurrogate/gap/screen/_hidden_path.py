@@ -12,7 +12,7 @@ from sksurrogate.kernels.integrate import rk4
 __all__ = ["hidden_paths"]
 
 #: Newton steps; difference of a hidden state and step that ends them, in units of the size of the variable.
-NEWTON_STEPS, DIFFERENCE, CONVERGED = 5, 1e-6, 1e-6
+NEWTON_STEPS, DIFFERENCE_OF_STATE, CONVERGED = 5, 1e-6, 1e-6
 
 
 def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -54,11 +54,15 @@ def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray,
         fresh = 0 if k % 2 else n  # every other step keeps the slopes: enough where the hidden states are linear
         varied = np.repeat(z, 1 + fresh, axis=1)
         for j in range(fresh):
-            varied[j, 1 + j :: 1 + n] += DIFFERENCE * size
+            varied[j, 1 + j :: 1 + n] += DIFFERENCE_OF_STATE * size
         columns = np.repeat(theta, 1 + fresh, axis=1)
         after = rk4(rates, record.t, varied, mean, half, h).reshape(n, n_starts, 1 + fresh, n_samples)
         if fresh:
-            A = ((after[:, :, 1:] - after[:, :, :1]) / (DIFFERENCE * size)).transpose(0, 2, 1, 3).reshape(n, n, -1)
+            A = (
+                ((after[:, :, 1:] - after[:, :, :1]) / (DIFFERENCE_OF_STATE * size))
+                .transpose(0, 2, 1, 3)
+                .reshape(n, n, -1)
+            )
             band = recursion_band(A, all_starts)
         defect = np.zeros_like(z)
         defect[:, :, 1:] = after[:, :, 0, :-1] - z[:, :, 1:]

@@ -18,7 +18,8 @@ from sksurrogate.effects._effect import (
 )
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._parameter import ParameterStep
-from sksurrogate.gap.fit._problem import Candidate, Problem
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.screen._hidden_path import hidden_paths
 from sksurrogate.gap.screen._sticking import slowed, sticks
 from sksurrogate.kernels.banded import solve_recursion
@@ -34,14 +35,14 @@ class Responses:
 
     Parameters
     ----------
-    problem : Problem
-    base : Candidate
+    problem : OdeBackend
+    base : OdeCandidate
         The model that effects are added to.
     x : ndarray (n_states, n_samples)
         Trajectory near the measured one, to start the smoother.
     """
 
-    def __init__(self, problem: Problem, base: Candidate, x: np.ndarray):
+    def __init__(self, problem: OdeBackend, base: OdeCandidate, x: np.ndarray):
         self.problem, self.base = problem, base
         theta = base.fit.theta
         with np.errstate(all="ignore"):
@@ -98,9 +99,7 @@ class Responses:
 
     def acted(self, change: np.ndarray) -> np.ndarray:
         """Change of the outputs by a change of the next states (n_states, n_starts, n_samples)."""
-        b = np.zeros_like(change)
-        b[:, :, 1:] = change[:, :, :-1]
-        b[:, :, self.problem.record.starts] = 0.0
+        b = a_sample_later(change, self.problem.record.starts)
         return np.einsum("oit,ist->ost", self.C, solve_recursion(self.lin.band, b))
 
     def limited(self, effect: LimitEffect, starts: np.ndarray) -> np.ndarray:

@@ -14,8 +14,8 @@ import numpy as np
 
 from sksurrogate._parallel._second import Second
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._problem import Candidate, Problem
-from sksurrogate.gap.fit._project import eliminate, eliminate_rows, project_starts, scores, start_coordinates
+from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows, project_starts, scores, start_coordinates
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._candidate_columns import Column, candidate_columns
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._shortlist import shortlist
@@ -118,9 +118,9 @@ def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def screen(
-    problem: Problem,
+    problem: OdeBackend,
     candidates: Sequence[BaseEffect],
-    base: Candidate,
+    base: OdeCandidate,
     x: np.ndarray,
     noise: Noise | None,
     shape: tuple[float, ...] = (),
@@ -131,9 +131,9 @@ def screen(
 
     Parameters
     ----------
-    problem : Problem
+    problem : OdeBackend
     candidates : sequence of BaseEffect
-    base : Candidate
+    base : OdeCandidate
         The model that they are added to.
     x : ndarray (n_states, n_samples)
         Trajectory near the measured one, to start the smoother.

@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._problem import Candidate, Problem
-from sksurrogate.gap.fit._project import eliminate_rows, project_starts, scores, start_bases
+from sksurrogate.gap.fit._normal_equations import eliminate_rows, project_starts, scores, start_bases
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.kernels.output_error import Linearised
 
 __all__ = ["Shortlist", "shortlist"]
@@ -26,8 +26,8 @@ def shortlist(
     columns: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
-    problem: Problem,
-    base: Candidate,
+    problem: OdeBackend,
+    base: OdeCandidate,
     lin: Linearised,
 ) -> Shortlist:
     """The effects whose columns remove most of what a base leaves.
@@ -39,8 +39,8 @@ def shortlist(
     ----------
     effects, raw, columns, low, high
         Of the null's screen, one entry a starting value.
-    problem : Problem
-    base : Candidate
+    problem : OdeBackend
+    base : OdeCandidate
     lin : Linearised
         Of the base.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._input import InputBias
-from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_adjoint
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
-from sksurrogate.gap.fit._problem import Problem
+from sksurrogate.gap.fit._ode import OdeBackend
 
 __all__ = ["slowed", "sticks", "sticks_in"]
 
@@ -22,14 +22,14 @@ def sticks(effect: BaseEffect, theta: np.ndarray, width: float | None, h: float)
     return np.broadcast_to(effect.smoothed(list(theta), width, h) > width, theta.shape[1:])
 
 
-def sticks_in(problem: Problem, effects: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
+def sticks_in(problem: OdeBackend, effects: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
     """Whether one of several effects with their parameters does so in the steps of a problem."""
     h, wires = problem.record.dt / problem.numerics.n_sub, problem.augmented(effects).wires
     return any(bool(sticks(effect, theta, wire.width, h)) for effect, theta, wire in zip(effects, values, wires))
 
 
 def slowed(
-    problem: Problem, effect: BalanceEffect, starts: np.ndarray, x: np.ndarray
+    problem: OdeBackend, effect: BalanceEffect, starts: np.ndarray, x: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """What acts on deviations (n_states, n_starts, n_rows) from a path x (n_states, n_samples) at some rows.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
-from sksurrogate.gap.fit._project import eliminate, project_starts, scores
+from sksurrogate.gap.fit._normal_equations import eliminate, project_starts, scores
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_recursion
 

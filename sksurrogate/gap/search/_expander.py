@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
+from typing import Any, TypeAlias
 
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate._parallel._parallel_map import side_by_side
-from sksurrogate._parallel._second import Second
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.fit._closeness import OUT_OF_SIGHT
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._problem import Candidate, Numerics, Problem
+from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._pairs import best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
-from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_chunk, fit_pair, nominal
+from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_pair, nominal
 from sksurrogate.gap.search._stopping import remembers_enough
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import Fit
 
 __all__ = ["Expander"]
 
+#: What travels between processes: a fit with its numerics, nothing, or what a simulator raised.
+Freight: TypeAlias = tuple[Fit, Numerics] | str | None
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
 #: A base fitted again is the same one where its cost differs by less than this share.
@@ -39,61 +43,27 @@ SEARCHED = 12
 MOST_SIBLINGS = 8
 
 
-@dataclass
-class Expander:
+@dataclass(eq=False)
+class Expander(BaseSearch[OdeCandidate]):
     """Fits candidates added to a base, and remembers every fit.
 
     Attributes
     ----------
-    problem : Problem
-    candidates : list of BaseEffect
+    problem : OdeBackend
     x : ndarray (n_states, n_samples)
         Smoothed nominal trajectory.
-    n_jobs : int or None
-    report : callable (message) -> None
-        Progress.
-    second, later : Second
-        Processes for what is wanted at once, and for what is wanted later.
-    fitted : dict
-        Every rival fitted so far, by its keys.
     screens : dict
         Cost and screen of every base.
-    judged : dict
-        Evidence of every rival that was looked at, the latest.
     first_screen : Screen or None
         What the screen expects of single effects.
     """
 
-    problem: Problem
-    candidates: list[BaseEffect]
+    problem: OdeBackend
     x: np.ndarray
-    n_jobs: int | None = None
-    report: Callable[[str], None] = lambda message: None
-    second: Second = field(default_factory=partial(Second, apart=False))
-    later: Second = field(default_factory=partial(Second, apart=False))
-    fitted: dict = field(default_factory=dict)
     screens: dict = field(default_factory=dict)
-    judged: dict[Candidate, Evidence] = field(default_factory=dict)
     first_screen: Screen | None = None
 
-    @property
-    def n_values(self) -> int:
-        return self.problem.record.y.size
-
-    def own(self, rival: Candidate) -> Evidence | None:
-        """A rival under its own noise, or one that it was given; None where it was looked at under that of others."""
-        known = self.judged.get(rival)
-        return None if known is None or known.quick else known
-
-    def judge(self, found: Evidence) -> Evidence:
-        """Keep the evidence of a rival; a quick look leaves it its own noise."""
-        known = self.own(found.candidate)
-        if found.quick and known is not None:
-            found = replace(known, log_likelihood=found.log_likelihood)
-        self.judged[found.candidate] = found
-        return found
-
-    def searching(self, base: Candidate) -> Problem:
+    def searching(self, base: OdeCandidate) -> OdeBackend:
         """The problem with the numerics of a base, but no finer than the search needs."""
         numerics, least = base.problem.numerics, self.problem.numerics.n_sub
         n_sub = min(numerics.n_sub, max(SEARCH_SUBSTEPS, least))
@@ -101,7 +71,7 @@ class Expander:
 
     def expand(
         self,
-        base: Candidate,
+        base: OdeCandidate,
         n_white: int,
         n_forced: int,
         among: Sequence[BaseEffect] | None = None,
@@ -109,7 +79,7 @@ class Expander:
         least: float = 0.0,
         best: float = np.inf,
         thorough: bool = True,
-    ) -> list[Candidate]:
+    ) -> list[OdeCandidate]:
         """Fit the candidates that the screen puts first, and expects at least so much of; with the siblings of the best.
 
         A fit that cannot come near the cost ``best`` is abandoned. Far from the data a ``thorough`` screen looks at every
@@ -134,19 +104,14 @@ class Expander:
         self.remember(rivals)
         return rivals + self.siblings(rivals, base) if siblings and rivals else rivals
 
-    def noise_of(self, rival: Candidate) -> Noise | None:
-        """Its own, where it is known."""
-        known = self.own(rival)
-        return None if known is None else known.noise
-
-    def from_nominal(self, null: Evidence, n_white: int, n_forced: int) -> list[Candidate]:
+    def from_nominal(self, null: Evidence, n_white: int, n_forced: int) -> list[OdeCandidate]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
         base = nominal(null.candidate)
         return [] if base is None else self.anew(base, null.noise, n_white, n_forced)
 
     def anew(
-        self, base: Candidate, noise: Noise | None, n_white: int, n_forced: int, best: float = np.inf
-    ) -> list[Candidate]:
+        self, base: OdeCandidate, noise: Noise | None, n_white: int, n_forced: int, best: float = np.inf
+    ) -> list[OdeCandidate]:
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
         candidates = [e for e in self.candidates if e.key not in set(base.keys)]
         problem = base.problem
@@ -155,20 +120,13 @@ class Expander:
         self.remember(rivals)
         return rivals
 
-    def guess(self, base: Candidate) -> np.ndarray:
+    def guess(self, base: OdeCandidate) -> np.ndarray:
         """Trajectory to start the smoother from: measured where nothing was added, with the hidden states of the base."""
         n = len(self.problem.plant.states)
         x = self.x if not base.effects else base.fit.x[:n]
         return np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
 
-    def remember(self, rivals: Sequence[Candidate]) -> None:
-        """Keep the best fit of every set of effects."""
-        for rival in rivals:
-            known = self.fitted.get(frozenset(rival.keys))
-            if known is None or rival.fit.cost < known.fit.cost:
-                self.fitted[frozenset(rival.keys)] = rival
-
-    def siblings(self, rivals: Sequence[Candidate], base: Candidate) -> list[Candidate]:
+    def siblings(self, rivals: Sequence[OdeCandidate], base: OdeCandidate) -> list[OdeCandidate]:
         """The nearest rival's effect at other places and in other variables, from its shape.
 
         A memory that fits in one place is found again in another, where the screen's starting values may be too far off.
@@ -185,16 +143,16 @@ class Expander:
         return again + self.shaped(base, unknown, shape, nearest.fit.cost)
 
     def formed(
-        self, base: Candidate, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float
-    ) -> list[Candidate]:
+        self, base: OdeCandidate, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float
+    ) -> list[OdeCandidate]:
         """Effects of one form, added to a base: of its shape where that is known."""
         if shape is None:
             return self.expand(base, 2, 0, effects, best=best)
         return self.shaped(base, effects, shape, best)
 
     def shaped(
-        self, base: Candidate, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
-    ) -> list[Candidate]:
+        self, base: OdeCandidate, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
+    ) -> list[OdeCandidate]:
         """Effects of one shape (all parameters but the first), added to a base."""
         if not effects:
             return []
@@ -206,9 +164,9 @@ class Expander:
 
     def screened(
         self,
-        problem: Problem,
+        problem: OdeBackend,
         candidates: Sequence[BaseEffect],
-        base: Candidate,
+        base: OdeCandidate,
         noise: Noise | None,
         guess: np.ndarray,
         whole: bool,
@@ -230,23 +188,27 @@ class Expander:
             self.first_screen = known
         return known.starts
 
-    def pairs(self, base: Candidate, most: int, best: float) -> list[Candidate]:
+    def expected(self) -> dict[Any, float]:
+        """What the screen expects of single effects, by key."""
+        out: dict[Any, float] = {}
+        for start in self.first_screen.starts if self.first_screen is not None else ():
+            out[start.effect.key] = max(out.get(start.effect.key, -np.inf), start.white)
+        return out
+
+    def pairs(self, base: OdeCandidate, most: int, best: float) -> list[OdeCandidate]:
         """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
         if self.first_screen is None:
             return []
         problem, x = self.searching(base), self.x
         pairs = best_pairs(self.first_screen, most)
         new = [pair for pair in pairs if frozenset(start.effect.key for start in pair) not in self.fitted]
-        tries = side_by_side(lambda pair: shipped(fit_pair(problem, base, pair, x, best)), new, self.second)
-        found = [
-            rival
-            for pair, freight in zip(new, tries)
-            if (rival := landed(problem, base, [start.effect for start in pair], freight)) is not None
-        ]
-        self.remember(found)
-        return found
+        tries = side_by_side(lambda pair: shipped(partial(fit_pair, problem, base, pair, x, best)), new, self.second)
+        effects = [[start.effect for start in pair] for pair in new]
+        found = [self.landed(problem, base, added, freight) for added, freight in zip(effects, tries)]
+        self.remember(fits := [rival for rival in found if rival is not None])
+        return fits
 
-    def known(self, problem: Problem, base: Candidate, effects: Sequence[BaseEffect]) -> list[Candidate]:
+    def known(self, problem: OdeBackend, base: OdeCandidate, effects: Sequence[BaseEffect]) -> list[OdeCandidate]:
         """A base with each of these effects, where it was fitted before with the same numerics; not far from the data, where
         another start may lead elsewhere."""
         if base.effects and base.fit.cost > OUT_OF_SIGHT * self.n_values:
@@ -256,8 +218,8 @@ class Expander:
         return [r for keys, r in found if r.keys == keys and r.problem.numerics == problem.numerics]
 
     def fit_all(
-        self, problem: Problem, base: Candidate, chosen: Sequence[list[Start]], best: float = np.inf
-    ) -> list[Candidate]:
+        self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
+    ) -> list[OdeCandidate]:
         """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
 
         The cost of the first is what the others must come near to.
@@ -272,17 +234,31 @@ class Expander:
             return [rival for rival in found if rival is not None]
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
-        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, best) for chunk in chunks)
-        return [rival for part in parts for rival in part if rival is not None]
+        near = min(base.fit.cost, best)
+        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, near) for chunk in chunks)
+        freight = [one for part in parts for one in part]
+        landed = [self.landed(problem, base, [starts[0].effect], one) for starts, one in zip(chosen, freight)]
+        return [rival for rival in landed if rival is not None]
 
     def fit_apart(
-        self, problem: Problem, base: Candidate, chosen: Sequence[list[Start]], best: float
-    ) -> list[Candidate | None]:
+        self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float
+    ) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
         found = side_by_side(
-            lambda starts: shipped(fit_added(problem, base, starts, best)), chosen, self.second, effort
+            lambda starts: shipped(partial(fit_added, problem, base, starts, best)), chosen, self.second, effort
         )
-        return [landed(problem, base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
+        return [self.landed(problem, base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
+
+    def landed(
+        self, problem: OdeBackend, base: OdeCandidate, added: Sequence[BaseEffect], freight: Freight
+    ) -> OdeCandidate | None:
+        """A base with these effects added, as it was shipped; None where it has no fit, or the simulator failed."""
+        if isinstance(freight, str):
+            self.lost[freight] = None
+        if freight is None or isinstance(freight, str):
+            return None
+        fit, numerics = freight
+        return problem.at(numerics).candidate((*base.effects, *added), fit)
 
 
 def effort(starts: Sequence[Start]) -> float:
@@ -292,16 +268,15 @@ def effort(starts: Sequence[Start]) -> float:
     return len(starts) * len(theta) * (1 + hidden) + (SEARCHED if effect.scan(tuple(theta)) else 0)
 
 
-def shipped(rival: Candidate | None) -> tuple[Fit, Numerics] | None:
-    """A rival without its model, which cannot travel between processes."""
+def shipped(fit: Callable[[], OdeCandidate | None]) -> Freight:
+    """A rival without its model, which cannot travel between processes; where the simulator raises, what it said."""
+    try:
+        rival = fit()
+    except (ArithmeticError, ValueError, SurrogateError) as error:
+        return f"{type(error).__name__}: {error}"
     return None if rival is None else (rival.fit, rival.problem.numerics)
 
 
-def landed(
-    problem: Problem, base: Candidate, added: Sequence[BaseEffect], freight: tuple[Fit, Numerics] | None
-) -> Candidate | None:
-    """A base with these effects added, as it was shipped."""
-    if freight is None:
-        return None
-    fit, numerics = freight
-    return problem.at(numerics).candidate((*base.effects, *added), fit)
+def fit_chunk(problem: OdeBackend, base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Freight]:
+    """One worker's share."""
+    return [shipped(partial(fit_added, problem, base, starts, best)) for starts in chunk]

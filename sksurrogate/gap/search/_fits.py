@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.gap.fit._build import nominal_run
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, NEAR
-from sksurrogate.gap.fit._evidence import frozen_fit
-from sksurrogate.gap.fit._problem import Candidate, Problem, nominal_run
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.screen._sticking import sticks_in
 from sksurrogate.gap.search._line_search import scanned
-from sksurrogate.kernels.output_error import Fit, run_near, settle_hidden
+from sksurrogate.kernels.output_error import Fit, run_near
 
 __all__ = [
     "best_starts",
@@ -23,13 +23,11 @@ __all__ = [
     "distinct",
     "first_places",
     "fit_added",
-    "fit_chunk",
     "fit_pair",
     "mean_start",
     "nominal",
     "numerics_matter",
     "open_null",
-    "taken_out",
 ]
 
 #: A rival whose screen leaves this many times more than the best's is not fitted.
@@ -49,9 +47,9 @@ SOFT = 4.0
 NEARER = (1.0, 0.3, 0.1)
 
 
-def fit_added(problem: Problem, base: Candidate, starts: Sequence[Start], best: float) -> Candidate | None:
+def fit_added(problem: OdeBackend, base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCandidate | None:
     """Fit a base with one effect more, from the best of several starts; one that cannot come near to the others is abandoned."""
-    found: Candidate | None = None
+    found: OdeCandidate | None = None
     split = base.n_parameters
     values = [base.theta_of(i) for i in range(len(base.effects))]
     if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
@@ -76,8 +74,8 @@ def fit_added(problem: Problem, base: Candidate, starts: Sequence[Start], best: 
 
 
 def fit_pair(
-    problem: Problem, base: Candidate, pair: tuple[Start, Start], x: np.ndarray, best: float
-) -> Candidate | None:
+    problem: OdeBackend, base: OdeCandidate, pair: tuple[Start, Start], x: np.ndarray, best: float
+) -> OdeCandidate | None:
     """Fit a base without effects with two at once, from a smoothed trajectory."""
     first, second = pair
     theta = np.concatenate([first.theta, second.theta, base.fit.theta])
@@ -90,8 +88,8 @@ def fit_pair(
 
 
 def fit_last(
-    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
-) -> Candidate | None:
+    problem: OdeBackend, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
+) -> OdeCandidate | None:
     """Fit effects of which the last is new, from a smoothed trajectory ``x``, else from the free run of a ``base`` without it.
 
     A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
@@ -120,8 +118,8 @@ def fit_last(
 
 
 def fit_limit(
-    problem: Problem, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
-) -> Candidate | None:
+    problem: OdeBackend, effects: Sequence[BaseEffect], theta: np.ndarray, x: np.ndarray, base: Fit, best: float
+) -> OdeCandidate | None:
     """Fit effects of which the last is a limit: from a smoothed trajectory, and where that leads nowhere from where runs began.
 
     Beyond a limit states have no slopes, and initial states of a base that knew of no limit and is far from the data have
@@ -138,14 +136,9 @@ def fit_limit(
     return cheapest([found, other])
 
 
-def cheapest(tries: Sequence[Candidate | None]) -> Candidate | None:
+def cheapest(tries: Sequence[OdeCandidate | None]) -> OdeCandidate | None:
     """Of several fits the one nearest to the data, the first of equal ones; None where none came to an end."""
     return min((rival for rival in tries if rival is not None), key=lambda rival: rival.fit.cost, default=None)
-
-
-def fit_chunk(problem: Problem, base: Candidate, chunk: Sequence[list[Start]], best: float) -> list[Candidate | None]:
-    """One worker's share."""
-    return [fit_added(problem, base, starts, min(base.fit.cost, best)) for starts in chunk]
 
 
 def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:
@@ -217,30 +210,21 @@ def mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
     return out
 
 
-def open_null(problem: Problem, theta: np.ndarray, x: np.ndarray) -> Candidate:
+def open_null(problem: OdeBackend, theta: np.ndarray, x: np.ndarray) -> OdeCandidate:
     """A null that has no finite free run: the output stays at its mean, so that anything finite is better."""
     y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
     cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
     return problem.candidate((), Fit(theta, x, y, cost, 0, False, None))
 
 
-def nominal(null: Candidate) -> Candidate | None:
+def nominal(null: OdeCandidate) -> OdeCandidate | None:
     """The null with its free parameters back at their nominal values; None where that has no free run."""
-    return frozen_fit(null, np.zeros(len(null.fit.theta)))
+    return null.frozen(np.zeros(len(null.fit.theta)))
 
 
-def taken_out(rival: Candidate, i: int) -> Candidate | None:
-    """A rival without effect i, everything else as it is but for the initial states; None where that has no free run."""
-    rest, theta = rival.without_effect(i)
-    model, x = rival.problem.augmented(rest), rival.fit.x[: rival.model.n_nominal]
-    if model.n_states > model.n_nominal:
-        x = settle_hidden(model, theta, x)
-    return frozen_fit(rival.problem.candidate(rest, replace(rival.fit, theta=theta, x=x), model), theta)
-
-
-def distinct(rivals: Sequence[Candidate], taken: set, most: int) -> list[Candidate]:
+def distinct(rivals: Sequence[OdeCandidate], taken: set, most: int) -> list[OdeCandidate]:
     """The first rivals with different sets of effects."""
-    chosen: list[Candidate] = []
+    chosen: list[OdeCandidate] = []
     for rival in rivals:
         key = frozenset(rival.keys)
         if key not in taken and len(chosen) < most:
@@ -249,9 +233,9 @@ def distinct(rivals: Sequence[Candidate], taken: set, most: int) -> list[Candida
     return chosen
 
 
-def numerics_matter(finer: Problem, rival: Candidate) -> bool:
+def numerics_matter(finer: OdeBackend, rival: OdeCandidate) -> bool:
     """Whether shorter steps and sharper kinks move the free run by a share of the noise, or far from the data of what is left."""
-    shifted = frozen_fit(finer.candidate(rival.effects, rival.fit), rival.fit.theta, near=True)
+    shifted = finer.candidate(rival.effects, rival.fit).frozen(rival.fit.theta, near=True)
     if shifted is None:
         return False
     change = np.sqrt(np.mean(((shifted.fit.y - rival.fit.y) / finer.sd[:, None]) ** 2))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Candidate
-from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._normal_equations import project_starts
+from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._quantization import alike
 from sksurrogate.kernels.banded import solve_recursion
 
@@ -17,7 +18,7 @@ MOST = 3
 WORTH_A_FIT = 1.0
 
 
-def scanned(rival: Candidate, i: int = -1) -> Candidate:
+def scanned(rival: OdeCandidate, i: int = -1) -> OdeCandidate:
     """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them."""
     for _ in range(3):
         before = rival.fit.cost
@@ -30,7 +31,7 @@ def scanned(rival: Candidate, i: int = -1) -> Candidate:
     return rival
 
 
-def promising(rival: Candidate, i: int = -1) -> list[np.ndarray]:
+def promising(rival: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     """Parameters with effect i, the last by default, at another value, where less is expected to be left.
 
     The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values abreast; initial
@@ -49,9 +50,8 @@ def promising(rival: Candidate, i: int = -1) -> list[np.ndarray]:
     with np.errstate(all="ignore"):
         lin, bound = rival.linearised, model.bind(columns)
         x = np.repeat(fit.x[:, None], columns.shape[1], axis=1)
-        after, b = bound(x), np.zeros_like(x)
-        b[:, :, 1:] = (after - after[:, :1])[:, :, :-1]
-        b[:, :, record.starts] = 0.0
+        after = bound(x)
+        b = a_sample_later(after - after[:, :1], record.starts)
         y = bound.outputs(x + solve_recursion(lin.band, b))
     others = np.delete(np.arange(len(fit.theta)), place)
     sd = problem.sd[None, :, None]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
-from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.search._nested import NESTED
 
 __all__ = ["folded"]
@@ -19,7 +19,7 @@ __all__ = ["folded"]
 SAME_FORCE, LITTLE_MORE = 0.01, 1.3
 
 
-def folded(rival: Candidate) -> Candidate | None:
+def folded(rival: OdeCandidate) -> OdeCandidate | None:
     """A rival with two of its effects as one, fitted from their sum; None where no two are such, or the fit does not get there.
 
     Of two forms of one variable in one balance, of which one contains the other, the richer may be their sum along the path.
@@ -35,7 +35,7 @@ def folded(rival: Candidate) -> Candidate | None:
     return None
 
 
-def force_of(rival: Candidate, k: int, theta: np.ndarray) -> np.ndarray:
+def force_of(rival: OdeCandidate, k: int, theta: np.ndarray) -> np.ndarray:
     """What effect k adds to its balance along the path, (n_samples,)."""
     model, record = rival.model, rival.problem.record
     width = model.wires[k].width or 0.0
@@ -49,7 +49,7 @@ def contains(rich: BaseEffect, simple: BaseEffect) -> bool:
     return laws and same and simple.name in NESTED.get(rich.name, ())
 
 
-def together(rival: Candidate, i: int, j: int) -> np.ndarray | None:
+def together(rival: OdeCandidate, i: int, j: int) -> np.ndarray | None:
     """Values with which effect i is effects i and j together, along the path; None where it has none."""
     own = rival.theta_of(i)
     wanted = force_of(rival, i, own) + force_of(rival, j, rival.theta_of(j))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._probe import probe_of
-from sksurrogate.gap.fit._problem import Candidate
 
 __all__ = ["plausible"]
 
 
-def plausible(rival: Candidate) -> bool:
+def plausible(rival: OdeCandidate) -> bool:
     """Whether the path of a rival shows what makes each of its effects what it is; a path that breaks shows nothing else."""
     problem = rival.problem
     x = rival.fit.x[: len(problem.plant.states)]

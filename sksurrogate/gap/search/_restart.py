@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._probe import probe_of
-from sksurrogate.gap.fit._problem import Candidate
 
 __all__ = ["dead", "revived"]
 
@@ -18,7 +18,7 @@ SILENT = 1e-9
 MOST_TRIED = 8
 
 
-def revived(rival: Candidate) -> Candidate:
+def revived(rival: OdeCandidate) -> OdeCandidate:
     """The best fit from starting values of the parameters on which the prediction does not depend, the others kept.
 
     A Stribeck velocity of 0 has no slope that leads back, and the level that it leads to has none either.
@@ -55,7 +55,7 @@ def in_scale(effect: BaseEffect, start: Sequence[float], now: np.ndarray, silent
     return out
 
 
-def dead(rival: Candidate, i: int) -> np.ndarray:
+def dead(rival: OdeCandidate, i: int) -> np.ndarray:
     """Which parameters of effect i move nothing."""
     J = rival.linearised.J_theta
     unit = np.maximum(np.abs(rival.problem.units(rival.effects, rival.fit.theta)), 1e-300)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate.gap.fit._closed_loop import may_follow_noise
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, JUDGED_BY_SIZE, NEARLY_WHITE, SETTLED
-from sksurrogate.gap.fit._evidence import Evidence, arrived, bar, estimate_noise, follow_null, judged_under
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, JUDGED_BY_SIZE, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._evidence import Evidence, arrived, estimate_noise, follow_null, judged_under
+from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost, retuning_cost
-from sksurrogate.gap.fit._problem import Candidate, Numerics
 from sksurrogate.gap.fit._rounding import names_steps
+from sksurrogate.gap.search._base import CORRELATED, EQUAL
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._fits import distinct, mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._line_search import scanned
@@ -21,9 +22,9 @@ from sksurrogate.gap.search._merged_pair import folded
 from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, simpler
 from sksurrogate.gap.search._plausible import plausible
 from sksurrogate.gap.search._restart import revived
-from sksurrogate.gap.search._stopping import grows_in_vain
+from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
 
-__all__ = ["EQUAL", "Search"]
+__all__ = ["Search"]
 
 #: A further effect must beat the bar by this much more: a mismatch of numerics can pass the bar alone.
 EXTRA = 10.0
@@ -36,79 +37,36 @@ SCREENED = 0.4
 RUNNERS = 3
 #: Pairs that are fitted because the screen expects most of them.
 MOST_PAIRS = 10
-#: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
-EQUAL = 6.0
 #: Re-tuning that costs this much (-2 log of the prior) may imitate an effect.
 FAR_RETUNED = 6.0
-#: Samples of a structural error that count as one.
-CORRELATED = 10.0
 #: A set of effects that was left is taken up again where it comes back with less than this share of its cost.
 COMES_BACK = 0.9
 #: A fit with so many times the cost of the null has gone astray.
 ASTRAY = 100.0
+#: Rivals fitted from where the others stand, with one effect of what stands taken out.
+MOST_ANEW = 6
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
 
-@dataclass
+@dataclass(eq=False)
 class Search(Expander):
     """Forward and backward search over sets of effects.
 
     Attributes
     ----------
-    null, final : Evidence or None
-        Filled as the search goes on, so that an interrupt leaves what is known.
-    first_round : list of Candidate
-        Single effects, best first.
+    runners : list of OdeCandidate
+        The next best of the last round.
+    least : float
+        Share of the gap that a further effect must remove.
     """
 
-    null: Evidence | None = None
-    final: Evidence | None = None
-    first_round: list[Candidate] = field(default_factory=list)
-    runners: list[Candidate] = field(default_factory=list)
-    richer: dict = field(default_factory=dict)
+    runners: list[OdeCandidate] = field(default_factory=list)
     least: float = SMALLEST_SHARE
 
-    def bar(self, k: int) -> float:
-        return bar(k, len(self.candidates), self.n_values)
-
-    def evidence(self, rival: Candidate) -> float:
-        """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""
-        known = self.judged.get(rival)
-        return -np.inf if known is None else known.log_likelihood - 0.5 * prior_cost(rival)
-
-    @property
-    def begun(self) -> Evidence:
-        """The null, once it is fitted."""
-        if self.null is None:
-            raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
-        return self.null
-
-    def stand(self, rival: Candidate) -> Candidate:
-        """What an interrupt leaves."""
-        self.final = self.judged[rival]
-        return rival
-
-    def gain(self, rival: Candidate) -> float:
-        """2 (L_rival - L_null)."""
-        return 2.0 * (self.evidence(rival) - self.evidence(self.begun.candidate))
-
-    def score(self, rival: Candidate) -> float:
-        """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""
-        return self.evidence(rival) - 0.5 * rival.n_parameters * np.log(self.n_values)
-
-    def size_score(self, rival: Candidate) -> float:
-        """Evidence by size: white errors with one independent value in :data:`CORRELATED`, less ``k/2 ln N``.
-
-        Far from the data no noise model holds, and the force that it allows would hide which rival comes nearer.
-        """
-        return -0.5 * self.n_values / CORRELATED * np.log(rival.fit.cost) - 0.5 * rival.n_parameters * np.log(
-            self.n_values
-        )
-
-    def order(self, rivals: Sequence[Candidate]) -> Callable[[Candidate], float]:
-        """By size where all are far from the data, by likelihood where one comes near."""
-        return self.size_score if all(self.is_far(rival) for rival in rivals) else self.score
+    def prior_cost(self, rival: OdeCandidate) -> float:
+        """Of the free parameters, of steps of quantisation and of the initial states."""
+        return prior_cost(rival)
 
     # ---- the search -------------------------------------------------------------------------------------------------
     def fit_null(self) -> Evidence:
@@ -159,14 +117,14 @@ class Search(Expander):
         self.stand(self.simplify(stood, far=True) if self.is_far(stood) else self.merge(stood))
         return self.final or self.begun
 
-    def further(self, best: Candidate) -> Candidate | None:
+    def further(self, best: OdeCandidate) -> OdeCandidate | None:
         """The best set with one effect more, however little of the gap it removes; None where the evidence is not for it."""
         self.least = 0.0
         better = self.one_more(best, True)
         self.least = SMALLEST_SHARE
         return better
 
-    def singles(self, null: Candidate) -> list[Candidate]:
+    def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
         """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
         rivals = self.expand(null, 16, 6, siblings=True)
         if retuning_cost(null) < FAR_RETUNED:
@@ -178,7 +136,7 @@ class Search(Expander):
                 best[rival.keys] = worth, rival
         return [rival for _, rival in best.values()]
 
-    def one_more(self, best: Candidate, passed: bool) -> Candidate | None:
+    def one_more(self, best: OdeCandidate, passed: bool) -> OdeCandidate | None:
         """The best rival with one effect more, None where it does not pass."""
         self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
         left = self.judged[best].left
@@ -205,7 +163,7 @@ class Search(Expander):
         top = self.simplify(self.swap(top))
         return self.needed(top, best) if self.passes(top, best, passed) else None
 
-    def needed(self, rival: Candidate, best: Candidate) -> Candidate:
+    def needed(self, rival: OdeCandidate, best: OdeCandidate) -> OdeCandidate:
         """The rival, or what is left without an effect that only repaired a wrong first choice."""
         for i in range(len(rival.effects)):
             smaller = self.without(rival, i)
@@ -220,7 +178,7 @@ class Search(Expander):
                 return self.needed(smaller, best)
         return rival
 
-    def passes(self, rival: Candidate, best: Candidate, passed: bool) -> bool:
+    def passes(self, rival: OdeCandidate, best: OdeCandidate, passed: bool) -> bool:
         """Whether an effect more is worth it: over the best smaller set, or over nothing where none passed alone."""
         if may_follow_noise(rival, best):
             return False
@@ -238,7 +196,7 @@ class Search(Expander):
         """2 (L_rival - L_best) that a further effect of k parameters must reach."""
         return self.bar(max(k, 1)) + EXTRA
 
-    def beam(self, best: Candidate) -> list[Candidate]:
+    def beam(self, best: OdeCandidate) -> list[OdeCandidate]:
         """Other sets of this size worth one effect more.
 
         Of singles the next by likelihood and the next by cost; far from the data, where the first choice is often a
@@ -250,7 +208,7 @@ class Search(Expander):
         by_cost = sorted(others, key=lambda rival: rival.fit.cost)
         return distinct([*others[:2], *by_cost[:2]], set(), 4)
 
-    def swap(self, rival: Candidate) -> Candidate:
+    def swap(self, rival: OdeCandidate) -> OdeCandidate:
         """Leave each effect out in turn and choose it again with the others kept; twice at most."""
         for _ in range(1 if self.is_far(rival) else 2):
             start = rival
@@ -272,7 +230,7 @@ class Search(Expander):
                 break
         return rival
 
-    def without(self, rival: Candidate, i: int) -> Candidate | None:
+    def without(self, rival: OdeCandidate, i: int) -> OdeCandidate | None:
         """The rival refitted without effect i."""
         effects, theta = rival.without_effect(i)
         base = rival.problem.fit(effects, theta, rival.fit.x[: rival.model.n_nominal])
@@ -287,7 +245,7 @@ class Search(Expander):
         return base
 
     # ---- steps ------------------------------------------------------------------------------------------------------
-    def ranked(self, rivals: Iterable[Candidate], base: Candidate) -> list[Candidate]:
+    def ranked(self, rivals: Iterable[OdeCandidate], base: OdeCandidate) -> list[OdeCandidate]:
         """Rivals by penalised likelihood, the best under their own noise, the others by a quick look."""
         rivals = [rival for rival in rivals if rival.fit.cost < ASTRAY * self.begun.fit.cost and plausible(rival)]
         if not rivals:
@@ -308,23 +266,19 @@ class Search(Expander):
         rivals.sort(key=self.order(rivals), reverse=True)
         return rivals
 
-    def first_choice(self, singles: Sequence[Candidate]) -> Candidate:
+    def first_choice(self, singles: Sequence[OdeCandidate]) -> OdeCandidate:
         """The best single effect; the steps on which readings stand, where these are the likeliest: nothing else makes them."""
         likeliest = max(singles, key=self.score)
         return self.polish(likeliest) if names_steps(likeliest) else self.best_polished(singles)
 
-    def best_polished(self, rivals: Sequence[Candidate], most: int = 4) -> Candidate:
+    def best_polished(self, rivals: Sequence[OdeCandidate], most: int = 4) -> OdeCandidate:
         """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them."""
         least = min(rival.fit.cost for rival in rivals[:most])
         near = [rival for rival in rivals[:most] if rival is rivals[0] or rival.fit.cost < 3.0 * least + 50.0]
         polished = [self.polish(rival) for rival in near]
         return max(polished, key=self.order(polished))
 
-    def is_far(self, rival: Candidate) -> bool:
-        """Whether a rival is so far from the data that sizes, not likelihoods, tell rivals apart."""
-        return rival.fit.cost > FAR_BY_COST * self.n_values
-
-    def polish(self, rival: Candidate) -> Candidate:
+    def polish(self, rival: OdeCandidate) -> OdeCandidate:
         """Refit with kinks sharper and steps shorter where that matters."""
         best = rival if self.is_far(rival) else revived(rival)
         for n_sub, sharpness in ((4, 150.0), (8, 500.0)):
@@ -340,7 +294,7 @@ class Search(Expander):
             self.judge(estimate_noise(best, noise, curvature))
         return best
 
-    def simplify(self, rival: Candidate, far: bool = False) -> Candidate:
+    def simplify(self, rival: OdeCandidate, far: bool = False) -> OdeCandidate:
         """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class.
 
         Far from the data the search goes on with the richer form and ends with this question. Two forms of one law are one.
@@ -366,7 +320,7 @@ class Search(Expander):
                         return self.simplify(fitted, far)
         return rival
 
-    def enrich(self, rival: Candidate) -> Candidate:
+    def enrich(self, rival: OdeCandidate) -> OdeCandidate:
         """The richer form of an effect where it removes more of the gap and no fit has looked at it yet."""
         for i, effect in enumerate(rival.effects):
             others = {key for j, key in enumerate(rival.keys) if j != i}
@@ -380,7 +334,7 @@ class Search(Expander):
                     return self.enrich(fitted)
         return rival
 
-    def merge(self, rival: Candidate) -> Candidate:
+    def merge(self, rival: OdeCandidate) -> OdeCandidate:
         """One effect fewer where a relative of another takes over its part (friction and an offset are one friction)."""
         if len(rival.effects) < 3:
             return rival
@@ -396,12 +350,42 @@ class Search(Expander):
                         return self.merge(fitted)
         return rival
 
-    def most_left(self, rich: Candidate) -> float:
+    def most_left(self, rich: OdeCandidate) -> float:
         """Cost up to which a simpler form leaves hardly more of the gap."""
         return hardly_more(rich.fit.cost, self.begun.fit.cost - self.n_values)
 
-    def as_good(self, simple: Candidate, rich: Candidate) -> bool:
+    def as_good(self, simple: OdeCandidate, rich: OdeCandidate) -> bool:
         """Whether a simpler form does as well: hardly more gap left, or far from the data no evidence by size."""
         if self.is_far(rich):
             return 2.0 * (self.size_score(rich) - self.size_score(simple)) < EQUAL
         return simple.fit.cost < self.most_left(rich) and not arrived(self.own(rich), simple)
+
+    # ---- what could stand in the place of a name --------------------------------------------------------------------
+    def in_place_of(self, final: Evidence[OdeCandidate], i: int) -> list[OdeCandidate]:
+        """Rivals with another effect in the place of effect i, with the numerics of what stands, and that itself again."""
+        named, single = final.candidate, len(final.effects) == 1
+        base = self.begun.candidate if single else self.without(named, i)
+        if base is None:
+            return []
+        few = self.is_far(named) or is_stack(final)
+        if few:
+            rivals = self.expand(base, 8, 2, thorough=False)
+        else:
+            rivals = self.expand(base, 24, 10, siblings=True, best=final.fit.cost)
+        if single:  # those of the search may have begun at other re-tuned parameters
+            rivals.extend(self.first_round)
+        if not few and (not single or self.problem.free):
+            rest = named.taken_out(i)  # the others and the free parameters, fitted again alone, may have run away
+            rivals.extend([] if rest is None else self.anew(rest, final.noise, MOST_ANEW, 0, final.fit.cost))
+        rivals = list({rival.keys: rival for rival in sorted(rivals, key=lambda r: -r.fit.cost)}.values())
+        mine = [r.fit.cost for r in rivals if r.effects[-1].key == final.effects[i].key]
+        fine = named.problem
+        same_numerics = self.searching(base).numerics == fine.numerics
+        reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
+        near = [rival for rival in rivals if rival.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
+        return near if same_numerics else [self.again(fine, rival) for rival in near]
+
+    @staticmethod
+    def again(fine: OdeBackend, rival: OdeCandidate) -> OdeCandidate:
+        """A rival fitted on with finer numerics."""
+        return fine.fit(rival.effects, rival.fit.theta, rival.fit.x, open_steps=0, max_steps=8, settled=True) or rival

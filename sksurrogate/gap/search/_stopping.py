@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._closeness import LEFT_BY_SEVERAL
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 
 __all__ = ["STACK", "grows_in_vain", "is_stack", "remembers_enough"]
 
@@ -21,7 +21,7 @@ STACK = 3
 MOST_HIDDEN = 2
 
 
-def grows_in_vain(rival: Candidate, before: Candidate, null: Candidate) -> bool:
+def grows_in_vain(rival: OdeCandidate, before: OdeCandidate, null: OdeCandidate) -> bool:
     """Whether a set far from the data leaves much of the gap, and its last effect took little of what was left ``before``."""
     return rival.fit.cost > max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Candidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._latent_force import past_of
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
@@ -37,7 +37,7 @@ class Curve(NamedTuple):
     moved: Callable[[], np.ndarray]
 
 
-def in_balances(rival: Candidate) -> Iterator[Curve]:
+def in_balances(rival: OdeCandidate) -> Iterator[Curve]:
     """Curves of states, inputs and time in every balance."""
     problem, D = rival.problem, rival.disturbance
     signals = np.concatenate([rival.fit.x[: len(problem.plant.states)], problem.record.u])
@@ -47,7 +47,7 @@ def in_balances(rival: Candidate) -> Iterator[Curve]:
             yield Curve(name, variable, len(f), partial(response, D, D.B[:, :, b].T, f))
 
 
-def in_inputs(rival: Candidate) -> Iterator[Curve]:
+def in_inputs(rival: OdeCandidate) -> Iterator[Curve]:
     """A fine curve of every input in its place, through the balances that it pushes and the outputs that show it.
 
     None where a named effect lets the input jump: that input has no slope to follow.
@@ -61,7 +61,7 @@ def in_inputs(rival: Candidate) -> Iterator[Curve]:
             yield Curve(name, name, len(f), partial(response, D, push, f, shown))
 
 
-def in_sensors(rival: Candidate) -> Iterator[Curve]:
+def in_sensors(rival: OdeCandidate) -> Iterator[Curve]:
     """Curves of outputs and time in every sensor; of other outputs without their past."""
     problem = rival.problem
     names = problem.plant.outputs
@@ -98,7 +98,7 @@ def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
     return out
 
 
-def channel(rival: Candidate, i: int) -> tuple[np.ndarray, np.ndarray]:
+def channel(rival: OdeCandidate, i: int) -> tuple[np.ndarray, np.ndarray]:
     """What a unit of input i moves the next states (n_states, n_samples) and this sample's outputs (n_outputs, n_samples) by."""
     problem = rival.problem
     record, u = problem.record, problem.record.u.copy()

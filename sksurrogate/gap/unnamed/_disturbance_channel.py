@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._folds import blocked
-from sksurrogate.gap.fit._problem import Candidate, Problem
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push
@@ -29,12 +29,12 @@ LARGEST_GROWTH, SHORTEST = 9.0, 20
 COMPARED = 3
 
 
-def channel_of(null: Candidate, location: str, kind: str) -> Channel:
+def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
     """The null with one free signal at a place, linearised about the path that it gives.
 
     Parameters
     ----------
-    null : Candidate
+    null : OdeCandidate
         The simulator, free parameters re-tuned.
     location, kind : str
         State, input or output; a parameter stands for the largest force.
@@ -61,7 +61,7 @@ def channel_of(null: Candidate, location: str, kind: str) -> Channel:
     return channel
 
 
-def on_record(null: Candidate, record: Record) -> Candidate:
+def on_record(null: OdeCandidate, record: Record) -> OdeCandidate:
     """The null over the same samples in other runs."""
     return replace(null.problem, record=record).candidate((), null.fit)
 
@@ -80,7 +80,7 @@ def _pieces(record: Record, A: np.ndarray) -> np.ndarray:
     return np.flatnonzero(first)
 
 
-def _soft(problem: Problem, null: Candidate, location: str, kind: str) -> tuple[str, ...]:
+def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> tuple[str, ...]:
     """Balances that the signal at a place moves."""
     if kind == "state" and location in problem.balances:
         return (location,)
@@ -93,8 +93,8 @@ def _soft(problem: Problem, null: Candidate, location: str, kind: str) -> tuple[
 
 
 def _about(
-    problem: Problem,
-    null: Candidate,
+    problem: OdeBackend,
+    null: OdeCandidate,
     x: np.ndarray,
     location: str,
     kind: str,
@@ -125,7 +125,7 @@ def _about(
     return Channel(record, D, noise, r, B[:, 0], None, unit, held, Z, names), lin.x
 
 
-def _sensor(problem: Problem, null: Candidate, j: int) -> Channel:
+def _sensor(problem: OdeBackend, null: OdeCandidate, j: int) -> Channel:
     """The channel of a sensor: what it adds to its output."""
     model, theta, record, x = null.model, null.fit.theta, problem.record, null.fit.x
     lin = linearise(model, theta, x, problem.units((), theta))
@@ -219,11 +219,11 @@ class Channels:
 
     Parameters
     ----------
-    null : Candidate
+    null : OdeCandidate
         The simulator, free parameters re-tuned.
     """
 
-    def __init__(self, null: Candidate):
+    def __init__(self, null: OdeCandidate):
         self.null = null
         self.known: dict[tuple[str, str], Channel] = {}
 

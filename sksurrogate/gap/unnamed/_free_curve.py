@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.gap.fit._closeness import CLOSED
-from sksurrogate.gap.fit._evidence import Evidence, columns
-from sksurrogate.gap.fit._problem import Candidate, Problem
-from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._normal_equations import project_starts, scaled
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._curve_shapes import Curve, in_balances, in_inputs, in_sensors
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -57,7 +57,7 @@ def free_curve(found: Evidence) -> FreeCurve | None:
     """
     rival = found.candidate
     problem, D = rival.problem, rival.disturbance
-    r, J, precision, pull = columns(rival)
+    r, J, precision, pull = rival.columns()
     if not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
     curves = [*in_balances(rival), *in_inputs(rival), *in_sensors(rival)]
@@ -82,8 +82,8 @@ class _Tried(NamedTuple):
 class _CurveFit:
     """A residual explained by the parameters of a rival, and by each of several curves beside them."""
 
-    problem: Problem
-    rival: Candidate
+    problem: OdeBackend
+    rival: OdeCandidate
     D: Disturbance
     r: np.ndarray
     J: np.ndarray
@@ -165,6 +165,6 @@ def _explained(G: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> tuple[
     if len(G) == 1:
         return 0.0, np.zeros(0), 0
     H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
-    theta, _, rank, _ = np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-8)
+    normal, scale = scaled(H, 1e-150)
+    theta, _, rank, _ = np.linalg.lstsq(normal, g / scale, rcond=1e-8)
     return float(g / scale @ theta), theta / scale, int(rank)

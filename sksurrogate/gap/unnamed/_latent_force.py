@@ -9,7 +9,8 @@ from sklearn.ensemble import ExtraTreesRegressor
 
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._folds import row_folds
-from sksurrogate.gap.fit._problem import Candidate, Problem
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -102,7 +103,7 @@ def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentF
     return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r)
 
 
-def features(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
+def features(problem: OdeBackend, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """States and inputs as columns, with their names."""
     n = len(problem.plant.states)
     return np.concatenate([x[:n], problem.record.u]).T, [*problem.plant.states, *problem.plant.inputs]
@@ -126,7 +127,7 @@ def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
     return np.stack(found)
 
 
-def law_of(rival: Candidate, latent: LatentForce, random_state: int) -> np.ndarray:
+def law_of(rival: OdeCandidate, latent: LatentForce, random_state: int) -> np.ndarray:
     """R2 on runs left out of a forest from states and inputs to the force on top of a rival, (n_balances,): a law is repeatable, noise is not.
 
     The larger of two: from the smoothed states as they are, and with the past of the free run beside them.
@@ -139,15 +140,13 @@ def law_of(rival: Candidate, latent: LatentForce, random_state: int) -> np.ndarr
     return np.where(moved >= LEAST_MOVED**2 * np.sum(moved), law, 0.0)
 
 
-def moved_by(rival: Candidate, latent: LatentForce) -> np.ndarray:
+def moved_by(rival: OdeCandidate, latent: LatentForce) -> np.ndarray:
     """What each force on top of a rival moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
     problem, n = rival.problem, len(latent.A)
     record = problem.record
     rows = [problem.plant.states.index(name) for name in problem.balances]
     push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, rows] * latent.force
-    b = np.zeros_like(push)
-    b[:, :, 1:] = push[:, :, :-1]
-    b[:, :, record.starts] = 0.0
+    b = a_sample_later(push, record.starts)
     with np.errstate(all="ignore"):
         states = solve_recursion(recursion_band(latent.A, record.starts), b)
         _, C = output_jacobian(rival.model.bind(rival.fit.theta[:, None]), rival.fit.x, rival.model.scale)
@@ -194,7 +193,7 @@ class Place:
     log_likelihood: float
 
 
-def places(null: Candidate, rough: bool = False) -> list[Place]:
+def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
 
     Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is to be accused, from
@@ -261,7 +260,7 @@ def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
     return None
 
 
-def input_push(problem: Problem, null: Candidate, x: np.ndarray, i: int) -> np.ndarray:
+def input_push(problem: OdeBackend, null: OdeCandidate, x: np.ndarray, i: int) -> np.ndarray:
     """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
     record = problem.record
     size = max(float(np.std(record.u[i])), 1e-9)

@@ -20,11 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._evidence import columns
-from sksurrogate.gap.fit._problem import Candidate, Problem
-from sksurrogate.gap.fit._project import project_starts
+from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, scaled
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._curve_shapes import Curve
-from sksurrogate.gap.unnamed._law_rival import in_all_places, linear_along
+from sksurrogate.gap.unnamed._law_rival import TURNS, in_all_places, linear_along
 from sksurrogate.gap.unnamed._law_shapes import Form, Law
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -34,15 +33,13 @@ __all__ = ["LawBeside", "amplitude_evidence", "law_beside"]
 #: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
 SIZES = np.geomspace(1e-3, 30.0, 48)
 #: Weights of the roughness of a smooth form beside its movement.
-SMOOTH = (1.0, 30.0, 1000.0)
+SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
 #: Directions that move the outputs by less than this share of the most (power) count as none.
 RANK = 1e-9
 #: Laws whose columns are computed at once.
 BLOCK = 12
-#: Turns of noise and law.
-TURNS = 2
 #: Step of the parameters of an effect, over their size, for its regressors.
-DIFFERENCE = 1e-4
+DIFFERENCE_OF_PARAMETER = 1e-4
 
 
 @dataclass(frozen=True)
@@ -114,7 +111,7 @@ def amplitude_evidence(H: np.ndarray, g: np.ndarray, root: np.ndarray, sizes: np
 
 
 def law_beside(
-    rival: Candidate,
+    rival: OdeCandidate,
     unit: float,
     tolerance: float,
     noises: Sequence[Noise],
@@ -126,7 +123,7 @@ def law_beside(
 
     Parameters
     ----------
-    rival : Candidate
+    rival : OdeCandidate
         The set; its parameters follow to first order.
     unit : float
         RMS of the gap over the noise: the size that counts as one.
@@ -152,7 +149,7 @@ def law_beside(
         here, r, J, precision, pull = as_regressors(rival, x)
     else:
         here = rival if x is None else linear_along(rival, x)
-        r, J, precision, pull = columns(here)
+        r, J, precision, pull = here.columns()
     D = here.disturbance
     if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
@@ -173,7 +170,9 @@ def law_beside(
     return fit.told(best, alone)
 
 
-def as_regressors(rival: Candidate, x: np.ndarray) -> tuple[Candidate, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def as_regressors(
+    rival: OdeCandidate, x: np.ndarray
+) -> tuple[OdeCandidate, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The simulator without effects, linear about a path; the residual of a set, its sensitivities and what holds its parameters,
     as that simulator carries what the effects do along the path."""
     problem, n = rival.problem, rival.n_parameters
@@ -189,8 +188,8 @@ def as_regressors(rival: Candidate, x: np.ndarray) -> tuple[Candidate, np.ndarra
         bound = rival.model.bind(values)
         return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
 
-    _, J, precision, pull = columns(none)
-    steps = DIFFERENCE * problem.units(rival.effects, theta)[:n]
+    _, J, precision, pull = none.columns()
+    steps = DIFFERENCE_OF_PARAMETER * problem.units(rival.effects, theta)[:n]
     values = np.repeat(theta[:, None], 1 + n, axis=1)
     values[np.arange(n), 1 + np.arange(n)] += steps
     found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))
@@ -217,8 +216,8 @@ class _Found(NamedTuple):
 class _Fit:
     """A residual explained by the parameters of a set and by one of many laws."""
 
-    problem: Problem
-    base: Candidate
+    problem: OdeBackend
+    base: OdeCandidate
     D: Disturbance
     r: np.ndarray
     J: np.ndarray
@@ -309,7 +308,7 @@ class _Fit:
         if form.rough is not None:
             rough = white.T @ form.rough @ white
             rough /= max(float(np.trace(rough)) / len(rough), 1e-300)
-            for weight in SMOOTH:
+            for weight in SMOOTH_BESIDE:
                 level, axes = np.linalg.eigh(np.eye(len(rough)) + weight * rough)
                 root = white @ (axes / np.sqrt(level))
                 found.append(root / np.sqrt(np.sum(1.0 / level)))
@@ -325,9 +324,8 @@ class _Fit:
             known = G[1:k, 1:k] + np.diag(self.precision)
             scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-150))
             cross = G[1:k, k:] * scale[:, None]
-            solved = np.linalg.lstsq(
-                known * np.outer(scale, scale), np.column_stack([cross, scale * (G[1:k, 0] + self.pull)]), rcond=1e-10
-            )[0]
+            right = np.column_stack([cross, scale * (G[1:k, 0] + self.pull)])
+            solved = np.linalg.lstsq(known * np.outer(scale, scale), right, rcond=UNSEEN)[0]
             H, g = H - cross.T @ solved[:, :-1], g - cross.T @ solved[:, -1]
         best: tuple[Any, ...] = ()
         for root in roots:
@@ -347,8 +345,8 @@ class _Fit:
         if k == 1:
             return base
         H, g = G[1:k, 1:k] + np.diag(self.precision), G[1:k, 0] + self.pull
-        scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
-        return base + 0.5 * float(g / scale @ np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0])
+        normal, scale = scaled(H, 1e-150)
+        return base + 0.5 * float(g / scale @ np.linalg.lstsq(normal, g / scale, rcond=UNSEEN)[0])
 
     def alone(self, noise: Noise) -> float:
         """Without a law, under one noise."""
@@ -374,12 +372,11 @@ class _Fit:
         R[:n, :n], R[n:, n:] = np.eye(n), size * root
         H = R.T @ G[1:, 1:] @ R + np.diag(np.r_[self.precision, np.ones(root.shape[1])])
         g = R.T @ (G[1:, 0] + np.r_[self.pull, np.zeros(len(G) - 1 - n)])
-        scale = np.sqrt(np.maximum(np.diag(H), 1e-150))
-        inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
-        theta = R @ (inverse @ g)
+        covariance = inverse(H)
+        theta = R @ (covariance @ g)
         slope = R.T @ np.r_[np.zeros(n), metric @ theta[n:]]  # of half the mean square movement
         moved = np.sqrt(max(float(theta[n:] @ metric @ theta[n:]), 1e-300))
-        spread = np.sqrt(max(float(slope @ inverse @ slope), 0.0)) / moved
+        spread = np.sqrt(max(float(slope @ covariance @ slope), 0.0)) / moved
         return _Found(base + small, base + large, moved / self.unit, spread / self.unit, theta, noise, k, f)
 
     def refined(self, k: int, f: int, start: Noise) -> _Found:

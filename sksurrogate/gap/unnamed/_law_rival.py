@@ -17,8 +17,8 @@ import numpy as np
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._second import Second
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
-from sksurrogate.gap.fit._evidence import Evidence, columns, follow_noise
-from sksurrogate.gap.fit._problem import Candidate, Problem
+from sksurrogate.gap.fit._evidence import Evidence, follow_noise
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap.unnamed._law_shapes import (
     AND_ITS_PAST,
@@ -87,7 +87,7 @@ def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | No
     noise, rival = named.noise, named.candidate
     problem = rival.problem
     base, r = without_names(rival, x)
-    _, J, precision, pull = columns(base)
+    _, J, precision, pull = base.columns()
     n = base.n_parameters
     J, precision, pull = J[:, n:], precision[n:], pull[n:]
     D = base.disturbance
@@ -123,7 +123,7 @@ def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | No
     return judged(k, best, level) if np.isfinite(level) else None
 
 
-def without_names(rival: Candidate, x: np.ndarray) -> tuple[Candidate, np.ndarray]:
+def without_names(rival: OdeCandidate, x: np.ndarray) -> tuple[OdeCandidate, np.ndarray]:
     """A model to first order about a path, and the residual that the simulator alone leaves there.
 
     The names' own slopes are kept where the path is theirs: those of another law that does the same are near to them.
@@ -139,7 +139,7 @@ def without_names(rival: Candidate, x: np.ndarray) -> tuple[Candidate, np.ndarra
     return base, record.y - base.fit.y
 
 
-def linear_along(rival: Candidate, x: np.ndarray) -> Candidate:
+def linear_along(rival: OdeCandidate, x: np.ndarray) -> OdeCandidate:
     """A rival as its free run is to first order about a path of the plant's states."""
     model, theta = rival.model, rival.fit.theta
     x = settle_hidden(model, theta, x)
@@ -149,13 +149,13 @@ def linear_along(rival: Candidate, x: np.ndarray) -> Candidate:
 
 def named_along(named: Evidence, x: np.ndarray, starts: Sequence[Noise]) -> float:
     """Log likelihood of what is named, about the same path as the law's: along its own it may drift out of step."""
-    own = np.array_equal(x, named.fit.x)
+    own = np.array_equal(x, named.candidate.fit.x)
     here = named.candidate if own else linear_along(named.candidate, x)
     found = [follow_noise(here, start).log_likelihood for start in starts]
     return max([*found, named.log_likelihood] if own else found)
 
 
-def in_all_places(base: Candidate) -> Iterator[tuple[Curve, Law, str]]:
+def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
     """Laws of states and inputs in every balance, of each input in its place, of outputs in every sensor."""
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
@@ -205,7 +205,7 @@ class _Found(NamedTuple):
 class _Fit:
     """A residual explained by free parameters of the simulator and by a law."""
 
-    problem: Problem
+    problem: OdeBackend
     D: Disturbance
     r: np.ndarray
     J: np.ndarray

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sksurrogate.gap.fit._problem import Problem
+from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, forest
 from sksurrogate.gap.unnamed._law_rival import LawRival
@@ -71,7 +71,9 @@ def push_alike(one: Place, other: Place) -> bool:
     return abs(one.log_likelihood - other.log_likelihood) < 1e-9
 
 
-def told_by(problem: Problem, latent: LatentForce, balance: str, name: str, random_state: int) -> tuple[float, float]:
+def told_by(
+    problem: OdeBackend, latent: LatentForce, balance: str, name: str, random_state: int
+) -> tuple[float, float]:
     """R2 of the force in a balance from one input, now and a few samples ago, and from all states and inputs."""
     b, i = problem.balances.index(balance), problem.plant.inputs.index(name)
     record, u = problem.record, problem.record.u[i]

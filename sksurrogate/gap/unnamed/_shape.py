@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._law import LawEffect
+from sksurrogate.gap.fit._pushes import a_sample_later
+from sksurrogate.gap.results._interval import BAND
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.unnamed._symbolic_laws import Library, library, sparse_laws
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
@@ -24,8 +26,6 @@ __all__ = ["Channel", "evidence_of_law", "shape_of"]
 
 #: Knots of a curve; rows that each must see.
 KNOTS_OF_TERM, FEWEST_ROWS = 14, 8
-#: Half width of a 90 % band in standard deviations.
-BAND = 1.645
 #: Laws that are told.
 MOST_LAWS = 4
 #: Share that a further term must explain for a law to be told before a shorter one.
@@ -82,9 +82,7 @@ class Channel:
         A, C = self.D.A.transpose(1, 2, 0), self.D.C.transpose(1, 2, 0)
         band = recursion_band(A, self.record.starts)
         for a in range(0, len(signal), 32):
-            b = np.zeros((len(A), len(signal[a : a + 32]), signal.shape[1]))
-            b[:, :, 1:] = (self.push[:, None, :] * signal[None, a : a + 32])[:, :, :-1]
-            b[:, :, self.record.starts] = 0.0
+            b = a_sample_later(self.push[:, None, :] * signal[None, a : a + 32], self.record.starts)
             out[:, a : a + 32] = np.einsum("oit,ikt->okt", C, solve_recursion(band, b))
         return out
 

@@ -1,4 +1,4 @@
-"""Least squares on a Gram: what columns explain once initial states and nuisance parameters are projected out."""
+"""Normal equations: solved in the scale of their own diagonal; what columns explain with initial states and nuisance projected out."""
 
 from __future__ import annotations
 
@@ -6,7 +6,58 @@ from collections.abc import Iterator
 
 import numpy as np
 
-__all__ = ["eliminate", "eliminate_rows", "project_starts", "scores", "start_bases", "start_coordinates"]
+__all__ = [
+    "eliminate",
+    "eliminate_rows",
+    "inverse",
+    "project_starts",
+    "scaled",
+    "scores",
+    "seen_inverse",
+    "solve",
+    "start_bases",
+    "start_coordinates",
+]
+
+#: Directions below this share of the largest, in the scale of the diagonal, count as unseen: single precision squared.
+UNSEEN = 1e-10
+
+
+def scaled(H: np.ndarray, least: float = 1e-300) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations over the square roots of their diagonal, and these; ``least`` the smallest square that counts."""
+    scale = np.sqrt(np.maximum(np.diag(H), least))
+    return H / np.outer(scale, scale), scale
+
+
+def solve(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray:
+    """The smallest ``x`` of ``H x = g``, unseen directions left at 0; ``damping`` in the scale of the diagonal.
+
+    Examples
+    --------
+    >>> solve(np.diag([4.0, 1e-40]), np.array([2.0, 1e-40]))
+    array([0.5, 1. ])
+    """
+    normal, scale = scaled(H)
+    if damping:
+        normal = normal + damping * np.eye(len(H))
+    return np.linalg.lstsq(normal, g / scale, rcond=UNSEEN)[0] / scale
+
+
+def inverse(H: np.ndarray) -> np.ndarray:
+    """Pseudo-inverse; LinAlgError where a trajectory left the finite numbers."""
+    if not np.isfinite(H).all():
+        raise np.linalg.LinAlgError("the normal equations are not finite")
+    normal, scale = scaled(H)
+    return np.linalg.pinv(normal, rcond=UNSEEN, hermitian=True) / np.outer(scale, scale)
+
+
+def seen_inverse(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pseudo-inverse, and which parameters take part in an unseen direction."""
+    normal, scale = scaled(H)
+    values, vectors = np.linalg.eigh(normal)
+    seen = values > UNSEEN * values[-1]
+    blind = np.sum(vectors[:, ~seen] ** 2, axis=1) > 1e-6
+    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T / np.outer(scale, scale), blind
 
 
 def start_bases(J_x: np.ndarray, starts: np.ndarray, n_samples: int) -> Iterator[tuple[int, int, np.ndarray]]:
@@ -51,7 +102,7 @@ def eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.nd
     H = G[k, k] + np.diag(precision)
     cross = G[k][:, keep].copy()
     cross[:, 0] += pull
-    return G[np.ix_(keep, keep)] - cross.T @ _inverse(H) @ cross
+    return G[np.ix_(keep, keep)] - cross.T @ inverse(H) @ cross
 
 
 def eliminate_rows(
@@ -63,16 +114,8 @@ def eliminate_rows(
         return rows[0, 1:], diagonal[1:]
     H = rows[1:, 1:k] + np.diag(precision)
     cross, mine = rows[1:, k:], rows[1:, 0] + pull
-    inverse = _inverse(H)
-    return rows[0, k:] - mine @ inverse @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, inverse @ cross)
-
-
-def _inverse(H: np.ndarray) -> np.ndarray:
-    """Pseudo-inverse of normal equations, scaled; LinAlgError where a trajectory left the finite numbers."""
-    if not np.isfinite(H).all():
-        raise np.linalg.LinAlgError("the normal equations are not finite")
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    return np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+    known = inverse(H)
+    return rows[0, k:] - mine @ known @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, known @ cross)
 
 
 def scores(g: np.ndarray, h: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,42 +1,37 @@
-"""The problem of a diagnosis: plant, record and noise, and how any set of effects is fitted to them."""
+"""Candidates fitted through the free run of a right-hand side or of a step."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
-from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+from sksurrogate.gap.fit._backend import BaseCandidate, as_white
+from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.kernels.disturbance import Disturbance, Noise
-from sksurrogate.kernels.output_error import (
-    Fit,
-    Linearised,
-    free_run,
-    linearise,
-    output_error,
-    run_near,
-    settle_hidden,
-)
+from sksurrogate.kernels.output_error import Fit, Linearised, linearise, output_error, settle_hidden
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_jacobian, smooth
+from sksurrogate.kernels.smoother import Smoothed, output_jacobian, smooth
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["LARGEST_DISTURBANCE", "PRIOR", "Candidate", "Numerics", "Problem", "build_problem", "nominal_run"]
+__all__ = ["LARGEST_DISTURBANCE", "PRIOR", "REACH", "Numerics", "OdeBackend", "OdeCandidate"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
-#: Largest error of the integrator over one sample, in units of the size of the states.
-LOCAL_ERROR = 2e-5
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
 #: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.
 QUIET, QUIET_FORCE = 0.05, 1e-3
+#: Steps of an effect's parameters, over their size, that slopes are good for.
+REACH = 1.0
+#: Forces that a noise fit may start from, over the RMS of dx/dt.
+FORCES = (1e-3, 1e-2, 1e-1)
 #: A parameter further than this factor (log) from nominal is out of the question.
 FARTHEST = 4.0
 
@@ -58,46 +53,21 @@ class Numerics:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
-    """A set of effects fitted through the free run; one that is fitted again is another.
+class OdeCandidate(BaseCandidate):
+    """A set of effects fitted through the free run of a right-hand side.
 
     Attributes
     ----------
-    problem : Problem
-        What it was fitted to, and with which numerics.
     effects : tuple of BaseEffect
-    model : AugmentedModel
     fit : Fit
+    problem : OdeBackend
+        What it was fitted to, and with which numerics.
+    model : AugmentedModel
     """
 
-    problem: Problem
-    effects: tuple[BaseEffect, ...]
-    model: AugmentedModel
     fit: Fit
-
-    @property
-    def keys(self) -> tuple[tuple[str, str | None, str | None], ...]:
-        """Keys of the effects."""
-        return tuple(effect.key for effect in self.effects)
-
-    @property
-    def n_parameters(self) -> int:
-        """Parameters of the effects, without re-tuned ones."""
-        return sum(len(effect.parameters) for effect in self.effects)
-
-    def slice_of(self, i: int) -> slice:
-        """Where the parameters of effect i stand."""
-        return self.model.slice_of(i)
-
-    def theta_of(self, i: int) -> np.ndarray:
-        """Parameters of effect i."""
-        return self.fit.theta[self.slice_of(i)]
-
-    def without_effect(self, i: int) -> tuple[tuple[BaseEffect, ...], np.ndarray]:
-        """The other effects, and all parameters but those of effect i."""
-        keep = np.ones(len(self.fit.theta), bool)
-        keep[self.slice_of(i)] = False
-        return tuple(e for j, e in enumerate(self.effects) if j != i), self.fit.theta[keep]
+    problem: OdeBackend
+    model: AugmentedModel
 
     @cached_property
     def linearised(self) -> Linearised:
@@ -114,9 +84,120 @@ class Candidate:
         problem, fit = self.problem, self.fit
         return problem.disturbance_along(self.model, fit.theta, fit.x, self.linearised.A, problem.balances)
 
+    @property
+    def sensitivities(self) -> np.ndarray:
+        """Of the outputs in the parameters, (n_outputs, n_theta, n_samples)."""
+        return self.linearised.J_theta
+
+    @property
+    def precision(self) -> np.ndarray:
+        """Of the prior on the parameters."""
+        return 1.0 / self.problem.prior(self.effects, self.fit.theta) ** 2
+
+    @property
+    def white_alone(self) -> bool:
+        """A fit that explains what was coloured before must not start from that colour."""
+        return True
+
+    def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Residual, sensitivities, and what holds a step of the parameters: its precision, and the pull of their prior.
+
+        A prediction that jumps with a parameter has no slope to be followed: its sensitivity counts as none. Steps beyond
+        the size of an effect's parameter are held back: there the slopes say nothing, and parameters that only act
+        together, as a level and a velocity far beyond the data, would explain to first order what the effect cannot.
+        """
+        J = self.linearised.J_theta
+        for i, effect in enumerate(self.effects):
+            if effect.scan(tuple(self.theta_of(i))):
+                J = J.copy()
+                J[:, self.slice_of(i)] = 0.0
+        theta, precision = self.fit.theta, self.precision
+        reach = np.where((theta != 0) & (np.arange(len(theta)) < self.n_parameters), np.abs(theta), np.inf)
+        return self.residual, J, precision + (REACH * reach) ** -2.0, -precision * theta
+
+    def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
+        """Forces of three sizes beside quiet sensors, white noise near the data."""
+        problem, rms = self.problem, np.sqrt(np.mean(self.residual**2, axis=1))
+        quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
+        forces = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
+        near = np.all(rms < NEARLY_WHITE * problem.sd)
+        return forces, [as_white(start, rms, problem.quiet_force())] if near else []
+
+    def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
+        """Columns (n_columns, n_outputs, n_samples) in units of the noise, initial states of the runs at ``starts`` taken out."""
+        white = 1.0 / self.problem.sd[:, None, None]
+        J_x = self.linearised.J_x[:, self.model.free_states] * white
+        return project_starts(columns * white[:, 0], J_x, self.problem.record.starts if starts is None else starts)
+
+    def frozen(self, theta: np.ndarray, *, near: bool = False) -> OdeCandidate | None:
+        """Free run at fixed parameters with the initial states fitted; ``near`` this one, to which it falls back."""
+        fit = output_error(
+            self.model,
+            theta,
+            self.fit.x,
+            self.problem.sd,
+            unit=self.problem.units(self.effects, theta),
+            bounds=(theta, theta),
+            open_steps=1,
+            max_steps=6,
+            fallback=self.fit.x if near else None,
+        )
+        return None if fit is None else replace(self, fit=fit)
+
+    def taken_out(self, i: int) -> OdeCandidate | None:
+        """Without effect i, everything else as it is but for the initial states; None where that has no free run."""
+        rest, theta = self.without_effect(i)
+        model, x = self.problem.augmented(rest), self.fit.x[: self.model.n_nominal]
+        if model.n_states > model.n_nominal:
+            x = settle_hidden(model, theta, x)
+        return self.problem.candidate(rest, replace(self.fit, theta=theta, x=x), model).frozen(theta)
+
+    def at_nominal(self) -> OdeCandidate | None:
+        """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
+        return self.frozen(np.r_[self.fit.theta[: self.n_parameters], np.zeros(len(self.problem.free))])
+
+    def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:
+        """Outputs on the test runs of a record of these samples, refitted on the training runs; None without a free run."""
+        problem, theta = replace(self.problem, record=record), self.fit.theta
+        with np.errstate(all="ignore"):
+            if len(theta) and len(train):
+                x = self.fit.x[:, np.isin(record.run_of_row, train)]
+                refit = problem.on(train.tolist()).fit(self.effects, theta, x, open_steps=0, max_steps=8, settled=True)
+                theta = refit.fit.theta if refit is not None else theta
+            fit = replace(self.fit, x=self.fit.x[:, np.isin(record.run_of_row, test)], theta=theta)
+            there = problem.on(test.tolist()).candidate(self.effects, fit).frozen(theta, near=True)
+        return None if there is None else there.fit.y  # near: behind a limit initial states are hardly seen
+
+    def numerical_change(self) -> np.ndarray:
+        """How far the parameters move when the steps are halved and kinks made sharper."""
+        problem, numerics, theta = self.problem, self.problem.numerics, self.fit.theta
+        finer = problem.at(Numerics(2 * numerics.n_sub, 2 * numerics.sharpness))
+        fits = [
+            at.fit(self.effects, theta, self.fit.x, open_steps=0, settled=True, max_steps=6) for at in (finer, problem)
+        ]
+        if fits[0] is None or fits[1] is None:
+            return np.zeros(len(theta))
+        return np.abs(fits[0].fit.theta - fits[1].fit.theta)
+
+    def initial_states(self) -> np.ndarray:
+        """Of the runs (n_runs, n_states)."""
+        return self.fit.x[: self.model.n_nominal, self.problem.record.starts].T
+
+    def untuned(self) -> OdeCandidate | None:
+        """The simulator with its free parameters at their nominal values, initial states fitted; None without a free run."""
+        return replace(self.problem, free=()).fit((), np.zeros(0), self.fit.x)
+
+    def baselines(self, record: Record) -> tuple[OdeCandidate, OdeCandidate | None]:
+        """The simulator as it is, and with all parameters re-tuned and nothing else, over a record of these samples."""
+        whole = replace(self.problem, record=record)
+        nominal = replace(whole, free=()).candidate((), replace(self.fit, theta=np.zeros(0)))
+        names, known = tuple(whole.plant.params), dict(zip(whole.free, self.fit.theta))
+        theta = np.array([known.get(name, 0.0) for name in names])
+        return nominal, replace(whole, free=names).fit((), theta, self.fit.x) if names else None
+
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class OdeBackend:
     """Everything that the questions of a diagnosis share.
 
     Attributes
@@ -160,15 +241,15 @@ class Problem:
             self.model, effects, self.free, self.record, n_sub=n_sub, scale=self.scale, sharpness=sharpness
         )
 
-    def candidate(self, effects: Sequence[BaseEffect], fit: Fit, model: AugmentedModel | None = None) -> Candidate:
+    def candidate(self, effects: Sequence[BaseEffect], fit: Fit, model: AugmentedModel | None = None) -> OdeCandidate:
         """Effects at values that are known."""
-        return Candidate(self, tuple(effects), self.augmented(effects) if model is None else model, fit)
+        return OdeCandidate(tuple(effects), fit, self, self.augmented(effects) if model is None else model)
 
-    def at(self, numerics: Numerics) -> Problem:
+    def at(self, numerics: Numerics) -> OdeBackend:
         """The same problem with other numerics."""
         return self if numerics == self.numerics else replace(self, numerics=numerics)
 
-    def on(self, runs: Sequence[int]) -> Problem:
+    def on(self, runs: Sequence[int]) -> OdeBackend:
         """The same problem on some of the runs."""
         return replace(self, record=self.record.select(runs))
 
@@ -196,7 +277,7 @@ class Problem:
         max_steps: int = 25,
         settled: bool = False,
         fallback: np.ndarray | None = None,
-    ) -> Candidate | None:
+    ) -> OdeCandidate | None:
         """Fit effects and free parameters (theta in that order) through the free run, from a trajectory x."""
         model = self.augmented(effects)
         with np.errstate(all="ignore"):
@@ -302,108 +383,3 @@ class Problem:
     def quiet(self, noise: Noise) -> Noise:
         """A noise with quiet forces and sensors as white as differences of the outputs show them."""
         return replace(noise, sigma=self.sd, force=self.quiet_force(), coloured=1e-2 * self.sd)
-
-
-def nominal_run(problem: Problem) -> np.ndarray:
-    """States (n_states, n_samples) of the simulator alone, every run from its own initial state."""
-    nominal = problem.augmented(())
-    start = np.repeat(problem.plant.x0[:, None], len(problem.record.starts), axis=1)
-    with np.errstate(all="ignore"):
-        return free_run(nominal, np.zeros(nominal.n_theta), start)
-
-
-def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
-    """States (n_states, n_samples) of the simulator alone, measured ones begun at their first readings."""
-    near = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
-    for j, i in enumerate(plant.output_states or ()):
-        near[i] = record.y[j]
-    nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=sizes(near))
-    with np.errstate(all="ignore"):
-        return run_near(nominal, np.zeros(0), near)
-
-
-def measured_guess(plant: Plant, record: Record, run: np.ndarray) -> np.ndarray:
-    """States (n_states, n_samples): measured ones as measured, others from the nominal free run or the initial state."""
-    guess = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
-    finite = np.isfinite(run).all(axis=0)
-    guess[:, finite] = run[:, finite]
-    for j, i in enumerate(plant.output_states or ()):
-        guess[i] = record.y[j]
-    return guess
-
-
-def sizes(guess: np.ndarray) -> np.ndarray:
-    """Size of every state along a guess: its deviation, or a share of its level where it hardly moves."""
-    spread = np.std(guess, axis=1)
-    level = np.sqrt(np.mean(guess**2, axis=1))
-    scale = np.maximum(spread, 0.02 * level)
-    return np.where(scale > 0, scale, 1.0)
-
-
-def substeps(x: np.ndarray, weight: np.ndarray, make: Any) -> int:
-    """Fewest substeps whose error in one sample stays a hundredth of the noise (98 % of the samples)."""
-    for n_sub in (1, 2, 4, 8, 16):
-        coarse, fine = make(n_sub).bind(np.zeros((0, 1))), make(2 * n_sub).bind(np.zeros((0, 1)))
-        error = np.abs(coarse(x[:, None])[:, 0] - fine(x[:, None])[:, 0]) / weight[:, None]
-        finite = np.isfinite(error).all(axis=0)
-        if finite.mean() > 0.98 and np.quantile(np.max(error[:, finite], axis=0), 0.98) < 0.01:
-            return n_sub
-    return 16
-
-
-def build_problem(
-    plant: Plant, model: PlantModel, record: Record, free: Sequence[str], balances: Sequence[str]
-) -> tuple[Problem, Smoothed]:
-    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant.
-
-    Returns
-    -------
-    problem : Problem
-    smoothed : Smoothed
-    """
-    sd = noise_of_differences(record.y, record.starts)
-    with np.errstate(all="ignore"):
-        run = run_from_readings(plant, model, record)
-        guess = measured_guess(plant, record, run)
-        scale = sizes(guess)
-        problem = Problem(
-            plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), Numerics(2), run=run
-        )
-        nominal = replace(problem, free=()).augmented(())
-        smoothed = problem.smooth(nominal, np.zeros(0), guess)
-        scale = np.maximum(sizes(smoothed.x), 0.02 * scale)
-        rate = np.sqrt(np.mean(((smoothed.x[:, 1:] - smoothed.x[:, :-1]) / record.dt) ** 2, axis=1))
-        n_sub = substeps(
-            smoothed.x,
-            np.minimum(nominal.closing_weight(sd), LOCAL_ERROR * 100 * scale),
-            lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
-        )
-        problem = replace(
-            problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), numerics=Numerics(n_sub)
-        )
-        return replace(problem, caps=_caps(problem, smoothed)), smoothed
-
-
-def _caps(problem: Problem, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarray]:
-    """Forces and coloured sensor noise that move an output by :data:`LARGEST_DISTURBANCE` of its deviation."""
-    record, n = problem.record, len(problem.plant.states)
-    nominal = replace(problem, free=()).augmented(())
-    _, C = output_jacobian(nominal.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
-    band = recursion_band(smoothed.A, record.starts)
-    rng = np.random.default_rng(0)
-    force = np.empty(len(problem.balances))
-    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
-    for k, name in enumerate(problem.balances):
-        a = np.exp(-1 / 10.0)
-        w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=record.n_samples), record.starts)
-        b = np.zeros((n, 1, record.n_samples))
-        b[problem.plant.states.index(name), 0, 1:] = record.dt * w[:-1]
-        b[:, :, record.starts] = 0.0
-        moved = np.einsum("oit,it->ot", C, solve_recursion(band, b)[:, 0])
-        gain = float(np.max(np.std(moved, axis=1) / spread))
-        force[k] = (
-            LARGEST_DISTURBANCE / gain
-            if np.isfinite(gain) and gain > 0
-            else 10 * problem.rate[problem.plant.states.index(name)]
-        )
-    return force, LARGEST_DISTURBANCE * spread

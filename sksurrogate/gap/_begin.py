@@ -1,0 +1,107 @@
+"""How a diagnosis begins: the backend that a simulator's access allows, its search, and what can be asked inside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from sksurrogate._parallel._second import Second
+from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.exceptions import SimulatorError, SurrogateError
+from sksurrogate.gap._pipeline import DiagnosisPipeline
+from sksurrogate.gap.decide._inside_ode import OdeInside
+from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
+from sksurrogate.gap.fit._build import build_problem, build_trajectory
+from sksurrogate.gap.fit._excerpt import SEARCHED_SAMPLES, excerpt
+from sksurrogate.gap.fit._trajectory import TrajectoryBackend
+from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._trajectory_search import TrajectorySearch
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._not_finite import finite_along
+from sksurrogate.physics._simulator import Plant
+from sksurrogate.runs import Runs
+
+__all__ = ["Begun", "begin_ode", "begin_trajectory"]
+
+#: The pipeline, the rows of the whole record that it sees, and its processes.
+Begun: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[Second, Second]]
+
+
+def begin_ode(diagnoser: Any, plant: Plant, runs: Runs, whole: Record, free: tuple[str, ...], seed: int) -> Begun:
+    """Of a simulator with a right-hand side or a step."""
+    record, rows = excerpt(whole, SEARCHED_SAMPLES)
+    model = PlantModel(plant)
+    model.probe(record.u[:, 0])
+    kinematic = kinematic_states(model)
+    balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
+    candidates = list(build_effects(plant, balances, diagnoser.effects))
+    with finite_along(model, whole, [run.label for run in runs]):
+        problem, smoothed = build_problem(plant, model, record, free, balances)
+    diagnoser._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
+    fixed, apart = (diagnoser.simulator, plant, model, record, *candidates), diagnoser.n_jobs is None
+    second, later = Second(fixed, apart), Second(fixed, apart, later=True)
+    search = Search(
+        problem, candidates, smoothed.x, n_jobs=diagnoser.n_jobs, report=diagnoser._say, second=second, later=later
+    )
+    tolerance = float(diagnoser.tolerance)
+    inside = OdeInside(search, seed, whole, tolerance)
+    pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, tolerance=tolerance)
+    return pipeline, rows, (second, later)
+
+
+def begin_trajectory(
+    diagnoser: Any, plant: Plant, runs: Runs, whole: Record, free: tuple[str, ...], seed: int
+) -> Begun:
+    """Of a simulator with ``simulate`` alone.
+
+    Raises
+    ------
+    SimulatorError
+        None of the effects that were asked for can be tested.
+    """
+    effects = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
+    wanted = [e for e in build_effects(plant, (), effects) if e.access == "trajectory"]
+    _check_asked(plant, effects, wanted)
+    with np.errstate(all="ignore"):
+        problem = build_trajectory(plant, whole, free, [run.label for run in runs])
+    candidates = _testable(problem, wanted)
+    _check_asked(plant, effects, candidates)
+    diagnoser._say(f"{len(candidates)} rivals on {whole.n_samples} samples of {len(runs)} run(s)")
+    search = TrajectorySearch(problem, candidates, n_jobs=diagnoser.n_jobs, report=diagnoser._say)
+    inside = TrajectoryInside(search, seed, only_given=len(candidates) < len(wanted))
+    untestable = left_out(effects, candidates)
+    pipeline = DiagnosisPipeline(
+        search,
+        inside,
+        runs,
+        correction=diagnoser.correction,
+        tolerance=float(diagnoser.tolerance),
+        untestable=untestable,
+    )
+    return pipeline, np.arange(whole.n_samples), (search.second, search.later)
+
+
+def _check_asked(plant: Plant, effects: Any, kept: list[BaseEffect]) -> None:
+    """Say so where no effect that was asked for can be tested."""
+    asked = left_out(effects, kept)
+    if kept or not asked:
+        return
+    name = type(plant.simulator).__name__
+    raise SimulatorError(
+        f"effects={asked}: none of them can be tested with {name}, which gives trajectories only; expected one or more on its "
+        "inputs (where it answers others than those in X), outputs or parameters, for example effects=['sensor_bias']. "
+        "Leave effects out for all of these, or give the simulator rhs or step."
+    )
+
+
+def _testable(problem: TrajectoryBackend, effects: list[BaseEffect]) -> list[BaseEffect]:
+    """Effects that this simulator lets one try: a table knows its own inputs only."""
+    try:
+        problem.simulations.run(problem.record.u * 1.01 + 1e-6, {}, problem.x0)
+    except SurrogateError:
+        return [effect for effect in effects if effect.kind != "input"]
+    return effects

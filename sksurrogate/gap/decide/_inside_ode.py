@@ -1,0 +1,225 @@
+"""What can be asked where the right-hand side is known: curves, laws and forces in every balance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.gap.decide._features import DecisionFeatures, left_over
+from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
+from sksurrogate.gap.decide._posterior import law_beside_none, stands
+from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
+from sksurrogate.gap.decide._rules import ROUNDING
+from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
+from sksurrogate.gap.fit._excerpt import FITTED_SAMPLES, excerpt
+from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
+from sksurrogate.gap.results._missing_term import MissingTerm
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._stopping import STACK
+from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
+from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
+from sksurrogate.gap.unnamed._free_curve import FreeCurve, free_curve
+from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_rival import LawRival, law_rival
+from sksurrogate.gap.unnamed._location import accused, told_by, told_by_law
+from sksurrogate.gap.unnamed._residual_analysis import Remaining, Remains, law_left
+from sksurrogate.kernels.record import Record
+
+__all__ = ["OdeInside"]
+
+#: White noise is at most so many times what differences of the outputs show.
+MOST_NOISE = 1.1
+PIECES = (
+    "The rivals were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
+    "of them."
+)
+
+
+class OdeInside:
+    """Along the free run, and along the smoothed path.
+
+    Parameters
+    ----------
+    search : Search
+    seed : int
+    whole : Record
+        All of a long record.
+    tolerance : float
+        Share of the gap (amplitude) that a model may leave.
+
+    Attributes
+    ----------
+    complete : bool
+        False after an interrupt: nothing that takes long is asked any more.
+    remains : Remains or None
+        What is left beside the names, once it was asked for.
+    curve : FreeCurve or None
+        The likeliest on top of what stands.
+    beside : LawBeside or None
+        The likeliest law without a name beside what stands.
+    laws : dict
+        The likeliest law without a name in the place of all names (True), and of nothing.
+    """
+
+    #: Whether what needs no name is asked while names are looked for; which effects were compared.
+    asks_aside, among = True, "of the catalogue"
+
+    def __init__(self, search: Search, seed: int, whole: Record, tolerance: float):
+        self.search, self.seed, self.whole, self.complete = search, seed, whole, True
+        self.remains: Remains | None = None
+        self.tolerance = tolerance
+        self.curve: FreeCurve | None = None
+        self.beside: LawBeside | None = None
+        self.laws: dict[bool, LawRival | None] = {}
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Size of the states."""
+        return self.search.problem.scale
+
+    @property
+    def most_noise(self) -> np.ndarray:
+        """Largest white noise of the sensors."""
+        return MOST_NOISE * self.search.problem.sd
+
+    def begin(self) -> None:
+        """The places of the gap are made once for one null."""
+        self.channels = Channels(self.search.begun.candidate)
+
+    def correction(self, correction: Any) -> Correction | None:
+        """Beside the runs of the simulator that are known."""
+        problem = self.search.problem
+        return generic_correction(problem.plant.simulator, correction, known_runs(problem))
+
+    def look(self, final: Evidence[OdeCandidate]) -> None:
+        """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
+        search = self.search
+        self.remaining = Remaining(search.later, search.begun, self.channels, final, self.seed)
+        self.curve = free_curve(final)
+        few = 0 < len(final.effects) < STACK
+        if not (few and final.left < NEAR and self.curve is not None and self.curve.gain > CERTAIN):
+            return
+        other = search.further(final.candidate)
+        curve = free_curve(search.judged[other]) if other is not None else None
+        if other is not None and curve is not None and curve.gain < CERTAIN:
+            search.stand(other)
+            self.curve = curve
+
+    def weigh(self, final: Evidence[OdeCandidate]) -> Sequence[float]:
+        """What stands beside a law without a name, and how probable each of its effects is against one in its place."""
+        if not final.effects:
+            return ()
+        self.search.report("whether a law without a name does as well")
+        _, posterior = stands(self.search, final, self.tolerance)
+        self.beside = posterior.law
+        return posterior.probabilities
+
+    def weigh_none(self) -> None:
+        """The law beside no effect at all."""
+        self.beside = law_beside_none(self.search, self.tolerance)
+
+    def law(self, final: Evidence[OdeCandidate], of_names: bool) -> LawRival | None:
+        """One law without a name, in the place of all names or of nothing."""
+        search, named = self.search, bool(final.effects) and of_names
+        if named not in self.laws and self.complete:
+            rival, x = (final, final.candidate.fit.x) if named else (search.begun, search.x)
+            x = x[: len(search.problem.plant.states)]
+            self.laws[named] = law_rival(rival, x, len(search.candidates), search.second)
+        return self.laws.get(named)
+
+    def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
+        """The force on top of what stands, whether it is a law, and the places of the gap."""
+        self.remains = self.remaining.of(final)
+
+    def withdraw(self, null: Evidence[OdeCandidate]) -> None:
+        """The names are withdrawn: the null stands."""
+        assert self.remains is not None
+        latent, law = law_left(null, self.seed)
+        self.remains = replace(self.remains, latent=latent, law=law)
+        self.curve, self.laws = free_curve(null), {}
+
+    # ---- the verdict ------------------------------------------------------------------------------------------------
+    def over_noise(self, final: Evidence[OdeCandidate], retuned: bool) -> float:
+        """Free-run error that is left, in units of the noise."""
+        assert self.remains is not None
+        return left_over(final, self.remains.latent, self.most_noise, retuned)
+
+    def features(self, common: DecisionFeatures, final: Evidence[OdeCandidate], shrink: Shrink) -> DecisionFeatures:
+        """What the verdict is decided on, with the law beside the names, the free curve and the grid of readings."""
+        rounding, curve = self.rounding(final), self.curve
+        return replace(
+            common,
+            lawful=self.beside.size if self.beside is not None else 0.0,
+            curve=curve.gain if curve is not None else -np.inf,
+            curve_moved=curve.deviation if curve is not None else 0.0,
+            rounding=rounding.share if rounding is not None else 0.0,
+        )
+
+    def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
+        """The law beside what stands."""
+        return self.beside
+
+    def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
+        """A grid of readings that nothing named explains, where it is coarse enough to matter."""
+        found = unnamed_rounding(final.candidate)
+        return found if found is not None and found.share > ROUNDING else None
+
+    # ---- where ------------------------------------------------------------------------------------------------------
+    def accused(self, final: Evidence[OdeCandidate]) -> tuple[str | None, str | None]:
+        """A sensor that rounds, the place of a certain law, an input with a curve of its own, the place of a free force."""
+        problem, rounding, remains = self.search.problem, self.rounding(final), self.remains
+        if rounding is not None and final.left < NEARLY_WHITE:
+            return rounding.sensor, "output"
+        told = told_by_law(self.law(final, final.left < NEAR), remains.places if remains else [], problem.plant.inputs)
+        if told:
+            return told
+        curve = self.curve
+        if curve is not None and not final.effects and curve.gain > CERTAIN and curve.location in problem.plant.inputs:
+            return curve.location, "input"
+        if remains is None or not remains.places:
+            return None, None
+        return accused(remains.places, lambda b, u: told_by(problem, remains.gap, b, u, self.seed))
+
+    def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
+        """By region and by time."""
+        assert self.remains is not None
+        return where_and_when(self.channels, self.remains.gap, location, kind)
+
+    def missing_term(self, location: str, kind: str) -> MissingTerm:
+        """The shape of what is missing at a place."""
+        return missing_term(self.channels, location, kind)
+
+    def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
+        """Effects that the re-tuning would hide."""
+        screen = self.search.first_screen
+        found = imitated_by_retuning(screen, self.search.begun.fit.theta) if screen is not None else []
+        return [(effect.name, str(effect.location), effect.variable) for effect in found]
+
+    # ---- long records -----------------------------------------------------------------------------------------------
+    def larger(self, final: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
+        """What stands, fitted on more of a long record."""
+        at = final.candidate.problem
+        if self.whole.n_samples == at.record.n_samples:
+            return final
+        self.search.report("fitting what was named on more of the record")
+        record, _ = excerpt(self.whole, FITTED_SAMPLES)
+        larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances)
+        larger = replace(larger, numerics=at.numerics, scale=at.scale, caps=at.caps)
+        rival = larger.fit(final.effects, final.fit.theta, smoothed.x)
+        return final if rival is None else estimate_noise(rival, final.noise, final.curvature, max_iterations=5)
+
+    def notes(self, final: Evidence[OdeCandidate], verdict: str) -> list[str]:
+        """What a careful reader should know of the data."""
+        notes, rounding = [], self.rounding(final)
+        if verdict == "unknown" and rounding is not None:
+            notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
+        some, whole = self.search.problem.record.n_samples, self.whole.n_samples
+        return [*notes, PIECES.format(some=some, whole=whole)] if whole > some else notes

@@ -1,0 +1,161 @@
+"""What can be asked of a simulator that only gives trajectories: equivalent disturbances at its inputs and outputs."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.gap.decide._features import DecisionFeatures, share_left
+from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
+from sksurrogate.gap.results._missing_term import MissingTerm
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.search._trajectory_search import TrajectorySearch
+from sksurrogate.gap.unnamed._latent_force import Place
+from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._residual_analysis import Remains
+from sksurrogate.gap.unnamed._shape import shape_of
+from sksurrogate.gap.unnamed._trajectory_channel import channel_of, equivalent_places, force_left
+from sksurrogate.gap.unnamed._where import regions, times
+from sksurrogate.kernels.record import Record
+
+__all__ = ["TrajectoryInside"]
+
+ACCESS = (
+    "The simulator gives trajectories only: effects inside its balances, and parameters that drift or jump, cannot be tested; "
+    "where one is missing shows as an equivalent disturbance at an input or output. Give it rhs or step to test the whole "
+    "catalogue."
+)
+ONE_ANSWER = "The simulator does not answer other inputs than those in X: no effect on an input could be tested."
+TRANSIENTS = (
+    "The runs start elsewhere than the simulator does: their initial states were fitted as transients of a linear model of it. "
+    "Give the simulator the initial states, or let it take x0, for a sharper answer."
+)
+
+
+class TrajectoryInside:
+    """Seen through a linear surrogate.
+
+    Parameters
+    ----------
+    search : TrajectorySearch
+    seed : int
+    only_given : bool
+        Whether the simulator answers no other inputs than those in X.
+    """
+
+    #: Every question waits for the search: it moves the initial states.
+    asks_aside, among = False, "that can be tested here"
+    #: Size of the states, and the law beside what stands, which only a right-hand side shows.
+    scale: np.ndarray | None = None
+    beside: LawBeside | None = None
+
+    def __init__(self, search: TrajectorySearch, seed: int, only_given: bool):
+        self.search, self.seed, self.only_given, self.complete = search, seed, only_given, True
+        self.remains: Remains | None = None
+
+    @property
+    def most_noise(self) -> np.ndarray:
+        """Largest white noise of the sensors: what the fit finds."""
+        return np.full(len(self.search.problem.sd), np.inf)
+
+    def begin(self) -> None:
+        """Nothing is known of the inside before the search."""
+
+    def correction(self, correction: Any) -> Correction | None:
+        """None for a table of outputs, which has no answer to blocks of its runs."""
+        return None if self.only_given else quietly(generic_correction(self.search.problem.plant.simulator, correction))
+
+    def look(self, final: Evidence[TrajectoryCandidate]) -> None:
+        """Nothing inside can be seen on top of the names."""
+
+    def weigh(self, final: Evidence[TrajectoryCandidate]) -> Sequence[float]:
+        """How probable what stands is against none; no law inside can be put in the place of a name."""
+        search = self.search
+        less = search.score(search.begun.candidate) - search.score(final.candidate)
+        return [float(1.0 / (1.0 + np.exp(np.clip(less, -700.0, 700.0))))] * len(final.effects)
+
+    def weigh_none(self) -> None:
+        """No law inside can be weighed."""
+
+    def look_at_what_is_left(self, final: Evidence[TrajectoryCandidate]) -> None:
+        """A force on the states of the surrogate, whether inputs and outputs repeat it, and the places it may come from."""
+        latent, law = force_left(final, self.seed)
+        known = self.remains.places if self.remains is not None else equivalent_places(self.search.begun.candidate)
+        self.remains = Remains(latent, law, known, latent)
+
+    def withdraw(self, null: Evidence[TrajectoryCandidate]) -> None:
+        """The names are withdrawn: the null stands."""
+        self.look_at_what_is_left(null)
+
+    def over_noise(self, final: Evidence[TrajectoryCandidate], retuned: bool) -> float:
+        """Free-run error that is left, in units of the noise."""
+        return final.left
+
+    def features(
+        self, common: DecisionFeatures, final: Evidence[TrajectoryCandidate], shrink: Shrink
+    ) -> DecisionFeatures:
+        """What the verdict is decided on, with what inputs and outputs repeat of what is left."""
+        return replace(common, lawful=self.lawful(shrink))
+
+    def lawful(self, shrink: Shrink) -> float:
+        """Share of the gap (amplitude) that inputs and outputs repeat of what is left."""
+        law = 0.0 if self.remains is None else float(np.max(self.remains.law, initial=0.0))
+        return share_left(shrink) * float(np.sqrt(max(law, 0.0)))
+
+    def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
+        """What is repeated, at the likeliest place."""
+        place, size = self.likeliest, self.lawful(shrink)
+        nothing = (0, 0, self.search.problem.first_noise())
+        return LawBeside(0.0, 0.0, place.location, place.kind, "", size, size, nothing) if place is not None else None
+
+    def accused(self, final: Evidence[TrajectoryCandidate]) -> tuple[str | None, str | None]:
+        """The place of the likeliest equivalent disturbance."""
+        return (place.location, place.kind) if (place := self.likeliest) else (None, None)
+
+    @property
+    def likeliest(self) -> Place | None:
+        """The place of the likeliest equivalent disturbance."""
+        return self.remains.places[0] if self.remains is not None and self.remains.places else None
+
+    def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
+        """By region and by time, of the signal at the accused place, or at the likeliest."""
+        at = location if kind in ("input", "output") else (self.likeliest.location if self.likeliest else None)
+        channel = channel_of(self.search.begun.candidate, at)
+        w = channel.force()
+        return regions(channel.record, channel.Z, channel.names, w), times(channel.record, w)
+
+    def missing_term(self, location: str, kind: str) -> MissingTerm:
+        """The shape of what is missing at a place."""
+        return shape_of(channel_of(self.search.begun.candidate, location), location, kind)
+
+    def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
+        """None: nothing inside can be tested."""
+        return []
+
+    def larger(self, final: Evidence[TrajectoryCandidate]) -> Evidence[TrajectoryCandidate]:
+        """Simulations see the whole record."""
+        return final
+
+    def notes(self, final: Evidence[TrajectoryCandidate], verdict: str) -> list[str]:
+        """What a careful reader should know of the simulator and of the data."""
+        problem = self.search.problem
+        notes = [ACCESS, *([ONE_ANSWER] if self.only_given else [])]
+        return [*notes, TRANSIENTS] if problem.free_starts and problem.x0 is None else notes
+
+
+def quietly(correction: Correction) -> Correction:
+    """Without the warnings of runs on which it fails: the note on the simulator's access says enough."""
+
+    def run(record: Record, fold: np.ndarray) -> np.ndarray:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return correction(record, fold)
+
+    return run

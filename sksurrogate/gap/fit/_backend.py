@@ -1,0 +1,180 @@
+"""What a diagnosis asks of a simulator, whether its right-hand side is known or ``simulate`` alone."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["Backend", "BaseCandidate", "Fitted", "as_white"]
+
+
+class Fitted(Protocol):
+    """A free run with fitted parameters."""
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Parameters of the effects in turn, then a number for every free parameter."""
+
+    @property
+    def y(self) -> np.ndarray:
+        """Outputs (n_outputs, n_samples)."""
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares over the noise, with the prior."""
+
+
+class Backend(Protocol):
+    """A simulator over a record, to which candidates are fitted."""
+
+    @property
+    def plant(self) -> Plant:
+        """The simulator."""
+
+    @property
+    def record(self) -> Record:
+        """What was measured."""
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Sensor noise (n_outputs,), first estimate."""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Parameters that are re-tuned with every candidate."""
+
+    @property
+    def caps(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Largest force of every balance, and coloured noise of every sensor, that count as disturbance."""
+
+    def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the parameters."""
+
+    def first_noise(self) -> Noise:
+        """Where the noise parameters start."""
+
+    def force_unit(self) -> np.ndarray:
+        """Size of the force that counts as one in every balance."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseCandidate(ABC):
+    """A set of effects fitted through the free run; one that is fitted again is another.
+
+    Attributes
+    ----------
+    effects : tuple of BaseEffect
+    fit : Fitted
+    problem : Backend
+        What it was fitted to.
+    """
+
+    effects: tuple[BaseEffect, ...]
+    fit: Fitted
+    problem: Backend
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured less simulated (n_outputs, n_samples)."""
+        return self.problem.record.y - self.fit.y
+
+    @property
+    @abstractmethod
+    def sensitivities(self) -> np.ndarray:
+        """Of the outputs in the parameters, (n_outputs, n_theta, n_samples)."""
+
+    @property
+    @abstractmethod
+    def precision(self) -> np.ndarray:
+        """Of the prior on the parameters."""
+
+    @abstractmethod
+    def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
+        """Columns (n_columns, n_outputs, n_samples) in units of the noise, initial states of the runs at ``starts`` taken out."""
+
+    @property
+    @abstractmethod
+    def disturbance(self) -> Disturbance:
+        """Noise model along the free run."""
+
+    @abstractmethod
+    def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Residual, sensitivities (n_outputs, n_theta, n_samples), and what holds a step of the parameters: precision and pull."""
+
+    @property
+    @abstractmethod
+    def white_alone(self) -> bool:
+        """Whether white noise, where it is likelier near the data, takes the place of the noise that a fit starts from."""
+
+    @abstractmethod
+    def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
+        """Where a noise fit may start too: with forces beside quiet sensors, and as white noise."""
+
+    @abstractmethod
+    def taken_out(self, i: int) -> BaseCandidate | None:
+        """Without effect i, everything else as it is but for the initial states; None where that has no free run."""
+
+    @abstractmethod
+    def at_nominal(self) -> BaseCandidate | None:
+        """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
+
+    @abstractmethod
+    def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:
+        """Outputs on the test runs of a record of these samples, refitted on the training runs; None without a free run."""
+
+    @abstractmethod
+    def numerical_change(self) -> np.ndarray:
+        """How far numerics may have moved the parameters (n_theta,)."""
+
+    @abstractmethod
+    def initial_states(self) -> np.ndarray:
+        """Of the runs (n_runs, n_states); nan where the simulator is given none."""
+
+    @abstractmethod
+    def untuned(self) -> BaseCandidate | None:
+        """The simulator with its free parameters at their nominal values, initial states fitted; None without a free run."""
+
+    @abstractmethod
+    def baselines(self, record: Record) -> tuple[BaseCandidate, BaseCandidate | None]:
+        """The simulator as it is, and with all parameters re-tuned and nothing else, over a record of these samples."""
+
+    @property
+    def keys(self) -> tuple[tuple[str, str | None, str | None], ...]:
+        """Keys of the effects."""
+        return tuple(effect.key for effect in self.effects)
+
+    @property
+    def n_parameters(self) -> int:
+        """Parameters of the effects, without re-tuned ones."""
+        return sum(len(effect.parameters) for effect in self.effects)
+
+    def slice_of(self, i: int) -> slice:
+        """Where the parameters of effect i stand."""
+        first = sum(len(effect.parameters) for effect in self.effects[:i])
+        return slice(first, first + len(self.effects[i].parameters))
+
+    def theta_of(self, i: int) -> np.ndarray:
+        """Parameters of effect i."""
+        return self.fit.theta[self.slice_of(i)]
+
+    def without_effect(self, *out: int) -> tuple[tuple[BaseEffect, ...], np.ndarray]:
+        """The effects but some, and the parameters but theirs."""
+        keep = np.ones(len(self.fit.theta), bool)
+        for i in out:
+            keep[self.slice_of(i)] = False
+        return tuple(e for j, e in enumerate(self.effects) if j not in out), self.fit.theta[keep]
+
+
+def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:
+    """White noise of the size of a residual, in the place of a noise that may be coloured."""
+    coloured = np.minimum(start.coloured, 0.05 * start.sigma)
+    return replace(start, sigma=rms, force=np.minimum(start.force, quiet), coloured=coloured)

@@ -1,0 +1,154 @@
+"""How a diagnosis begins: noise, sizes, substeps and the smoothed trajectory of the simulator alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.gap.fit._divergence import divergence
+from sksurrogate.gap.fit._linear_surrogate import learn
+from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE, Numerics, OdeBackend
+from sksurrogate.gap.fit._simulations import Simulations
+from sksurrogate.gap.fit._trajectory import TrajectoryBackend
+from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+from sksurrogate.kernels.output_error import free_run, run_near
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_jacobian
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["build_problem", "build_trajectory", "nominal_run"]
+
+#: Largest error of the integrator over one sample, in units of the size of the states.
+LOCAL_ERROR = 2e-5
+
+
+def nominal_run(problem: OdeBackend) -> np.ndarray:
+    """States (n_states, n_samples) of the simulator alone, every run from its own initial state."""
+    nominal = problem.augmented(())
+    start = np.repeat(problem.plant.x0[:, None], len(problem.record.starts), axis=1)
+    with np.errstate(all="ignore"):
+        return free_run(nominal, np.zeros(nominal.n_theta), start)
+
+
+def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
+    """States (n_states, n_samples) of the simulator alone, measured ones begun at their first readings."""
+    near = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
+    for j, i in enumerate(plant.output_states or ()):
+        near[i] = record.y[j]
+    nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=sizes(near))
+    with np.errstate(all="ignore"):
+        return run_near(nominal, np.zeros(0), near)
+
+
+def measured_guess(plant: Plant, record: Record, run: np.ndarray) -> np.ndarray:
+    """States (n_states, n_samples): measured ones as measured, others from the nominal free run or the initial state."""
+    guess = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
+    finite = np.isfinite(run).all(axis=0)
+    guess[:, finite] = run[:, finite]
+    for j, i in enumerate(plant.output_states or ()):
+        guess[i] = record.y[j]
+    return guess
+
+
+def sizes(guess: np.ndarray) -> np.ndarray:
+    """Size of every state along a guess: its deviation, or a share of its level where it hardly moves."""
+    spread = np.std(guess, axis=1)
+    level = np.sqrt(np.mean(guess**2, axis=1))
+    scale = np.maximum(spread, 0.02 * level)
+    return np.where(scale > 0, scale, 1.0)
+
+
+def substeps(x: np.ndarray, weight: np.ndarray, make: Any) -> int:
+    """Fewest substeps whose error in one sample stays a hundredth of the noise (98 % of the samples)."""
+    for n_sub in (1, 2, 4, 8, 16):
+        coarse, fine = make(n_sub).bind(np.zeros((0, 1))), make(2 * n_sub).bind(np.zeros((0, 1)))
+        error = np.abs(coarse(x[:, None])[:, 0] - fine(x[:, None])[:, 0]) / weight[:, None]
+        finite = np.isfinite(error).all(axis=0)
+        if finite.mean() > 0.98 and np.quantile(np.max(error[:, finite], axis=0), 0.98) < 0.01:
+            return n_sub
+    return 16
+
+
+def build_problem(
+    plant: Plant, model: PlantModel, record: Record, free: Sequence[str], balances: Sequence[str]
+) -> tuple[OdeBackend, Smoothed]:
+    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant.
+
+    Returns
+    -------
+    problem : OdeBackend
+    smoothed : Smoothed
+    """
+    sd = noise_of_differences(record.y, record.starts)
+    with np.errstate(all="ignore"):
+        run = run_from_readings(plant, model, record)
+        guess = measured_guess(plant, record, run)
+        scale = sizes(guess)
+        problem = OdeBackend(
+            plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), Numerics(2), run=run
+        )
+        nominal = replace(problem, free=()).augmented(())
+        smoothed = problem.smooth(nominal, np.zeros(0), guess)
+        scale = np.maximum(sizes(smoothed.x), 0.02 * scale)
+        rate = np.sqrt(np.mean(((smoothed.x[:, 1:] - smoothed.x[:, :-1]) / record.dt) ** 2, axis=1))
+        n_sub = substeps(
+            smoothed.x,
+            np.minimum(nominal.closing_weight(sd), LOCAL_ERROR * 100 * scale),
+            lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
+        )
+        problem = replace(
+            problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), numerics=Numerics(n_sub)
+        )
+        return replace(problem, caps=_caps(problem, smoothed)), smoothed
+
+
+def _caps(problem: OdeBackend, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarray]:
+    """Forces and coloured sensor noise that move an output by :data:`LARGEST_DISTURBANCE` of its deviation."""
+    record, n = problem.record, len(problem.plant.states)
+    nominal = replace(problem, free=()).augmented(())
+    _, C = output_jacobian(nominal.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
+    band = recursion_band(smoothed.A, record.starts)
+    rng = np.random.default_rng(0)
+    force = np.empty(len(problem.balances))
+    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
+    for k, name in enumerate(problem.balances):
+        a = np.exp(-1 / 10.0)
+        w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=record.n_samples), record.starts)
+        b = np.zeros((n, 1, record.n_samples))
+        b[problem.plant.states.index(name), 0, 1:] = record.dt * w[:-1]
+        b[:, :, record.starts] = 0.0
+        moved = np.einsum("oit,it->ot", C, solve_recursion(band, b)[:, 0])
+        gain = float(np.max(np.std(moved, axis=1) / spread))
+        force[k] = (
+            LARGEST_DISTURBANCE / gain
+            if np.isfinite(gain) and gain > 0
+            else 10 * problem.rate[problem.plant.states.index(name)]
+        )
+    return force, LARGEST_DISTURBANCE * spread
+
+
+def build_trajectory(
+    plant: Plant, record: Record, free: tuple[str, ...], labels: Sequence[object]
+) -> TrajectoryBackend:
+    """The simulator's own runs, the linear surrogate learned from them, and what initial states move.
+
+    Raises
+    ------
+    SimulationDiverged
+        A run of the simulator alone does not stay finite.
+    """
+    simulations = Simulations(plant, record)
+    nominal = simulations.run(record.u, {}, None)
+    if not np.all(np.isfinite(nominal)):
+        raise divergence(plant, record, nominal, labels)
+    own, x0 = getattr(plant.simulator, "x0", None), None
+    if own is not None and np.size(own):
+        x0 = np.repeat(np.asarray(own, dtype=float).reshape(1, -1), len(record.starts), axis=0)
+    sd, surrogate = noise_of_differences(record.y, record.starts), learn(record, nominal)
+    none = np.zeros((len(sd), 0, record.n_samples))
+    return TrajectoryBackend(simulations, labels, sd, nominal, surrogate, free, none, x0 is not None, x0).renewed()

@@ -1,0 +1,115 @@
+"""What ``simulate`` gives for inputs, parameters and initial states: every simulation counts, and is made once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect, ParameterEffect
+from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError, SurrogateError
+from sksurrogate.gap.fit._retuned import value_of
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["Simulations"]
+
+#: Simulations that are kept.
+RUNS_KEPT = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Simulations:
+    """Runs of a simulator over a record, and those with effects around it.
+
+    Attributes
+    ----------
+    plant : Plant
+    record : Record
+    free : tuple of str
+        Parameters that are re-tuned.
+    kept : dict
+        The latest simulations.
+    raised : dict
+        What the simulator raised with effects, by its text: these candidates are lost.
+    """
+
+    plant: Plant
+    record: Record
+    free: tuple[str, ...] = ()
+    kept: dict[bytes, np.ndarray] = field(default_factory=dict)
+    raised: dict[str, None] = field(default_factory=dict)
+
+    def run(self, u: np.ndarray, changed: Mapping[str, float], x0: np.ndarray | None) -> np.ndarray:
+        """Outputs (n_outputs, n_samples) under inputs (n_inputs, n_samples); nan where the simulator fails."""
+        key = u.tobytes() + repr(sorted(changed.items())).encode() + (b"" if x0 is None else x0.tobytes())
+        if key in self.kept:
+            return self.kept[key]
+        record = self.record
+        simulator = retuned_simulator(self.plant.simulator, changed)
+        out = np.full((record.y.shape[0], record.n_samples), np.nan)
+        lengths = record.lengths
+        for n in np.unique(lengths):
+            runs = np.flatnonzero(lengths == n)
+            rows = record.starts[runs][:, None] + np.arange(n)
+            try:
+                Y = plain_runs(simulator, u[:, rows].transpose(1, 2, 0), None if x0 is None else x0[runs], None)
+            except SimulationDiverged:
+                continue
+            except SurrogateError:
+                raise
+            except Exception as error:
+                if not changed and u is record.u:
+                    raise
+                self.raised[f"{type(error).__name__}: {error}"] = None
+                continue
+            if Y.shape[2] != len(out):
+                raise SimulatorError(
+                    f"simulate returned {Y.shape[2]} outputs, but y has {len(out)} columns: one for each output."
+                )
+            out[:, rows] = Y.transpose(2, 0, 1)
+        if len(self.kept) >= RUNS_KEPT:
+            self.kept.pop(next(iter(self.kept)))
+        self.kept[key] = out
+        return out
+
+    def outputs(self, effects: Sequence[BaseEffect], theta: np.ndarray, x0: np.ndarray | None) -> np.ndarray:
+        """All runs with effects, (n_outputs, n_samples)."""
+        y = self.run(self.acting(effects, theta), self.changed(effects, theta), x0)
+        return self.read(effects, theta, y)
+
+    def changed(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> dict[str, float]:
+        """Parameters that differ from the simulator's."""
+        *parts, rest = parts_of(effects, theta)
+        out = {name: value_of(self.plant.params[name], phi) for name, phi in zip(self.free, rest)}
+        for effect, values in zip(effects, parts):
+            if isinstance(effect, ParameterEffect):
+                name = str(effect.location)
+                out[name] = float(effect.value(out.get(name, self.plant.params[name]), 0.0, list(values), 0.0))
+        return {name: value for name, value in out.items() if value != self.plant.params[name]}
+
+    def acting(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
+        """Inputs behind the actuators (n_inputs, n_samples)."""
+        record = self.record
+        if not any(effect.kind == "input" for effect in effects):
+            return record.u
+        return acting_rows(self.plant, list(effects), parts_of(effects, theta)[:-1], record.u, record.dt, record.starts)
+
+    def read(self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Readings of the sensors along outputs (n_outputs, n_samples)."""
+        if not any(effect.kind == "output" for effect in effects):
+            return y
+        record, parts = self.record, parts_of(effects, theta)[:-1]
+        out = y.copy()
+        bounds = np.r_[record.starts, record.n_samples]
+        for a, b in zip(bounds[:-1], bounds[1:]):
+            t = record.t[a:b] - record.t[a]
+            out[:, a:b] = readings(self.plant.outputs, list(effects), parts, y[:, a:b].T, t, record.dt).T
+        return out
+
+
+def parts_of(effects: Sequence[BaseEffect], theta: np.ndarray) -> list[np.ndarray]:
+    """Parameters of every effect, and the free parameters."""
+    return np.split(theta, np.cumsum([len(effect.parameters) for effect in effects], dtype=int))

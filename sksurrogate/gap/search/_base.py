@@ -1,0 +1,168 @@
+"""What every search keeps: the candidates that were fitted, the latest evidence of each, and how they compare."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, Generic
+
+import numpy as np
+
+from sksurrogate._parallel._second import Second
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._backend import Backend
+from sksurrogate.gap.fit._closeness import FAR_BY_COST
+from sksurrogate.gap.fit._evidence import C, Evidence, bar
+from sksurrogate.kernels.disturbance import Noise
+
+__all__ = ["CORRELATED", "EQUAL", "BaseSearch"]
+
+#: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
+EQUAL = 6.0
+#: Samples of a structural error that count as one.
+CORRELATED = 10.0
+
+
+@dataclass(eq=False)
+class BaseSearch(ABC, Generic[C]):
+    """Which effects: a search over sets of them.
+
+    Attributes
+    ----------
+    problem : Backend
+    candidates : list of BaseEffect
+    n_jobs : int or None
+    report : callable (message) -> None
+        Progress.
+    second, later : Second
+        Processes for what is wanted at once, and for what is wanted later.
+    null, final : Evidence or None
+        Filled as the search goes on, so that an interrupt leaves what is known.
+    first_round : list
+        Single effects, best first.
+    fitted : dict
+        The best fit of every set of effects so far, by its keys.
+    judged : dict
+        Evidence of every rival that was looked at, the latest.
+    richer : dict
+        Richer forms that fit no better, by the key of the simpler one.
+    lost : dict
+        What a simulator raised, by its text: these candidates are lost.
+    """
+
+    problem: Backend
+    candidates: list[BaseEffect]
+    n_jobs: int | None = field(default=None, kw_only=True)
+    report: Callable[[str], None] = field(default=lambda message: None, kw_only=True)
+    second: Second = field(default_factory=partial(Second, apart=False), kw_only=True)
+    later: Second = field(default_factory=partial(Second, apart=False), kw_only=True)
+    null: Evidence[C] | None = field(default=None, kw_only=True)
+    final: Evidence[C] | None = field(default=None, kw_only=True)
+    first_round: list[C] = field(default_factory=list, kw_only=True)
+    fitted: dict[frozenset, C] = field(default_factory=dict, kw_only=True)
+    judged: dict[C, Evidence[C]] = field(default_factory=dict, kw_only=True)
+    richer: dict[Any, list] = field(default_factory=dict, kw_only=True)
+    lost: dict[str, None] = field(default_factory=dict, kw_only=True)
+
+    @abstractmethod
+    def fit_null(self) -> Evidence[C]:
+        """No effect: initial states and free parameters only."""
+
+    @abstractmethod
+    def run(self) -> Evidence[C]:
+        """The whole search; returns what stands, the null where nothing passes."""
+
+    @abstractmethod
+    def in_place_of(self, final: Evidence[C], i: int) -> list[C]:
+        """Rivals with another effect in the place of effect i, fitted as what stands is, and that itself again."""
+
+    @abstractmethod
+    def expected(self) -> Mapping[Any, float]:
+        """What the screen expects of single effects, by key."""
+
+    def settle(self) -> None:
+        """What stands, once more, after its rivals are known."""
+
+    def prior_cost(self, rival: C) -> float:
+        """How unlikely the values of a rival are before any data, in units of -2 log p."""
+        return 0.0
+
+    # ---- evidence ---------------------------------------------------------------------------------------------------
+    @property
+    def n_values(self) -> int:
+        """Measured numbers."""
+        return self.problem.record.y.size
+
+    @property
+    def begun(self) -> Evidence[C]:
+        """The null, once it is fitted."""
+        if self.null is None:
+            raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
+        return self.null
+
+    def stand(self, rival: C) -> C:
+        """What an interrupt leaves."""
+        self.final = self.judged[rival]
+        return rival
+
+    def own(self, rival: C) -> Evidence[C] | None:
+        """A rival under its own noise, or one that it was given; None where it was looked at under that of others."""
+        known = self.judged.get(rival)
+        return None if known is None or known.quick else known
+
+    def noise_of(self, rival: C) -> Noise | None:
+        """Its own, where it is known."""
+        known = self.own(rival)
+        return None if known is None else known.noise
+
+    def judge(self, found: Evidence[C]) -> Evidence[C]:
+        """Keep the evidence of a rival; a quick look leaves it its own noise."""
+        known = self.own(found.candidate)
+        if found.quick and known is not None:
+            found = replace(known, log_likelihood=found.log_likelihood)
+        self.judged[found.candidate] = found
+        return found
+
+    def remember(self, rivals: Sequence[C]) -> None:
+        """Keep the best fit of every set of effects."""
+        for rival in rivals:
+            known = self.fitted.get(frozenset(rival.keys))
+            if known is None or rival.fit.cost < known.fit.cost:
+                self.fitted[frozenset(rival.keys)] = rival
+
+    # ---- comparisons ------------------------------------------------------------------------------------------------
+    def bar(self, k: int) -> float:
+        """What twice the gain in log likelihood must exceed for k parameters."""
+        return bar(k, len(self.candidates), self.n_values)
+
+    def evidence(self, rival: C) -> float:
+        """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""
+        known = self.judged.get(rival)
+        return -np.inf if known is None else known.log_likelihood - 0.5 * self.prior_cost(rival)
+
+    def gain(self, rival: C) -> float:
+        """2 (L_rival - L_null)."""
+        return 2.0 * (self.evidence(rival) - self.evidence(self.begun.candidate))
+
+    def score(self, rival: C) -> float:
+        """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""
+        return self.evidence(rival) - 0.5 * rival.n_parameters * np.log(self.n_values)
+
+    def size_score(self, rival: C) -> float:
+        """Evidence by size: white errors with one independent value in :data:`CORRELATED`, less ``k/2 ln N``.
+
+        Far from the data no noise model holds, and the force that it allows would hide which rival comes nearer.
+        """
+        return -0.5 * self.n_values / CORRELATED * np.log(rival.fit.cost) - 0.5 * rival.n_parameters * np.log(
+            self.n_values
+        )
+
+    def order(self, rivals: Sequence[C]) -> Callable[[C], float]:
+        """By size where all are far from the data, by likelihood where one comes near."""
+        return self.size_score if all(self.is_far(rival) for rival in rivals) else self.score
+
+    def is_far(self, rival: C) -> bool:
+        """Whether a rival is so far from the data that sizes, not likelihoods, tell rivals apart."""
+        return rival.fit.cost > FAR_BY_COST * self.n_values
