@@ -10,6 +10,7 @@ import numpy as np
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.search._fits import nominal
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
@@ -63,6 +64,9 @@ def weigh(search: Search, final: Evidence, tolerance: float) -> Posterior:
 def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
     """The set that is likeliest beside a law: without effects in whose place a law does as well, the least probable first;
     with another effect in the place of one where that is likelier. And its posterior."""
+    if closed_by_size(search, final, tolerance):
+        law = _judged(search, final, final.candidate, tolerance, along=False)
+        return final, Posterior(tuple(1.0 for _ in final.effects), law)
     while final.effects:
         posterior = weigh(search, final, tolerance)
         least = int(np.argmin(posterior.probabilities))
@@ -78,6 +82,15 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
         final = search.judged[search.stand(search.polish(fewer))]
     search.final = search.begun
     return search.begun, Posterior((), None)
+
+
+def closed_by_size(search: Search, final: Evidence, tolerance: float) -> bool:
+    """Whether a set closes the gap up to the tolerance, further from the data than any noise model holds.
+
+    There sizes tell candidates apart, not likelihoods: along a path that hardly any noise blurs a flexible law follows
+    everything, and a limit that has acted shows nothing.
+    """
+    return final.left > FAR and final.fit.cost < tolerance**2 * gap_cost(search)
 
 
 def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: float) -> Evidence | None:
@@ -132,9 +145,20 @@ def _judged(
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
 
 
+def gap_cost(search: Search) -> float:
+    """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values."""
+    null = search.begun.candidate
+    if not search.problem.free:
+        return null.fit.cost
+    if null not in search.nominal_costs:
+        given = nominal(null)
+        search.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
+    return search.nominal_costs[null]
+
+
 def gap_over_noise(search: Search) -> float:
     """RMS of the gap of the simulator over the noise."""
-    return float(np.sqrt(max(search.begun.fit.cost / search.n_values - 1.0, 1e-6)))
+    return float(np.sqrt(max(gap_cost(search) / search.n_values - 1.0, 1e-6)))
 
 
 def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:

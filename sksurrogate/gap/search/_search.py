@@ -62,6 +62,7 @@ class Search(Expander):
     """
 
     runners: list[OdeCandidate] = field(default_factory=list)
+    nominal_costs: dict[OdeCandidate, float] = field(default_factory=dict)
     least: float = SMALLEST_SHARE
 
     def prior_cost(self, rival: OdeCandidate) -> float:
