@@ -354,7 +354,7 @@ class FMUSimulator(ParametricSimulator):
         except Exception as error:  # whatever a binary and its wrapper raise
             self.__dict__.pop("_engine_kept", None)
             said = f"{type(error).__name__}: {error}.{engine.unit.messages}"
-            raise SimulatorError(f"the unit {self.path!s} stopped: {said}") from error
+            raise SimulationDiverged(f"the unit {self.path!s} stopped: {said}") from error
         raise_if_diverged(X[None], t, engine.unit.signals.states)
         return Y
 

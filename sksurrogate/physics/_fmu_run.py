@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError, require
 from sksurrogate.physics._fmu_unit import OpenUnit, equal_steps
 
 __all__ = ["check_settable", "run_whole"]
@@ -48,8 +48,10 @@ def run_whole(
 
     Raises
     ------
+    SimulationDiverged
+        The unit stopped.
     SimulatorError
-        The unit stopped, or takes no steps of several widths.
+        It takes no steps of several widths.
     """
     single = len(rows) == 1
     if single:
@@ -78,7 +80,9 @@ def run_whole(
     except SimulatorError:
         raise
     except Exception as error:  # whatever a binary and its wrapper raise
-        raise SimulatorError(f"the unit {path!s} stopped: {type(error).__name__}: {error}.{unit.messages}") from error
+        raise SimulationDiverged(
+            f"the unit {path!s} stopped: {type(error).__name__}: {error}.{unit.messages}"
+        ) from error
     return found[:1] if single else found
 
 

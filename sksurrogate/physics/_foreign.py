@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["LARGEST", "at_points", "offered"]
+__all__ = ["LARGEST", "REFUSALS", "at_points", "offered"]
 
 #: Values beyond this are not offered to a foreign program: their cubes would leave the finite numbers.
 LARGEST = 1e100
+#: What a function raises at a point that it refuses; other errors are mistakes in the function.
+REFUSALS = (ArithmeticError, ValueError, RuntimeError)
 
 
 def offered(*values: np.ndarray) -> np.ndarray:

@@ -177,9 +177,12 @@ class _Stuck(ArithmeticError):
 
 
 def raise_if_diverged(
-    X: np.ndarray, t: np.ndarray, states: tuple[str, ...], labels: list[object] | None = None
+    X: np.ndarray, t: np.ndarray, states: tuple[str, ...], labels: list[object] | None = None, said: str = ""
 ) -> None:
-    """Raise :class:`SimulationDiverged` with run, time, state and remedy if states (n_runs, n_samples, n_states) are not finite."""
+    """Raise :class:`SimulationDiverged` with run, time, state and remedy if states (n_runs, n_samples, n_states) are not finite.
+
+    ``said`` is what a function said of a point that it refused.
+    """
     bad = ~np.isfinite(X)
     if not bad.any():
         return
@@ -190,7 +193,8 @@ def raise_if_diverged(
     where = "" if label is None else f"run {label!r}, "
     raise SimulationDiverged(
         f"the simulation left the finite numbers: {where}row {row}, t = {t[row]:g}, state {state!r}. "
-        'Check x0, the units of the inputs and the signs in rhs; a stiff plant may want method="LSODA" or a smaller dt.',
+        'Check x0, the units of the inputs and the signs in rhs; a stiff plant may want method="LSODA" or a smaller dt.'
+        f"{said}",
         run=label,
         row=row,
         time=float(t[row]),

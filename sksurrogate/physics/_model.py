@@ -47,6 +47,12 @@ class PlantModel:
         if self._output is not None:
             self._output.probe(*at)
 
+    @property
+    def refusal(self) -> str:
+        """What the user's functions said when they last refused a point; empty where they did not."""
+        functions = (self._rhs, self._step, self._output)
+        return "".join(function.refusal for function in functions if function is not None)
+
     def _call(
         self,
         function: PointwiseFunction,

@@ -226,7 +226,7 @@ class ODESimulator(ParametricSimulator):
         model.probe(U[0, 0])
         if self.events:
             X = self._with_events(model, U, X0, times)
-            raise_if_diverged(X, times, self._names("states"))
+            raise_if_diverged(X, times, self._names("states"), said=model.refusal)
             return X, times, model
         order = 0 if self.hold == "zoh" else 1
         states = self._names("states")
@@ -234,7 +234,7 @@ class ODESimulator(ParametricSimulator):
             X = exact_run(model.derivative, U, X0, times, order=order, states=states)
         else:
             X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=states)
-        raise_if_diverged(X, times, self._names("states"))
+        raise_if_diverged(X, times, self._names("states"), said=model.refusal)
         return X, times, model
 
     def _with_events(self, model: PlantModel, U: np.ndarray, X0: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -253,4 +253,7 @@ class ODESimulator(ParametricSimulator):
     def _run(self, U: np.ndarray, X0: np.ndarray, t: Any) -> np.ndarray:
         """Outputs (n_runs, n_samples, n_outputs)."""
         X, times, model = self._states(U, X0, t)
-        return model.output(times, X.transpose(2, 0, 1), U.transpose(2, 0, 1)).transpose(1, 2, 0)
+        Y = model.output(times, X.transpose(2, 0, 1), U.transpose(2, 0, 1)).transpose(1, 2, 0)
+        if model.refusal:
+            raise_if_diverged(Y, times, model.plant.outputs, said=model.refusal)
+        return Y

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import warnings
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._foreign import REFUSALS, offered
 
 __all__ = ["PointwiseFunction", "locked"]
 
 
 #: Whole powers up to this are taken by multiplication.
 _LARGEST_POWER = 8
+#: Functions that were said to be slow: once in a process and in those that are forked from it.
+_SAID: weakref.WeakSet[Any] = weakref.WeakSet()
 #: Fewer points than this are passed as plain arrays: the detour would cost more than it saves.
 _MANY = 200
 
@@ -59,6 +63,8 @@ class PointwiseFunction:
         self.what = what
         self.names = tuple(names)
         self.vectorised: bool | None = None
+        #: What the function said when it last refused a point.
+        self.refusal = ""
         self._copies, self._wrote = False, ""
 
     def probe(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> None:
@@ -85,7 +91,7 @@ class PointwiseFunction:
             except Exception:
                 self.vectorised = False
         self._tell()
-        if not self.vectorised:
+        if not self.vectorised and _first_time(self.function):
             warnings.warn(
                 f"{self.what} does not take arrays of points and is called point by point, which is slow. Write it so that every "
                 "entry of x and u may be an array: np.where(x > 0, a, b) for 'a if x > 0 else b', np.maximum for max, "
@@ -183,14 +189,32 @@ class PointwiseFunction:
                 *at, {k: (float(np.ravel(v)[0]) if isinstance(v, np.ndarray) else v) for k, v in p.items()}, *extra
             )
         if self.vectorised:
-            return self._many(t, x, u, p, *extra)
+            try:
+                return self._many(t, x, u, p, *extra)
+            except SimulatorError:
+                raise
+            except REFUSALS:  # one point of many, as a rule
+                return self._each(t, x, u, p, *extra)
+        return self._each(t, x, u, p, *extra)
+
+    def _each(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
+        """Point by point; nan where the function refuses a point, and where a point is not finite: then it is not asked."""
         n_points = x.shape[1]
         times = np.broadcast_to(t, (n_points,))
         varied = {k: v for k, v in p.items() if isinstance(v, np.ndarray) and v.ndim > 0}
-        out = np.empty((self.size, n_points))
-        for m in range(n_points):
+        out = np.full((self.size, n_points), np.nan)
+        for m in np.flatnonzero(offered(times, x, u, *varied.values())):
             q = {**p, **{k: float(v[m]) for k, v in varied.items()}} if varied else p
-            out[:, m] = self._one(float(times[m]), x[:, m], u[:, m], q, *extra)
+            try:
+                out[:, m] = self._one(float(times[m]), x[:, m], u[:, m], q, *extra)
+            except (SimulatorError, *REFUSALS) as error:
+                cause = error.__cause__ if isinstance(error, SimulatorError) else error
+                if not isinstance(cause, REFUSALS):
+                    raise
+                self.refusal = (
+                    f" {self.what} last raised {type(cause).__name__}: {cause}, at t={times[m]:g}, x={x[:, m].tolist()}, "
+                    f"u={u[:, m].tolist()}."
+                )
         return out
 
 
@@ -205,6 +229,17 @@ def locked(value: Any) -> Any:
 
 def _copied(value: Any) -> Any:
     return value.copy() if isinstance(value, np.ndarray) else value
+
+
+def _first_time(function: Any) -> bool:
+    """Whether a function, or the one behind a method, has not been said to be slow; always, for what cannot be remembered."""
+    inner = getattr(function, "__func__", function)
+    try:
+        known = inner in _SAID
+        _SAID.add(inner)
+    except TypeError:
+        return True
+    return not known
 
 
 def _components(value: Any) -> Any:

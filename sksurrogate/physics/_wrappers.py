@@ -10,7 +10,8 @@ import numpy as np
 
 from sksurrogate._columns import by_name
 from sksurrogate._tables import as_labels
-from sksurrogate.exceptions import SimulatorError
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError, SurrogateError
+from sksurrogate.physics._foreign import LARGEST, REFUSALS, offered
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._params import ParametricSimulator
@@ -29,6 +30,17 @@ def _inputs(U: Any, names: Sequence[str] | None = None) -> np.ndarray:
         width = "n_inputs" if names is None else str(len(names))
         raise SimulatorError(
             f"U has shape {inputs.shape}, expected (n_samples, {width}): one row a sample, one column an input."
+        )
+    return inputs
+
+
+def _bearable(inputs: np.ndarray) -> np.ndarray:
+    """The inputs, which a function of somebody else may see."""
+    if not offered(inputs.T).all():
+        row = int(np.flatnonzero(~offered(inputs.T))[0])
+        raise SimulatorError(
+            f"U={inputs[row].tolist()} in row {row}: a simulator is given finite inputs up to {LARGEST:g} alone; interpolate or cut "
+            "the record there."
         )
     return inputs
 
@@ -196,20 +208,18 @@ class CallableSimulator(ParametricSimulator):
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: (n_samples, n_outputs)."""
-        inputs = _inputs(U, self.inputs)
-        if hasattr(self.function, "predict"):
-            out = self.function.predict(inputs.copy())
-        elif callable(self.function):
-            start = self.x0 if x0 is None else x0
-            start = start.copy() if isinstance(start, np.ndarray) else start
-            offered = {"x0": start, "t": self.dt * np.arange(len(inputs)) if t is None else np.array(t)}
-            offered["p"] = offered["params"] = dict(self.params or {})
-            wanted = dict(list(inspect.signature(self.function).parameters.items())[1:])
-            if start is None and "x0" in wanted and wanted["x0"].default is not inspect.Parameter.empty:
-                del wanted["x0"]  # the function knows its own initial state
-            out = self.function(inputs.copy(), **{name: value for name, value in offered.items() if name in wanted})
-        else:
-            raise SimulatorError(f"function={self.function!r} is neither callable nor an estimator with predict.")
+        inputs = _bearable(_inputs(U, self.inputs))
+        times = self.dt * np.arange(len(inputs)) if t is None else np.asarray(t, dtype=float)
+        try:
+            out = self._called(inputs, x0, t)
+        except (SurrogateError, AttributeError):  # with scikit-learn's NotFittedError, which is a ValueError too
+            raise
+        except REFUSALS as error:  # of a function that works for other inputs; a mistake in it is shown as it is
+            low, high = (np.round(bound, 6).tolist() for bound in (inputs.min(axis=0), inputs.max(axis=0)))
+            raise SimulationDiverged(
+                f"function stopped with {type(error).__name__}: {error}. It was given {len(inputs)} rows of inputs from {low} to {high}, "
+                f"params={dict(self.params or {})}; give inputs and parameters that it takes."
+            ) from error
         outputs = np.asarray(out, dtype=float)
         if outputs.ndim == 1:
             outputs = outputs[:, None]
@@ -223,8 +233,23 @@ class CallableSimulator(ParametricSimulator):
                 f"function returned shape {np.shape(out)}, expected ({len(inputs)}, {width}): one row for each row of U."
             )
         names = tuple(self.outputs or (f"y{k}" for k in range(outputs.shape[1])))
-        raise_if_diverged(outputs[None], np.asarray(self.dt * np.arange(len(inputs)) if t is None else t), names)
+        raise_if_diverged(outputs[None], times, names)
         return outputs
+
+    def _called(self, inputs: np.ndarray, x0: Any, t: Any) -> Any:
+        """What the function, or the estimator, returns."""
+        if hasattr(self.function, "predict"):
+            return self.function.predict(inputs.copy())
+        if callable(self.function):
+            start = self.x0 if x0 is None else x0
+            start = start.copy() if isinstance(start, np.ndarray) else start
+            known = {"x0": start, "t": self.dt * np.arange(len(inputs)) if t is None else np.array(t)}
+            known["p"] = known["params"] = dict(self.params or {})
+            wanted = dict(list(inspect.signature(self.function).parameters.items())[1:])
+            if start is None and "x0" in wanted and wanted["x0"].default is not inspect.Parameter.empty:
+                del wanted["x0"]  # the function knows its own initial state
+            return self.function(inputs.copy(), **{name: value for name, value in known.items() if name in wanted})
+        raise SimulatorError(f"function={self.function!r} is neither callable nor an estimator with predict.")
 
 
 class StepSimulator(ParametricSimulator):
@@ -275,7 +300,7 @@ class StepSimulator(ParametricSimulator):
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: (n_samples, n_outputs); row 0 is the output at ``x0``."""
-        inputs = _inputs(U, self.inputs)
+        inputs = _bearable(_inputs(U, self.inputs))
         return self.simulate_batch(
             inputs[None], None if x0 is None else np.reshape(np.asarray(x0, dtype=float), (1, -1)), t
         )[0]
@@ -300,5 +325,8 @@ class StepSimulator(ParametricSimulator):
         with np.errstate(all="ignore"):
             for k in range(inputs.shape[1] - 1):
                 X[:, :, k + 1] = model.step(times[k], X[:, :, k], inputs[:, k].T, float(widths[k]))
-        raise_if_diverged(X.transpose(1, 2, 0), times, plant.states)
-        return model.output(times, X, inputs.transpose(2, 0, 1)).transpose(1, 2, 0)
+        raise_if_diverged(X.transpose(1, 2, 0), times, plant.states, said=model.refusal)
+        Y = model.output(times, X, inputs.transpose(2, 0, 1)).transpose(1, 2, 0)
+        if model.refusal:
+            raise_if_diverged(Y, times, plant.outputs, said=model.refusal)
+        return Y
