@@ -65,6 +65,8 @@ def to_graph(model: Any, n_sub: int = 4) -> Graph:
     if hasattr(model, "output_lags") and hasattr(model, "input_lags"):
         return _recursive(graph, model)
     if getattr(model, "states", None) is not None and (hasattr(model, "rhs") or hasattr(model, "step")):
+        if getattr(model, "inputs", None) is None or getattr(model, "outputs", None) is None:
+            raise SurrogateError(f"{kind} does not name its signals: give it inputs=[...] and outputs=[...].")
         x, u = graph.input("x", len(model.states)), graph.input("u", len(model.inputs))
         graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, model, x, u, n_sub)
         graph.dt = float(getattr(model, "dt", None) or 1.0)

@@ -32,6 +32,11 @@ def offered(*values: np.ndarray) -> np.ndarray:
 
 def at_points(function: Callable[..., np.ndarray], t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
     """A function of flat points, (n, n_points) and p with floats or (n_points,), at points of any shape (n, *s)."""
+    if len(x) and hasattr(x[0], "graph"):  # symbols of an export
+        raise TypeError(
+            "its equations stand in a program of its own, which can be called but not written down: fit a model of this package to "
+            "its runs and export that."
+        )
     states = np.asarray(x, dtype=float)
     shape = states.shape[1:]
     if len(shape) == 1 and isinstance(u, np.ndarray) and u.shape[1:] == shape:

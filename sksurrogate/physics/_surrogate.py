@@ -119,6 +119,10 @@ class SurrogateSimulator(BaseSimulator):
             self._kept = kept = (self.model, self.n_sub, _wired(graph, getattr(self.model, "y_mean_", None)))
         return kept[2]
 
+    def to_graph(self, n_sub: int = 4) -> Graph:
+        """The graph of the model."""
+        return self._wiring().graph
+
     def described(self) -> dict[str, Any]:
         """What the arguments leave to the model: names of ``inputs``, ``outputs`` and ``states``, and ``x0``."""
         wiring, graph = self._wiring(), self._wiring().graph

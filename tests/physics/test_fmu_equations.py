@@ -7,7 +7,8 @@ import pytest
 from sklearn.base import clone
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
-from sksurrogate.exceptions import SimulationDiverged, SimulatorError
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError, SurrogateError
+from sksurrogate.export import to_graph
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import CalibratedSimulator, FMUSimulator, ODESimulator, linearise
 from sksurrogate.physics._simulator import describe
@@ -192,6 +193,20 @@ def test_an_access_that_is_not_there_is_refused_with_its_reason(swing_unit, ball
     np.testing.assert_allclose(started.simulate(U, x0=[0.5]), _equations().simulate(U), atol=1e-5)
     with pytest.raises(SimulatorError, match=r"U=\[nan\] in row 3"):
         started.simulate(np.where(np.arange(60)[:, None] == 3, np.nan, U), x0=[0.5])
+
+
+def test_a_unit_goes_to_python_control_and_says_why_it_is_not_written_down(swing_unit):
+    control = pytest.importorskip("control")
+    system = _unit(swing_unit).to_control()
+    assert isinstance(system, control.NonlinearIOSystem)
+    np.testing.assert_allclose(
+        system.dynamics(0.0, [0.3, 1.0], [0.5]), swing(0.0, [0.3, 1.0], [0.5], PARAMS), rtol=1e-14
+    )
+    np.testing.assert_allclose(system.output(0.0, [0.3, 1.0], [0.5]), [0.3])
+    with pytest.raises(SurrogateError, match="can be called but not written down"):
+        to_graph(_unit(swing_unit, inputs=["push"]))
+    with pytest.raises(SurrogateError, match=r"does not name its signals: give it inputs=\[...\]"):
+        to_graph(_unit(swing_unit))
 
 
 def test_a_unit_travels_without_its_instance(swing_unit):

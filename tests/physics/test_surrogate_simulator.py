@@ -11,6 +11,7 @@ from sksurrogate.compose import DerivativeRegressor, HybridRegressor, RecursiveP
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.effects._catalogue import kinematic_states
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.export import to_graph
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.linear import LaggedLinearRegressor
 from sksurrogate.physics import ODESimulator, SurrogateSimulator
@@ -47,6 +48,8 @@ def test_a_state_space_model_runs_as_by_itself(linear):
     assert (known.access, known.states, known.inputs, known.outputs) == ("step", ("x0", "x1"), ("f",), ("q",))
     np.testing.assert_allclose(nominal.simulate(U[0])[:, 0], linear.predict(U[0]), atol=1e-10)
     check_simulator(nominal, U[0])
+    x, u = np.array([0.3, -0.2]), U[0][0]
+    np.testing.assert_array_equal(to_graph(nominal)(x=x, u=u)["x_next"], to_graph(linear)(x=x, u=u)["x_next"])
     for other in (clone(nominal), pickle.loads(pickle.dumps(nominal))):
         np.testing.assert_array_equal(other.simulate(U[0]), nominal.simulate(U[0]))
 
