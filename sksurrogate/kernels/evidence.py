@@ -110,7 +110,8 @@ def weigh(
 
 def _inverse(H: np.ndarray) -> tuple[np.ndarray, float]:
     """Inverse and log determinant of a symmetric matrix, directions of no curvature held at the rounding."""
-    scale = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
+    own = np.diag(H)
+    scale = np.sqrt(np.where(own > SINGULAR * own.max(initial=0.0), own, max(float(own.max(initial=0.0)), LEAST_NOISE)))
     values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
     values = np.maximum(values, SINGULAR * max(float(values[-1]), 1.0))
     root = vectors / np.sqrt(values) / scale[:, None]

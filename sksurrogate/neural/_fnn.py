@@ -18,6 +18,7 @@ from sksurrogate._checks import checked
 from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.neural._callbacks import CallbackSupportMixin, Tasks, with_callbacks
+from sksurrogate.neural._evidence import Belief, train_by_evidence
 from sksurrogate.neural._net_access import NetAccess
 from sksurrogate.neural._network import ACTIVATIONS
 from sksurrogate.neural._problems import Rows
@@ -73,9 +74,9 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         line search. Table 2 of the paper, in torch through skorch: "gd" (fixed rate), "line_search" (steepest descent
         with line search), "momentum", "nesterov", "adam"; also "adamw", "rmsprop". "auto": "lm" up to 300 weights,
         beyond that "lbfgs" up to 20000 rows, else "adam".
-    alpha : float, default=0.0
+    alpha : float or "evidence", default=0.0
         Weight of the sum of squared weights (not of biases) beside the mean squared error, both in standardised units;
-        with ``theta0`` of the squared distance from it.
+        with ``theta0`` of the squared distance from it. "evidence" ("lm"): penalty and noise by MacKay's evidence.
     learning_rate : float, default=None
         Of the solvers in torch; None: 0.01 ("adam", "adamw": 0.001; "line_search": 1, its first trial).
     batch_size : int, default=None
@@ -126,6 +127,10 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         Activation of every layer, the output layer included.
     solver_ : str
         Solver that was used.
+    alpha_ : float
+        The penalty used.
+    noise_ : ndarray (n_outputs,)
+        With ``alpha="evidence"``: standard deviation of the noise, in units of y.
     loss_ : float
         Loss at the end (standardised outputs, penalty included).
     loss_curve_ : list of float
@@ -168,7 +173,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         "hidden_layer_sizes": ["array-like", Interval(Integral, 1, None, closed="left")],
         "activation": [StrOptions(set(ACTIVATIONS)), list, tuple],
         "solver": [StrOptions({"auto", "lm", "lbfgs", *GRADIENT})],
-        "alpha": [Interval(Real, 0, None, closed="left")],
+        "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"evidence"})],
         "learning_rate": [Interval(Real, 0, None, closed="neither"), None],
         "batch_size": [Interval(Integral, 1, None, closed="left"), None],
         "max_epochs": [Interval(Integral, 1, None, closed="left"), None],
@@ -197,7 +202,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         activation: str | Sequence[str] = "tanh",
         *,
         solver: str = "auto",
-        alpha: float = 0.0,
+        alpha: float | str = 0.0,
         learning_rate: float | None = None,
         batch_size: int | None = None,
         max_epochs: int | None = None,
@@ -267,7 +272,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
             rows, held = split(rows, self.validation_fraction, plan.rng)
             validation = Validation(held, self.n_iter_no_change, listener)
         with self._one_thread(rows):
-            trained = train(solver, plan, rows, validation, self._torch())
+            trained, plan = self._trained_on(rows, plan, validation)
             if len(rows) <= FEW_ROWS and len(trained.outcome.layers.theta) <= SMALL_NET:
                 # beyond, one more pass over the data or a large square matrix costs more than it is worth
                 trained.memory = memory_of(self.solver_, trained, rows, plan)
@@ -296,6 +301,10 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         -------
         self
         """
+        if self.alpha == "evidence":
+            raise DataError(
+                'partial_fit: alpha="evidence" looks at all rows together; use fit, or give alpha a number.'
+            )
         if not hasattr(self, "coefs_"):
             rows, plan, solver = self._begin(X, y, sample_weight)
             if solver in GRADIENT:
@@ -319,6 +328,18 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
             )
         self._keep(train_more(self.solver_, plan, rows, self._trained, self._torch()), rows, plan)
         return self
+
+    def _trained_on(self, rows: Rows, plan: Plan, validation: Validation | None) -> tuple[Trained, Plan]:
+        """The trained network, and the plan with the penalty used."""
+        self._belief: Belief | None = None
+        self.__dict__.pop("noise_", None)
+        if self.alpha != "evidence":
+            return train(self.solver_, plan, rows, validation, self._torch()), plan
+        if self.early_stopping:
+            raise DataError('early_stopping=True and alpha="evidence" both keep from overfitting: take one of them.')
+        trained, plan, self._belief = train_by_evidence(self.solver_, plan, rows, self._torch())
+        self.noise_ = np.sqrt(self._belief.noise) * rows.gain
+        return trained, plan
 
     def _begin(self, X: Any, y: Any, sample_weight: Any) -> tuple[Rows, Plan, str]:
         """Checked and scaled data, what to train, and with which solver."""
@@ -363,7 +384,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         return Plan(
             sizes,
             self.activations_,
-            float(self.alpha),
+            0.0 if isinstance(self.alpha, str) else float(self.alpha),
             self.n_starts or STARTS.get(solver, 1),
             self.max_epochs or epochs_of(solver, self.batch_size, len(rows)),
             float(self.tol),
@@ -385,7 +406,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         """Store what was learned, for raw inputs and outputs."""
         found = trained.outcome
         raw = found.layers.unscaled(rows.mean, rows.scale, rows.shift, rows.gain)
-        self._layers, self._trained = raw, trained
+        self._layers, self._trained, self.alpha_ = raw, trained, plan.alpha
         # only what partial_fit needs of the scaling: no rows of the data
         self._rows = replace(rows, X=rows.X[:0].copy(), Y=rows.Y[:0].copy(), weights=None)
         self.coefs_, self.intercepts_ = list(raw.weights), list(raw.biases)

@@ -8,6 +8,8 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._checks import checked
+from sksurrogate.exceptions import DataError
+from sksurrogate.neural._evidence import Belief
 from sksurrogate.neural._network import Layers
 from sksurrogate.neural._settings import read_device, read_options
 from sksurrogate.neural._training import GRADIENT
@@ -20,6 +22,7 @@ class NetAccess:
 
     _layers: Layers
     _one_column: bool
+    _belief: Belief | None
     solver_: str
     dtype: str
     device: str
@@ -29,21 +32,29 @@ class NetAccess:
     betas: tuple[float, float]
     net_params: dict[str, Any] | None
 
-    def predict(self, X: Any) -> np.ndarray:
+    def predict(self, X: Any, return_std: bool = False) -> Any:
         """Output of the network.
 
         Parameters
         ----------
         X : array-like (n_samples, n_features)
+        return_std : bool, default=False
+            Also the standard deviation of a new measurement, noise included; after a fit with ``alpha="evidence"``.
 
         Returns
         -------
         ndarray (n_samples,) or (n_samples, n_outputs)
-            In the shape of the y that was fitted, float64.
+            In the shape of the y that was fitted, float64; with ``return_std`` a pair of them.
         """
         check_is_fitted(self)
-        out = self._layers(checked(self, X, reset=False, dtype=np.float64))
-        return out[:, 0] if self._one_column else out
+        X = checked(self, X, reset=False, dtype=np.float64)
+        parts = [self._layers(X)]
+        if return_std:
+            if getattr(self, "_belief", None) is None:
+                raise DataError('return_std=True needs a fit with alpha="evidence", which knows the noise.')
+            parts.append(self._belief.deviation(np.asarray(X[:])))  # type: ignore[union-attr]
+        found = [part[:, 0] if self._one_column else part for part in parts]
+        return tuple(found) if return_std else found[0]
 
     def jacobian(self, X: Any) -> np.ndarray:
         """Exact slopes of the prediction by the inputs.
