@@ -14,9 +14,10 @@ __all__ = ["Elsewhere"]
 RUNS = 16
 #: Share of the outputs' range beyond which the extreme starts lie, and disturbance of a rough start in spreads.
 BEYOND, ROUGH = 0.05, 0.1
-#: A fit must not leave more than this multiple of what the reference leaves of a start, and this much of a spread; and
-#: must not leave the training range by this share more than the reference.
+#: A fit must not leave more than this multiple of what the reference leaves of a start, and this much of a spread.
 TIMES, AT_LEAST = 3.0, 0.1
+#: Share of the training range by which a fit may leave it further than the reference; runs away were 0.4 and more.
+FURTHER = 0.3
 #: A run that has gone this many spreads is as bad as any.
 LOST = 1e6
 
@@ -69,7 +70,7 @@ class Elsewhere:
     @staticmethod
     def most(reference: np.ndarray) -> np.ndarray:
         """What is accepted beside a reference."""
-        return np.array([max(reference[0], 0.0) + AT_LEAST, *(TIMES * reference[1:] + AT_LEAST)])
+        return np.array([max(reference[0], 0.0) + FURTHER, *(TIMES * reference[1:] + AT_LEAST)])
 
     def holds(self, model: Any) -> bool:
         """Whether a fit is accepted."""

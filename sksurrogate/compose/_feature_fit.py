@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from sklearn.utils.parallel import _get_threadpool_controller
 
+from sksurrogate.compose._evidence_fit import STRONG, within
 from sksurrogate.compose._free_fit import Scaling, cut_pieces, displaced
 from sksurrogate.kernels.lag_basis import BasisLoss, LagBasis
-from sksurrogate.kernels.shooting import levenberg_marquardt
+from sksurrogate.kernels.shooting import FreeRunLoss, levenberg_marquardt
+from sksurrogate.kernels.shooting_evidence import fit_by_evidence
 
 __all__ = ["FeatureModel"]
 
@@ -59,11 +61,11 @@ class FeatureModel:
         *,
         n_first: int,
         horizon: int | None,
-        alpha: float,
+        alpha: float | str,
         stability: float,
         max_iter: int = 100,
-    ) -> float:
-        """Fit the linear model on free runs, begun at what it is; the loss, in numbers scaled as for networks."""
+    ) -> tuple[float, float]:
+        """Fit the linear model on free runs, begun at what it is; loss and penalty, in numbers scaled as for networks."""
         scaling = Scaling(runs)
         mean, std = scaling.of_lags(len(output_lags), [j for j, _ in input_terms])
         made = self.features(self.phi)
@@ -83,23 +85,19 @@ class FeatureModel:
             for steps in [*(h for h in HORIZONS if 2 * h <= end), end]:
                 U, target = cut_pieces(runs, n_first, steps)
                 U, target = (U - scaling.u_mean) / scaling.u_std, (target - scaling.y_mean) / scaling.y_std
-                loss = BasisLoss(U, target, n_first, alpha)
-                model = _within(loss, model)
+                loss: FreeRunLoss = BasisLoss(U, target, n_first, STRONG if isinstance(alpha, str) else alpha)
+                model = within(loss, model)
                 model, value = levenberg_marquardt(loss, model, max_iter if steps == end else 15)
             if stability > 0:
-                model, value = levenberg_marquardt(displaced(loss, stability), model, max_iter)
+                loss = displaced(loss, stability)
+                model, value = levenberg_marquardt(loss, model, max_iter)
+            found = fit_by_evidence(loss, model) if isinstance(alpha, str) else None
+            if found is not None:
+                model, loss = found.model, found.loss
+                value = loss.value(model, found.y)
         coef = model.weights * scaling.y_std / spread[:, None]
         offset = model.bias * scaling.y_std + scaling.y_mean - middle @ coef
         flat = np.ndim(self.model.coef_) == 1
         self.model.coef_ = coef[:, 0].copy() if flat else coef.T.copy()
         self.model.intercept_ = float(offset[0]) if np.ndim(self.model.intercept_) == 0 else offset
-        return value
-
-
-def _within(loss: BasisLoss, model: LagBasis) -> LagBasis:
-    """A model whose free runs diverge is pulled towards rest until they do not."""
-    for _ in range(30):
-        if np.isfinite(loss.value(model, loss.run(model))):
-            break
-        model = model.at(0.8 * model.theta)
-    return model
+        return value, loss.alpha

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.compose._evidence_fit import Belief, shoot_by_evidence
 from sksurrogate.compose._free_fit import Scaling, shoot
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.rollout import free_run
@@ -21,12 +22,14 @@ ALPHAS = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 _TIMES, _AT_LEAST = 3.0, 0.1
 
 
-def shoot_with(alpha: Any, model: LagNet, runs: Sequence[Run], **settings: Any) -> tuple[LagNet, float, float]:
+def shoot_with(
+    alpha: Any, model: LagNet, runs: Sequence[Run], **settings: Any
+) -> tuple[LagNet, float, float, Belief | None]:
     """Fit on free runs.
 
     Parameters
     ----------
-    alpha : float, None or "auto"
+    alpha : float, None, "evidence" or "auto"
         None: 0.1 for networks, 0 for linear models.
     model : LagNet
     runs : sequence of Run
@@ -38,11 +41,17 @@ def shoot_with(alpha: Any, model: LagNet, runs: Sequence[Run], **settings: Any) 
     model : LagNet
     loss : float
     alpha : float
+    belief : Belief or None
+        With "evidence".
     """
+    if alpha == "evidence":
+        model, belief = shoot_by_evidence(model, runs, **settings)
+        fit = belief.fit
+        return model, fit.loss.value(fit.model, fit.y), fit.loss.alpha, belief
     if alpha is None:
         alpha = 0.1 if model.net.activations else 0.0
     if not isinstance(alpha, str):
-        return *shoot(model, runs, alpha=alpha, **settings), float(alpha)
+        return *shoot(model, runs, alpha=alpha, **settings), float(alpha), None
     scaling = Scaling(runs)
     place = ALPHAS.index(_held_out(model, runs, scaling, settings))
     here = shoot(model, runs, alpha=ALPHAS[place], **settings)
@@ -53,7 +62,7 @@ def shoot_with(alpha: Any, model: LagNet, runs: Sequence[Run], **settings: Any) 
         if left[0] <= _TIMES * left[1] + _AT_LEAST:
             break
         place, here = place - 1, above
-    return *here, ALPHAS[place]
+    return *here, ALPHAS[place], None
 
 
 def _held_out(model: LagNet, runs: Sequence[Run], scaling: Scaling, settings: dict[str, Any]) -> float:

@@ -7,17 +7,15 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from sklearn.base import BaseEstimator, _fit_context, clone
-from sklearn.utils import check_random_state
+from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened, steps_ahead
 from sksurrogate._lags import lag_list
-from sksurrogate.compose._feature_fit import FeatureModel
+from sksurrogate.compose._evidence_fit import Belief
 from sksurrogate.compose._lagged import (
     REPORTED,
-    barely_fitted,
     diverged,
     divergence,
     fitted,
@@ -27,8 +25,8 @@ from sksurrogate.compose._lagged import (
     takes_rows,
 )
 from sksurrogate.compose._linear_lags import fit_linear_lags
-from sksurrogate.compose._network import agrees, describe_network, write_network
-from sksurrogate.compose._penalty import shoot_with
+from sksurrogate.compose._network import agrees, describe_network
+from sksurrogate.compose._shooting import ShootingMixin
 from sksurrogate.compose._stability import StabilityReport, growth_along
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.kernels.net import LagNet
@@ -42,7 +40,7 @@ __all__ = ["RecursivePredictor"]
 BLOCK = 65536
 
 
-class RecursivePredictor(FreeRunMixin, BaseEstimator):
+class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
     """``y[t] = f(y[t-1], ..., y[t-ny], u[t], ..., u[t-nu])`` around any regressor f.
 
     Parameters
@@ -62,11 +60,12 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         Steps of a free run in the shooting loss before it starts again from measured outputs; None: whole runs.
     init : {"mean", "steady"} or array (n_initial, n_outputs), default="mean"
         First rows where ``predict`` gets no ``y0``: mean of the training outputs, or the model's rest at the first input.
-    alpha : float or "auto", optional
+    alpha : float, "evidence", "auto" or None, default="evidence"
         Penalty of the shooting loss ``sum e^2 + alpha * sum w^2``, with errors, features and so weights in units of the
-        training data's spread; None: 0.1 for networks and features, 0 for linear models. "auto" (networks): the largest
-        within one standard error of the best on halves of the runs left out, none with which the first rows are no
-        longer forgotten; some 20 fits.
+        training data's spread. "evidence": penalty and noise by MacKay's evidence along the fit, which begins at the
+        one-step fit and under a strong penalty and ends before a model that runs away from elsewhere (see Notes).
+        None: 0.1 for networks and features, 0 for linear models. "auto" (networks): the largest within one standard
+        error of the best on halves of the runs left out; some 20 fits.
     stability : float, default=0
         Weight of a second demand of the shooting loss: free runs that begin one spread off must be back on the data in
         the second half of the run (or horizon), so that the model forgets where it began.
@@ -85,7 +84,9 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
     one_step_rmse_, free_run_rmse_ : float
         On the training runs; the second, on at most 65 536 rows of them, is inf where a run diverges.
     shooting_loss_, alpha_ : float
-        With ``loss="shooting"``: the loss, and for networks the penalty.
+        With ``loss="shooting"``: the loss and the penalty.
+    noise_ : ndarray (n_outputs,)
+        With ``alpha="evidence"`` (networks, linear models): standard deviation of what the free runs leave, units of y.
     compiled_ : bool
         Whether the regressor is run as plain arrays (see Notes).
     feature_names_ : list of str
@@ -99,6 +100,11 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
     pieces abreast, many runs abreast, short ones as plain numbers. Any other regressor is called once a step for all
     runs together. Equal one-step errors hide free-run errors of very different size: select on ``score`` or
     ``free_run_rmse_``.
+
+    With ``alpha="evidence"`` a fit is refused whose runs from other starts (other runs' rows, the ends of the range, rough
+    rows) leave the region, grow or stay apart where those of a strongly penalised fit do not. Training runs begin at
+    measured rows, noise included, as ``predict`` does: with starts free to move, nothing keeps the model from being
+    thrown off by noise in its lags.
 
     References
     ----------
@@ -126,7 +132,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         "loss": [StrOptions({"one_step", "shooting"})],
         "horizon": [Interval(Integral, 1, None, closed="left"), None],
         "init": [StrOptions({"mean", "steady"}), "array-like"],
-        "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"}), None],
+        "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto", "evidence"}), None],
         "stability": [Interval(Real, 0, None, closed="left")],
         "n_starts": [Interval(Integral, 1, None, closed="left")],
         "random_state": ["random_state"],
@@ -142,7 +148,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         loss: str = "one_step",
         horizon: int | None = None,
         init: Any = "mean",
-        alpha: float | str | None = None,
+        alpha: float | str | None = "evidence",
         stability: float = 0.0,
         n_starts: int = 2,
         random_state: Any = None,
@@ -187,6 +193,7 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
                 f"{label} {len(short)} rows (n_samples={len(short)}), but the longest lag {n} needs {n + 1}: give longer "
                 "runs or lower input_lags or output_lags."
             )
+        self._belief: Belief | None = None
         wanted = self.loss == "one_step"
         quick = fit_linear_lags(self.estimator, runs, self.output_lags_, self.input_terms_, n) if wanted else None
         if quick is not None:
@@ -198,19 +205,23 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         self.free_run_rmse_ = self._free_run_error(runs)
         return self
 
-    def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
+    def predict(self, X: Any, y0: Any = None, groups: Any = None, return_std: bool = False) -> Any:
         """Free run.
 
         Parameters
         ----------
         X : array-like (n_samples, n_inputs)
         y0 : array-like (n_initial, n_outputs) or (n_runs, n_initial, n_outputs), optional
-            Outputs at the first rows of each run; without it ``init`` decides.
+            Outputs at the first rows of each run; without it ``init`` decides. With more rows for each run than
+            ``n_initial_`` it begins where it comes nearest to all of them; nan then counts as not measured.
         groups : array-like (n_samples,), optional
+        return_std : bool, default=False
+            Also the standard deviation of a new measurement; after ``loss="shooting"`` with ``alpha="evidence"``.
 
         Returns
         -------
         ndarray (n_samples,) or (n_samples, n_outputs)
+            The first rows are those of ``y0``; with ``return_std`` a pair of arrays.
 
         Raises
         ------
@@ -219,10 +230,19 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         """
         check_is_fitted(self, "estimator_")
         runs = self._resolve(X, None, groups)
-        out, bad = self._run_free([run.X for run in runs], self._initial(y0, runs))
+        inputs = [run.X for run in runs]
+        rows = self._more_rows(y0, runs)
+        if rows is None:
+            out, bad = self._run_free(inputs, self._initial(y0, runs))
+        else:
+            out, bad = self._run_free(inputs, self._start_from(runs, rows))
+            for part, given in zip(out, rows[:, : self.n_initial_]):
+                part[: self.n_initial_] = np.where(np.isfinite(given), given, part[: self.n_initial_])
         if bad:
             raise divergence(runs, bad)
-        return self._shaped(runs, out)
+        if not return_std:
+            return self._shaped(runs, out)
+        return self._shaped(runs, out), self._shaped(runs, self._deviation(inputs, list(out)))
 
     def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
         """Row t from measured outputs up to t-k and inputs up to t; rows without that history are nan.
@@ -362,42 +382,6 @@ class RecursivePredictor(FreeRunMixin, BaseEstimator):
         found = self._roll(U, np.stack([f[:n] for f in first]))
         bad = diverged(found, lengths, self.n_initial_, self.y_mean_, self.y_spread_)
         return (found if same else [part[:length] for part, length in zip(found, lengths)]), bad
-
-    def _shoot(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
-        """Fit on free runs."""
-        self.estimator_ = barely_fitted(clone(self.estimator), Phi, target)
-        model = self._lag_net()
-        if model is None or not self._compiles(Phi) or not write_network(self.estimator_, model.net):
-            self._shoot_features(runs, Phi, target)
-            return
-        settings = {"n_first": self.n_initial_, "horizon": self.horizon, "stability": self.stability}
-        settings |= {"n_starts": self.n_starts, "random_state": check_random_state(self.random_state)}
-        model, self.shooting_loss_, self.alpha_ = shoot_with(self.alpha, model, list(runs), **settings)
-        write_network(self.estimator_, model.net)
-
-    def _shoot_features(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
-        """Fit on free runs where features lead into a linear model."""
-        self.estimator_ = fitted(self.estimator, Phi, target)
-        model = FeatureModel(self.estimator_, Phi)
-        if isinstance(self.alpha, str):
-            raise DataError(
-                'alpha="auto" is for networks and linear models; behind features give a number (None: 0.1).'
-            )
-        if not model.fits:
-            raise DataError(
-                f'loss="shooting" needs slopes of the estimator, and {type(self.estimator_).__name__} gives none: use a '
-                "network of tanh, logistic, relu or identity layers (MLPRegressor, FNNRegressor), a linear model, also "
-                'behind scalers or features in a pipeline, or loss="one_step".'
-            )
-        self.shooting_loss_ = model.shoot(
-            runs,
-            self.output_lags_,
-            self.input_terms_,
-            n_first=self.n_initial_,
-            horizon=self.horizon,
-            alpha=0.1 if self.alpha is None else self.alpha,
-            stability=self.stability,
-        )
 
     def _initial(self, y0: Any, runs: Runs) -> Any:
         """First rows of every run, (n_initial, n_outputs) each."""

@@ -43,14 +43,19 @@ class EvidenceFit:
     y: np.ndarray
     evidence: Evidence
 
-    def left_out(self) -> float:
-        """Mean squared error of runs by fits without them, linearised; of parts of runs where there are few."""
+    def left_out(self) -> np.ndarray:
+        """Mean squared error of runs by fits without them, linearised; of parts of runs where there are few, (n_parts,)."""
         J, e = self.loss.jacobian(self.model, self.y), self.loss.errors(self.y)
-        n_runs, penalty = len(J), self.loss.penalty(self.model)
-        n_parts = min(n_runs, MOST) if n_runs >= FEW else n_runs * -(-FEW // n_runs)
-        parts = np.array_split(np.arange(e.size), n_parts)
-        J, e = J.reshape(-1, J.shape[-1]), e.ravel()
-        return float(np.mean(left_out(J, e, parts, penalty * self.model.theta, penalty)))
+        penalty = self.loss.penalty(self.model)
+        J, e, parts = J.reshape(-1, J.shape[-1]), e.ravel(), _parts(e)
+        return left_out(J, e, parts, penalty * self.model.theta, penalty)
+
+
+def _parts(e: np.ndarray) -> list[np.ndarray]:
+    """Rows of the residuals (n_runs, n_steps, n_outputs) that are left out together."""
+    n_runs = len(e)
+    n_parts = min(n_runs, MOST) if n_runs >= FEW else n_runs * -(-FEW // n_runs)
+    return np.array_split(np.arange(e.size), n_parts)
 
 
 def _weighed(loss: FreeRunLoss, model: Any, gram: np.ndarray, e: np.ndarray) -> Evidence:
