@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate import __version__
+from sksurrogate._command_options import add_knowledge, knowledge_of
 from sksurrogate._csv import read_csv
 from sksurrogate._terminal import patient_terminal
 from sksurrogate.exceptions import DataError, RunError, SimulatorError, SurrogateError
@@ -62,6 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument(
         "--free", metavar="NAME", nargs="+", default=[], help="parameters to re-tune; all for every one"
     )
+    add_knowledge(diagnose)
     diagnose.add_argument("--html", metavar="FILE", help="write one self-contained page")
     diagnose.add_argument("--save", metavar="FILE", help="write the effects and re-tuned parameters as JSON")
     diagnose.add_argument("--jobs", type=int, default=None, help="worker processes")
@@ -224,7 +226,12 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     y = np.stack([columns[name] for name in plant.outputs], axis=1)
     free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
     diagnoser = GapDiagnoser(
-        simulator, free_params=free, n_jobs=arguments.jobs, verbose=0 if arguments.quiet else 1, random_state=0
+        simulator,
+        free_params=free,
+        n_jobs=arguments.jobs,
+        verbose=0 if arguments.quiet else 1,
+        random_state=0,
+        **knowledge_of(arguments),
     )
     try:
         if arguments.time:

@@ -13,7 +13,7 @@ FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py"
 #: From the ground up; a folder or file imports from lower floors only.
 FLOORS = (
     {"exceptions", "_files", "_terminal"},
-    {"kernels", "export", "_csv", "_fingerprint", "_lags", "_parallel", "_tables"},
+    {"kernels", "export", "_command_options", "_csv", "_fingerprint", "_lags", "_parallel", "_tables"},
     {"runs", "_checks", "_columns", "metrics"},
     {"_dynamic"},
     {"physics", "features", "linear", "neural", "displays"},

@@ -10,12 +10,14 @@ import numpy as np
 from sksurrogate._parallel._second import Second
 from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._exclude import without_excluded
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._excerpt import SEARCHED_SAMPLES, excerpt
+from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
@@ -31,16 +33,24 @@ __all__ = ["Begun", "begin_ode", "begin_trajectory"]
 Begun: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[Second, Second]]
 
 
-def begin_ode(diagnoser: Any, plant: Plant, runs: Runs, whole: Record, free: tuple[str, ...], seed: int) -> Begun:
+def begin_ode(
+    diagnoser: Any,
+    plant: Plant,
+    runs: Runs,
+    whole: Record,
+    free: tuple[str, ...],
+    known: KnownParameters,
+    seed: int,
+) -> Begun:
     """Of a simulator with a right-hand side or a step."""
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-    candidates = list(build_effects(plant, balances, diagnoser.effects))
+    candidates = without_excluded(build_effects(plant, balances, diagnoser.effects), diagnoser.exclude, plant)
     with finite_along(model, whole, [run.label for run in runs]):
-        problem, smoothed = build_problem(plant, model, record, free, balances)
+        problem, smoothed = build_problem(plant, model, record, free, balances, known)
     diagnoser._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
     fixed, apart = (diagnoser.simulator, plant, model, record, *candidates), diagnoser.n_jobs is None
     second, later = Second(fixed, apart), Second(fixed, apart, later=True)
@@ -54,7 +64,13 @@ def begin_ode(diagnoser: Any, plant: Plant, runs: Runs, whole: Record, free: tup
 
 
 def begin_trajectory(
-    diagnoser: Any, plant: Plant, runs: Runs, whole: Record, free: tuple[str, ...], seed: int
+    diagnoser: Any,
+    plant: Plant,
+    runs: Runs,
+    whole: Record,
+    free: tuple[str, ...],
+    known: KnownParameters,
+    seed: int,
 ) -> Begun:
     """Of a simulator with ``simulate`` alone.
 
@@ -67,13 +83,14 @@ def begin_trajectory(
     wanted = [e for e in build_effects(plant, (), effects) if e.access == "trajectory"]
     _check_asked(plant, effects, wanted)
     with np.errstate(all="ignore"):
-        problem = build_trajectory(plant, whole, free, [run.label for run in runs])
-    candidates = _testable(problem, wanted)
-    _check_asked(plant, effects, candidates)
+        problem = build_trajectory(plant, whole, free, [run.label for run in runs], known)
+    testable = _testable(problem, wanted)
+    _check_asked(plant, effects, testable)
+    candidates = without_excluded(testable, diagnoser.exclude, plant)
     diagnoser._say(f"{len(candidates)} rivals on {whole.n_samples} samples of {len(runs)} run(s)")
     search = TrajectorySearch(problem, candidates, n_jobs=diagnoser.n_jobs, report=diagnoser._say)
-    inside = TrajectoryInside(search, seed, only_given=len(candidates) < len(wanted))
-    untestable = left_out(effects, candidates)
+    inside = TrajectoryInside(search, seed, only_given=len(testable) < len(wanted))
+    untestable = left_out(effects, testable)
     pipeline = DiagnosisPipeline(
         search,
         inside,

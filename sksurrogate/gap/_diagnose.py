@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
 
@@ -16,8 +16,10 @@ from sksurrogate._columns import by_name
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import begin_ode, begin_trajectory
+from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
+from sksurrogate.physics._asked import asked_bounds, asked_priors
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import resolve_runs
 
@@ -34,9 +36,20 @@ class GapDiagnoser(BaseEstimator):
         input, sensor and parameter effects.
     effects : sequence of str, effect classes or effect instances, optional
         Rivals; None for the whole catalogue at every place of the plant.
+    exclude : sequence, default=()
+        What you know not to be there: names of effects (``"drift"``), places of the simulator (a state, input, output or
+        parameter: no effect there), ``(name, location)`` or ``(name, location, variable)``. None in a tuple stands for any.
     free_params : sequence of str or "all", default=()
         Parameters of the simulator that are re-tuned jointly with the null and with every rival, so that a badly tuned
         simulator is not mistaken for a missing effect; None is none of them.
+    bounds : dict of (low, high), optional
+        What you know of parameters of the simulator, by name, in their units; None leaves a side open. It holds in every fit:
+        of free parameters, and of ``parameter_error`` where that is a candidate.
+    priors : dict, optional
+        Likewise what you expect: ``{"k": 0.05}`` is a relative standard deviation of 5 % about the simulator's value,
+        ``{"k": (2.0, 0.1)}`` a mean and a standard deviation in the unit of k. A parameter keeps its sign: the prior is
+        log-normal (of that median and relative standard deviation), and normal where the simulator's value is 0. A free
+        parameter without a prior has a relative standard deviation of 10 % with heavy tails (Student's t).
     tolerance : float, default=0.1
         Share of the gap (amplitude, on runs left out) that a model may leave and yet count as explained: no form of an effect
         is exact on a real plant.
@@ -99,7 +112,10 @@ class GapDiagnoser(BaseEstimator):
         simulator: Any,
         *,
         effects: Any = None,
+        exclude: Any = (),
         free_params: Sequence[str] | str | None = (),
+        bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+        priors: Mapping[str, float | tuple[float, float]] | None = None,
         tolerance: float = 0.1,
         correction: Any = None,
         n_jobs: int | None = None,
@@ -108,7 +124,10 @@ class GapDiagnoser(BaseEstimator):
     ):
         self.simulator = simulator
         self.effects = effects
+        self.exclude = exclude
         self.free_params = free_params
+        self.bounds = bounds
+        self.priors = priors
         self.tolerance = tolerance
         self.correction = correction
         self.n_jobs = n_jobs
@@ -134,7 +153,8 @@ class GapDiagnoser(BaseEstimator):
         Raises
         ------
         DataError, RunError
-            The data do not keep the convention.
+            The data do not keep the convention; ``bounds`` or ``priors`` name no parameter, or hold no such numbers;
+            ``exclude`` names what is not there, or leaves nothing.
         SimulatorError
             The simulator does not, or does not fit the data; ``free_params`` names what is no parameter of it, or one twice;
             it gives trajectories only, and none of ``effects`` can be tested with it.
@@ -153,9 +173,10 @@ class GapDiagnoser(BaseEstimator):
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
         free = _free(self.free_params, plant.params)
+        user_knows = _known(self.bounds, self.priors, plant.params)
         whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
-        pipeline, rows, (second, later) = begin(self, plant, runs, whole, free, seed)
+        pipeline, rows, (second, later) = begin(self, plant, runs, whole, free, user_knows, seed)
         with second, later:
             self.report_ = pipeline.run(begun)
         self.augmented_ = pipeline.augmented()
@@ -181,6 +202,16 @@ class GapDiagnoser(BaseEstimator):
         """Progress."""
         if self.verbose:
             print(f"[gap] {message}", file=sys.stderr, flush=True)
+
+
+def _known(bounds: Any, priors: Any, params: Mapping[str, float]) -> KnownParameters:
+    """What the user knows of the parameters, checked."""
+    names = list(params)
+    low, high = asked_bounds(bounds, names, "is no parameter of the simulator")
+    limits = {name: (float(a), float(b)) for name, a, b in zip(names, low, high) if np.isfinite(a) or np.isfinite(b)}
+    known = KnownParameters(limits, asked_priors(priors, params, "is no parameter of the simulator"))
+    known.check(params)
+    return known
 
 
 def _free(free_params: Any, params: Any) -> tuple[str, ...]:

@@ -50,6 +50,10 @@ from sksurrogate.runs import Runs
 __all__ = ["STAGES", "DiagnosisPipeline", "Stage"]
 
 INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
+AT_BOUND = (
+    "Re-tuned to a bound: {held}. The data ask for a value beyond it: the bound is too tight, or the parameter makes up for "
+    "something else."
+)
 LOST = "The simulator failed with some candidates, which were left out: {said}."
 
 
@@ -241,7 +245,9 @@ class DiagnosisPipeline(Generic[C]):
         final = self.found.fitted or self.final
         low, high = self.found.bounds or (final.fit.theta, final.fit.theta)
         own = slice(final.candidate.n_parameters, None)
-        return retuned_table(self.problem.plant.params, self.problem.free, final.fit.theta[own], low[own], high[own])
+        least, most = self.problem.bounds(final.effects)
+        ends = final.fit.theta[own], low[own], high[own], (least[own], most[own])
+        return retuned_table(self.problem.plant.params, self.problem.free, *ends)
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         """By name where effects explain the gap, by accusation where they do not."""
@@ -324,6 +330,9 @@ class DiagnosisPipeline(Generic[C]):
         if verdict == "none" and found.shrink is not None and found.shrink.measurable:
             notes.append(note_on_none(found.shrink))
         notes += self.inside.notes(final, verdict)
+        held = [f"{row['parameter']} = {row['value']:.4g}" for row in self.retuned() if row["at_bound"]]
+        if held:
+            notes.append(AT_BOUND.format(held=", ".join(held)))
         if self.search.lost:
             notes.append(LOST.format(said="; ".join(self.search.lost)))
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)

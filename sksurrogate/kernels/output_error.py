@@ -142,6 +142,7 @@ def output_error(
     unit: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
     prior: np.ndarray | None = None,
+    centre: np.ndarray | None = None,
     open_steps: int = 3,
     max_steps: int = 25,
     best: float = np.inf,
@@ -167,7 +168,9 @@ def output_error(
         Size of each parameter, for differences near 0.
     bounds : (low, high), each ndarray (n_theta,)
     prior : ndarray (n_theta,), optional
-        Standard deviation of a prior around 0; inf for none.
+        Standard deviation of a prior; inf for none.
+    centre : ndarray (n_theta,), optional
+        Mean of the prior; 0 by default.
     open_steps : int
         Undamped steps that close the trajectory and move the parameters at once.
     best : float
@@ -192,7 +195,7 @@ def output_error(
         None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
-        fit = _OutputError(model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near)
+        fit = _OutputError(model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near, centre)
         return fit.run(theta, x, open_steps, max_steps, best, fallback)
 
 
@@ -212,6 +215,7 @@ class _OutputError:
     def __init__(
         self, model: FreeRunModel, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
         reach: float = np.inf, settled: float = SETTLED, tries: int = 6, near: float = 0.0,
+        centre: np.ndarray | None = None,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd, unit
         self.low, self.high = bounds
@@ -219,19 +223,20 @@ class _OutputError:
         self.share, self.tries, self.near = settled, tries, near
         self.fixed = self.low == self.high
         self.precision = np.zeros(model.n_theta) if prior is None else 1.0 / prior**2
+        self.centre = np.zeros(model.n_theta) if centre is None else centre
         self.free = model.free_states if fit_start else np.zeros(model.n_states, bool)
         self.weight = model.closing_weight(sd)
 
     def cost(self, y: np.ndarray, theta: np.ndarray) -> float:
-        value = float(np.sum(((self.record.y - y) / self.sd[:, None]) ** 2) + np.sum(self.precision * theta**2))
+        held = np.sum(self.precision * (theta - self.centre) ** 2)
+        value = float(np.sum(((self.record.y - y) / self.sd[:, None]) ** 2) + held)
         return value if np.isfinite(value) else np.inf
 
     def arrow(self, lin: Linearised, theta: np.ndarray) -> Arrow:
         Jt = np.where(self.fixed[:, None], 0.0, lin.J_theta) if self.fixed.any() else lin.J_theta
         Jx = lin.J_x if self.free.all() else lin.J_x[:, self.free]
-        return Arrow.build(
-            Jt, Jx, self.record.y - lin.y, self.sd, self.record.starts, self.precision, -self.precision * theta
-        )
+        pull = self.precision * (self.centre - theta)
+        return Arrow.build(Jt, Jx, self.record.y - lin.y, self.sd, self.record.starts, self.precision, pull)
 
     def step(self, arrow: Arrow, theta: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
         """A step within the bounds: parameters that would leave stay there, and the others make the best of it."""

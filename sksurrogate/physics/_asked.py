@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["asked_bounds", "asked_names", "initial_states", "nominal_values"]
+__all__ = ["asked_bounds", "asked_names", "asked_priors", "initial_states", "nominal_values"]
 
 
 def asked_names(plant: Plant, params: Sequence[str] | None) -> list[str]:
@@ -60,14 +61,14 @@ def nominal_values(plant: Plant, names: Sequence[str]) -> np.ndarray:
     return np.array(values, dtype=float)
 
 
-def asked_bounds(bounds: Any, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """(low, high) of every name."""
+def asked_bounds(bounds: Any, names: Sequence[str], unknown_is: str = "is not fitted") -> tuple[np.ndarray, np.ndarray]:
+    """(low, high) of every name; ``unknown_is`` says what is wrong with another name."""
     if bounds is not None and not isinstance(bounds, Mapping):
         raise DataError(f"bounds={bounds!r}: expected a dict by name, for instance bounds={{{[*names, 'k'][0]!r}: (0, None)}}.")  # fmt: skip
     given = dict(bounds or {})
     unknown = sorted(set(given) - set(names), key=str)
     if unknown:
-        raise DataError(f"bounds names {unknown[0]!r}, which is not fitted; params are {list(names)}.")
+        raise DataError(f"bounds names {unknown[0]!r}, which {unknown_is}; params are {list(names)}.")
     pairs = []
     for name in names:
         try:
@@ -81,6 +82,55 @@ def asked_bounds(bounds: Any, names: Sequence[str]) -> tuple[np.ndarray, np.ndar
             )
         pairs.append(pair)
     return np.array([a for a, _ in pairs], dtype=float), np.array([b for _, b in pairs], dtype=float)
+
+
+def asked_priors(
+    priors: Any, nominal: Mapping[str, float], unknown_is: str = "is not fitted"
+) -> dict[str, tuple[float, float]]:
+    """(mean, standard deviation) in the unit of the parameter, by name.
+
+    Parameters
+    ----------
+    priors : None or mapping of name to float or (mean, standard deviation)
+        One number is a standard deviation relative to the nominal value, which is then the mean.
+    nominal : mapping of name to float
+        The parameters that a prior may be about.
+    unknown_is : str
+        What is wrong with another name.
+
+    Raises
+    ------
+    DataError
+
+    Examples
+    --------
+    >>> asked_priors({"k": 0.05, "c": (1.0, 0.2)}, {"k": -2.0, "c": 0.0})
+    {'k': (-2.0, 0.1), 'c': (1.0, 0.2)}
+    """
+    if priors is not None and not isinstance(priors, Mapping):
+        raise DataError(
+            f"priors={priors!r}: expected a dict by name, for instance priors={{{[*nominal, 'k'][0]!r}: 0.05}}."
+        )
+    out = {}
+    for name, given in (priors or {}).items():
+        if name not in nominal:
+            raise DataError(f"priors names {name!r}, which {unknown_is}; params are {list(nominal)}.")
+        relative = isinstance(given, Real) and not isinstance(given, bool)
+        if relative and nominal[name] == 0:
+            raise DataError(
+                f"priors[{name!r}]={given!r} is relative to the simulator's {name}, which is 0: give (mean, standard deviation)."
+            )
+        try:
+            pair = (nominal[name], float(given) * abs(nominal[name])) if relative else tuple(float(v) for v in given)
+        except (TypeError, ValueError):
+            pair = ()
+        if len(pair) != 2 or not (np.isfinite(pair).all() and pair[1] > 0.0):
+            raise DataError(
+                f"priors[{name!r}]={given!r}: expected a relative standard deviation above 0, for instance 0.05, or (mean, "
+                f"standard deviation) in the unit of {name}, for instance ({nominal[name]:g}, {abs(nominal[name]) / 20 or 0.1:g})."
+            )
+        out[name] = (float(pair[0]), float(pair[1]))
+    return out
 
 
 def initial_states(plant: Plant, x0: Any, n_runs: int) -> np.ndarray:

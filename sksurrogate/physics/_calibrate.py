@@ -20,13 +20,14 @@ from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
-from sksurrogate.physics._asked import asked_bounds, asked_names, initial_states, nominal_values
+from sksurrogate.physics._asked import asked_bounds, asked_names, asked_priors, initial_states, nominal_values
 from sksurrogate.physics._begin import coarse_start
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._intervals import known
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
+from sksurrogate.physics._prior import Prior, weighed
 from sksurrogate.physics._simulator import describe, simulated
 from sksurrogate.runs import Runs, resolve_runs
 
@@ -53,6 +54,9 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         Names of the parameters to fit; all by default.
     bounds : dict of (low, high), optional
         By name; unbounded where a name is missing, and on a side that is None.
+    priors : dict, optional
+        Normal priors by name: a relative standard deviation about the simulator's value (``{"k": 0.05}``), or
+        ``(mean, standard deviation)`` in the unit of the parameter. They weigh against the data by the noise that is left.
     fit_x0 : bool, default=True
         Whether the initial state of each run is unknown; else it is ``x0`` of ``fit``, or that of the simulator.
     confidence : float, default=0.9
@@ -121,6 +125,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         params: Sequence[str] | None = None,
         *,
         bounds: Mapping[str, tuple[float, float]] | None = None,
+        priors: Mapping[str, float | tuple[float, float]] | None = None,
         fit_x0: bool = True,
         confidence: float = 0.9,
         max_iter: int = 50,
@@ -129,6 +134,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.simulator = simulator
         self.params = params
         self.bounds = bounds
+        self.priors = priors
         self.fit_x0 = fit_x0
         self.confidence = confidence
         self.max_iter = max_iter
@@ -155,7 +161,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         SimulatorError
             The simulator gives trajectories only, or a name in ``params`` is unknown.
         DataError
-            X or y do not keep the data convention.
+            X or y do not keep the data convention; ``bounds`` or ``priors`` name what is not fitted, or hold no such numbers.
         """
         if y is None:
             raise DataError(
@@ -175,13 +181,14 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         starts = initial_states(plant, x0, len(runs))
         theta = nominal_values(plant, names)
         low, high = asked_bounds(self.bounds, names)
+        prior = Prior.of(asked_priors(self.priors, dict(zip(names, theta.tolist()))), names)
         theta = np.clip(theta, low, high)
         unit = np.where(theta != 0, np.abs(theta), 1.0)
         keep_freed_memory()
         with np.errstate(all="ignore"):
             sd = noise_of_differences(record.y, record.starts)
             model, fit, self.method_ = self._fitted(
-                PlantModel(plant), record, sd, names, theta, unit, (low, high), starts, x0 is not None
+                PlantModel(plant), record, sd, names, theta, unit, (low, high), starts, x0 is not None, prior
             )
             if fit is None:
                 place = not_finite_along(PlantModel(plant), record, [run.label for run in runs])
@@ -189,6 +196,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                     f"no finite free run was found near params={dict(zip(names, theta.tolist()))}: give starting values nearer "
                     f"to the plant (set_params(params__name=...)), bounds, or x0{': ' + place if place else '.'}"
                 )
+            fit, prior = weighed(model, fit, sd, prior, unit, (low, high), self.fit_x0)
             lin = fit.linearised or linearise(model, fit.theta, fit.x, unit)
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
         self.x0_ = fit.x[:, record.starts].T.copy()
@@ -204,7 +212,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         at_bound = ((fit.theta <= low) | (fit.theta >= high)) & (low < high)
         self.at_bound_ = {name: bool(flag) for name, flag in zip(names, at_bound)}
         J_x = lin.J_x if self.fit_x0 else lin.J_x[:, :0]
-        what = known(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound)
+        what = known(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound, prior.precision)
         self.covariance_ = what.covariance
         ends = np.clip(fit.theta - what.width, low, high), np.clip(fit.theta + what.width, low, high)
         self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(names, *ends)}
@@ -299,7 +307,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
 
     def _fitted(
         self, inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, unit: np.ndarray,
-        bounds: tuple, starts: np.ndarray, given: bool,
+        bounds: tuple, starts: np.ndarray, given: bool, prior: Prior,
     ) -> tuple[FitModel, Fit | None, str]:  # fmt: skip
         """The lifted fit, begun on thinned data where there are many, and single shooting where it fails."""
         options: dict[str, Any] = {
@@ -312,6 +320,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             "tries": _TRIES,
             "reach": 10.0,
             "near": _NEAR,
+            **prior.options,
         }
         begun = coarse_start(inner, record, sd, names, theta, starts, given, options)
         if begun is not None:

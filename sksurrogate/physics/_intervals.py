@@ -38,7 +38,7 @@ class Knowledge:
 
 def known(
     J_theta: np.ndarray, J_x: np.ndarray, residual: np.ndarray, sd: np.ndarray, starts: np.ndarray, unit: np.ndarray,
-    confidence: float, fixed: np.ndarray,
+    confidence: float, fixed: np.ndarray, precision: np.ndarray | None = None,
 ) -> Knowledge:  # fmt: skip
     """Linearised, initial states projected out run by run, a memory of the residual taken into account.
 
@@ -56,6 +56,8 @@ def known(
     confidence : float
     fixed : ndarray of bool (k,)
         Parameters at a bound: the others are judged as if these were known.
+    precision : ndarray (k,), optional
+        Of a prior, which counts like a measured value with the noise that is left.
     """
     k, n_outputs = J_theta.shape[1], len(residual)
     size = np.maximum(sd, 1e-300)
@@ -75,7 +77,9 @@ def known(
         blocks.append(shared.reshape(n_outputs, b - a, k))
     if not k:
         return Knowledge(np.zeros((0, 0)), np.zeros(0), np.zeros(0, bool), np.zeros((0, 0)))
-    R = np.linalg.qr(np.concatenate([block.reshape(-1, k) for block in blocks]), mode="r")
+    held = np.zeros(k) if precision is None else np.where(fixed, 0.0, precision * unit**2)
+    rows = [*(block.reshape(-1, k) for block in blocks), np.diag(np.sqrt(held))[held > 0]]
+    R = np.linalg.qr(np.concatenate(rows), mode="r")
     _, s, Vt = np.linalg.svd(R)
     s = np.r_[s, np.zeros(k - len(s))]
     weak = s <= _WEAK * max(s[0], 1e-300)
@@ -87,6 +91,7 @@ def known(
     middle, slowest = _remembered(
         blocks, residual / size[:, None], edges, inverse[:, ~weak], owns, residual.size / freedom
     )
+    middle = middle + np.diag(held) * residual.size / freedom * float(np.mean((residual / size[:, None]) ** 2))
     covariance = inverse @ (inverse.T @ middle @ inverse) @ inverse.T * np.outer(unit, unit)
     # noise with a memory counts for fewer samples when its size is judged
     width = float(stdtrit(max(freedom / slowest, min(freedom, 3.0)), 0.5 + confidence / 2)) * np.sqrt(

@@ -31,6 +31,8 @@ class ByRun:
     log_dets : ndarray (n_runs,)
     precision, pull, theta : ndarray (n_theta,)
     bounds : (ndarray (n_theta,), ndarray (n_theta,))
+    prior_square : float
+        Of the prior that the fit was made with.
     prior : float
         What its values cost before any data (-2 log p).
     n_parameters : int
@@ -42,13 +44,15 @@ class ByRun:
     pull: np.ndarray
     theta: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
+    prior_square: float
     prior: float
     n_parameters: int
 
     def evidence(self, kept: np.ndarray) -> float:
         """Log likelihood of the runs kept, at the parameters that these runs alone would choose."""
         G, log_det = self.grams[kept].sum(axis=0), float(self.log_dets[kept].sum())
-        return profile(G, log_det, self.precision, self.pull, self.theta, self.bounds) - 0.5 * self.prior
+        held = self.theta, self.bounds, self.prior_square
+        return profile(G, log_det, self.precision, self.pull, *held) - 0.5 * self.prior
 
     def worth(self, kept: np.ndarray, n_values: int, by_size: bool) -> float:
         """Evidence of the runs kept; ``by_size`` that of white errors with one value in ten independent."""
@@ -70,7 +74,7 @@ def by_run(rival: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray, by
         noise = judged_under(rival, noises).noise if len(noises) > 1 else noises[0]
         grams, log_dets = rival.disturbance.begun_at(starts).gram_by_run(stacked, noise)
     theta, bounds = rival.fit.theta, problem.bounds(rival.effects)
-    return ByRun(grams, log_dets, precision, pull, theta, bounds, prior, rival.n_parameters)
+    return ByRun(grams, log_dets, precision, pull, theta, bounds, rival.prior_square, prior, rival.n_parameters)
 
 
 def chosen_without(

@@ -211,7 +211,7 @@ class OdeInside:
             return final
         self.search.report("fitting what was named on more of the record")
         record, _ = excerpt(self.whole, FITTED_SAMPLES)
-        larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances)
+        larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances, at.known)
         larger = replace(larger, numerics=at.numerics, scale=at.scale, caps=at.caps)
         rival = larger.fit(final.effects, final.fit.theta, smoothed.x)
         return final if rival is None else estimate_noise(rival, final.noise, final.curvature, max_iterations=5)

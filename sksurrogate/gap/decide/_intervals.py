@@ -25,7 +25,7 @@ def covariance(found: Evidence) -> np.ndarray:
     """Covariance of the output-error parameters when the residual has the rival's own noise.
 
     The sandwich ``H^-1 J' W S W J H^-1`` with W the white weights of the fit and S the covariance of white noise, forces
-    and coloured sensor noise; initial states are projected out.
+    and coloured sensor noise; initial states are projected out. A prior that the user gives counts as one more measured value.
     """
     rival = found.candidate
     k = len(rival.fit.theta)
@@ -35,7 +35,8 @@ def covariance(found: Evidence) -> np.ndarray:
     flat = J.reshape(k, -1)
     H, blind = seen_inverse(flat @ flat.T + np.diag(rival.precision))
     white = 1.0 / rival.problem.sd[:, None]
-    out = H @ rival.disturbance.spread((J * white).transpose(1, 0, 2), found.noise) @ H
+    spread = rival.disturbance.spread((J * white).transpose(1, 0, 2), found.noise)
+    out = H @ (spread + np.diag(np.where(rival.prior_known, rival.precision, 0.0))) @ H
     out[blind, blind] = np.inf
     return out
 

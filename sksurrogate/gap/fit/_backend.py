@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
@@ -56,8 +57,15 @@ class Backend(Protocol):
     def caps(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Largest force of every balance, and coloured noise of every sensor, that count as disturbance."""
 
+    @property
+    def known(self) -> KnownParameters:
+        """What the user knows of the simulator's parameters."""
+
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters."""
+
+    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
+        """``sum ((theta - mean) / sd)^2`` of the prior on the parameters."""
 
     def first_noise(self) -> Noise:
         """Where the noise parameters start."""
@@ -146,6 +154,16 @@ class BaseCandidate(ABC):
     @abstractmethod
     def baselines(self, record: Record) -> tuple[BaseCandidate, BaseCandidate | None]:
         """The simulator as it is, and with all parameters re-tuned and nothing else, over a record of these samples."""
+
+    @property
+    def prior_square(self) -> float:
+        """``sum ((theta - mean) / sd)^2`` of the prior at the parameters."""
+        return self.problem.prior_square(self.effects, self.fit.theta)
+
+    @property
+    def prior_known(self) -> np.ndarray:
+        """On which parameters the user gives the prior, (n_theta,) of bool."""
+        return self.problem.known.given_on(self.effects, self.problem.free)
 
     @property
     def keys(self) -> tuple[tuple[str, str | None, str | None], ...]:

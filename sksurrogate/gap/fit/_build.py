@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.gap.fit._divergence import divergence
+from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE, Numerics, OdeBackend
 from sksurrogate.gap.fit._simulations import Simulations
@@ -75,9 +76,14 @@ def substeps(x: np.ndarray, weight: np.ndarray, make: Any) -> int:
 
 
 def build_problem(
-    plant: Plant, model: PlantModel, record: Record, free: Sequence[str], balances: Sequence[str]
+    plant: Plant,
+    model: PlantModel,
+    record: Record,
+    free: Sequence[str],
+    balances: Sequence[str],
+    known: KnownParameters | None = None,
 ) -> tuple[OdeBackend, Smoothed]:
-    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant.
+    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant; what is ``known`` of its parameters.
 
     Returns
     -------
@@ -90,7 +96,17 @@ def build_problem(
         guess = measured_guess(plant, record, run)
         scale = sizes(guess)
         problem = OdeBackend(
-            plant, model, record, sd, scale, scale / record.dt, tuple(free), tuple(balances), Numerics(2), run=run
+            plant,
+            model,
+            record,
+            sd,
+            scale,
+            scale / record.dt,
+            tuple(free),
+            tuple(balances),
+            Numerics(2),
+            run=run,
+            known=known or KnownParameters(),
         )
         nominal = replace(problem, free=()).augmented(())
         smoothed = problem.smooth(nominal, np.zeros(0), guess)
@@ -133,7 +149,7 @@ def _caps(problem: OdeBackend, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarr
 
 
 def build_trajectory(
-    plant: Plant, record: Record, free: tuple[str, ...], labels: Sequence[object]
+    plant: Plant, record: Record, free: tuple[str, ...], labels: Sequence[object], known: KnownParameters | None = None
 ) -> TrajectoryBackend:
     """The simulator's own runs, the linear surrogate learned from them, and what initial states move.
 
@@ -151,4 +167,7 @@ def build_trajectory(
         x0 = np.repeat(np.asarray(own, dtype=float).reshape(1, -1), len(record.starts), axis=0)
     sd, surrogate = noise_of_differences(record.y, record.starts), learn(record, nominal)
     none = np.zeros((len(sd), 0, record.n_samples))
-    return TrajectoryBackend(simulations, labels, sd, nominal, surrogate, free, none, x0 is not None, x0).renewed()
+    problem = TrajectoryBackend(
+        simulations, labels, sd, nominal, surrogate, free, none, x0 is not None, x0, known=known or KnownParameters()
+    )
+    return problem.renewed()

@@ -94,9 +94,10 @@ def profile(
     pull: np.ndarray,
     theta: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
+    prior_square: float,
 ) -> float:
-    """Log likelihood at the best parameters within bounds, to first order."""
-    base = -0.5 * (G[0, 0] + logdet) + 0.5 * float(pull @ theta)
+    """Log likelihood at the best parameters within bounds, to first order; ``prior_square`` is that of ``theta``."""
+    base = -0.5 * (G[0, 0] + logdet + prior_square)
     if len(G) == 1:
         return base
     H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
@@ -138,7 +139,7 @@ def judged_under(rival: C, noises: Sequence[Noise]) -> Evidence[C]:
             continue
         if not np.all(np.isfinite(G)):
             continue
-        value = profile(G, logdet, precision, pull, rival.fit.theta, bounds)
+        value = profile(G, logdet, precision, pull, rival.fit.theta, bounds, rival.prior_square)
         if value > best.log_likelihood:
             best = Evidence(rival, noise, value, quick=True)
     return best

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.gap.fit._backend import BaseCandidate, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.output_error import Fit, Linearised, linearise, output_error, settle_hidden
@@ -20,10 +21,8 @@ from sksurrogate.kernels.smoother import Smoothed, output_jacobian, smooth
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["LARGEST_DISTURBANCE", "PRIOR", "REACH", "Numerics", "OdeBackend", "OdeCandidate"]
+__all__ = ["LARGEST_DISTURBANCE", "REACH", "Numerics", "OdeBackend", "OdeCandidate"]
 
-#: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
-PRIOR = 0.10
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
 #: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.
@@ -32,8 +31,6 @@ QUIET, QUIET_FORCE = 0.05, 1e-3
 REACH = 1.0
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)
-#: A parameter further than this factor (log) from nominal is out of the question.
-FARTHEST = 4.0
 
 
 @dataclass(frozen=True)
@@ -113,7 +110,8 @@ class OdeCandidate(BaseCandidate):
                 J[:, self.slice_of(i)] = 0.0
         theta, precision = self.fit.theta, self.precision
         reach = np.where((theta != 0) & (np.arange(len(theta)) < self.n_parameters), np.abs(theta), np.inf)
-        return self.residual, J, precision + (REACH * reach) ** -2.0, -precision * theta
+        pull = precision * (self.problem.prior_mean(self.effects, theta) - theta)
+        return self.residual, J, precision + (REACH * reach) ** -2.0, pull
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
         """Forces of three sizes beside quiet sensors, white noise near the data."""
@@ -220,6 +218,8 @@ class OdeBackend:
         Largest force of every balance and coloured noise of every sensor that count as disturbance.
     run : ndarray (n_states, n_samples), optional
         States of the simulator alone, measured ones begun at their first readings.
+    known : KnownParameters
+        What the user knows of the simulator's parameters.
     """
 
     plant: Plant
@@ -233,6 +233,7 @@ class OdeBackend:
     numerics: Numerics
     caps: tuple[np.ndarray, np.ndarray] | None = None
     run: np.ndarray | None = None
+    known: KnownParameters = field(default_factory=KnownParameters)
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""
@@ -297,6 +298,7 @@ class OdeBackend:
                     unit=unit,
                     bounds=(low, high),
                     prior=prior,
+                    centre=self.prior_mean(effects, theta),
                     open_steps=0 if repeat else open_steps,
                     max_steps=max_steps,
                     best=best,
@@ -329,25 +331,20 @@ class OdeBackend:
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of theta."""
         duration = self.record.dt * float(self.record.lengths.max())
-        low = [bound for effect in effects for bound in effect.lower_bounds(duration)]
-        high = [p.high for effect in effects for p in effect.parameters]
-        for name in self.free:
-            nonzero = self.plant.params[name] != 0
-            low.append(-FARTHEST if nonzero else -np.inf)
-            high.append(FARTHEST if nonzero else np.inf)
-        return np.array(low, dtype=float), np.array(high, dtype=float)
+        return self.known.bounds_of(self.plant.params, effects, self.free, duration)
 
     def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
-        """Standard deviations of the prior on theta: none on effects; Student's t on free parameters, by reweighting."""
-        n = sum(len(effect.parameters) for effect in effects)
-        out = np.full(len(theta), np.inf)
-        retuned = {effect.location for effect in effects if effect.name == "parameter_error"}
-        for i, name in enumerate(self.free):
-            if self.plant.params[name] != 0 and name not in retuned:
-                out[n + i] = np.sqrt(PRIOR**2 + theta[n + i] ** 2 / 2)
-            elif name in retuned:
-                out[n + i] = 1e-3  # the rival is the same number: the free one stands still
-        return out
+        """Standard deviations of the prior on theta: on free parameters, and on what the user knows."""
+        return self.known.prior_of(self.plant.params, effects, self.free, theta)[1]
+
+    def prior_mean(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
+        """Means of the same prior."""
+        return self.known.prior_of(self.plant.params, effects, self.free, theta)[0]
+
+    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
+        """``sum ((theta - mean) / sd)^2`` of the prior."""
+        mean, sd = self.known.prior_of(self.plant.params, effects, self.free, theta)
+        return float(np.sum(((theta - mean) / sd) ** 2))
 
     # ---- likelihood -------------------------------------------------------------------------------------------------
     def disturbance_along(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._ode import PRIOR, OdeCandidate
+from sksurrogate.gap.fit._known_parameters import PRIOR
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._quantization import told_apart
 
 __all__ = ["prior_cost", "retuning_cost"]
@@ -23,10 +24,15 @@ def prior_cost(rival: OdeCandidate) -> float:
 def retuning_cost(rival: OdeCandidate) -> float:
     """``sum (log ratio / PRIOR)^2`` of the free parameters.
 
-    Gaussian, unlike the prior of the fits: these must not pull at a parameter that is far off.
+    Gaussian, unlike the prior of the fits: these must not pull at a parameter that is far off. Where the user gives a prior the
+    likelihood holds it.
     """
     problem, ratios = rival.problem, rival.fit.theta[rival.n_parameters :]
-    moved = [v for name, v in zip(problem.free, ratios) if problem.plant.params[name] != 0]
+    moved = [
+        v
+        for name, v in zip(problem.free, ratios)
+        if problem.plant.params[name] != 0 and name not in problem.known.priors
+    ]
     return float(np.sum(np.square(moved))) / PRIOR**2
 
 

@@ -10,6 +10,9 @@ from sksurrogate.gap.results._table import Table
 
 __all__ = ["retuned_table", "value_of"]
 
+#: A fit that ends this near to a bound is at it: steps are cut there.
+AT_BOUND = 1e-9
+
 
 def value_of(nominal: float, phi: float) -> float:
     """Value of a free parameter.
@@ -23,9 +26,14 @@ def value_of(nominal: float, phi: float) -> float:
 
 
 def retuned_table(
-    params: Mapping[str, float], free: Sequence[str], phi: np.ndarray, low: np.ndarray, high: np.ndarray
+    params: Mapping[str, float],
+    free: Sequence[str],
+    phi: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Table:
-    """One row a free parameter: nominal, value, 90 % interval, moved or not.
+    """One row a free parameter: nominal, value, 90 % interval, moved or not, at a bound or not.
 
     Examples
     --------
@@ -34,7 +42,9 @@ def retuned_table(
     (True, True)
     """
     rows = []
-    for name, *own in zip(free, phi, low, high):
+    least, most = bounds or (np.full(len(phi), -np.inf), np.full(len(phi), np.inf))
+    held = (phi <= least + AT_BOUND) | (phi >= most - AT_BOUND)
+    for name, at_bound, *own in zip(free, held, phi, low, high):
         nominal = float(params[name])
         value, *ends = (value_of(nominal, one) for one in own)
         first, last = sorted(ends)
@@ -46,6 +56,7 @@ def retuned_table(
                 "low": first,
                 "high": last,
                 "moved": not first <= nominal <= last,
+                "at_bound": bool(at_bound),
             }
         )
     return Table(tuple(rows))

@@ -15,9 +15,9 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import BaseCandidate, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
 from sksurrogate.gap.fit._normal_equations import project_starts, solve
-from sksurrogate.gap.fit._ode import FARTHEST, PRIOR
 from sksurrogate.gap.fit._simulations import Simulations
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -92,7 +92,8 @@ class TrajectoryCandidate(BaseCandidate):
 
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Residual, sensitivities, and what holds a step of the parameters: precision and pull of their prior."""
-        return self.residual, self.fit.J, self.precision, -self.precision * self.fit.theta
+        pull = self.precision * (self.problem.prior_mean(self.effects, self.fit.theta) - self.fit.theta)
+        return self.residual, self.fit.J, self.precision, pull
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
         """White noise near the data: a fit does not find out of a colour."""
@@ -143,8 +144,8 @@ class TrajectoryCandidate(BaseCandidate):
             return problem.settled(fit.y)[:, rows]
         columns = problem.without_starts(np.concatenate([(problem.record.y - fit.y)[None], fit.J.transpose(1, 0, 2)]))
         flat = (columns[:, :, learnt] if learnt.any() else columns).reshape(len(columns), -1)
-        precision = self.precision
-        step = solve(flat[1:] @ flat[1:].T + np.diag(precision), flat[1:] @ flat[0] - precision * fit.theta)
+        precision, moved = self.precision, fit.theta - problem.prior_mean(self.effects, fit.theta)
+        step = solve(flat[1:] @ flat[1:].T + np.diag(precision), flat[1:] @ flat[0] - precision * moved)
         theta = np.clip(fit.theta + step, *problem.bounds(self.effects))
         if np.max(np.abs(theta - fit.theta) / np.maximum(np.abs(fit.theta), 1e-3)) < LINEAR:
             y = fit.y + np.einsum("k,okt->ot", theta - fit.theta, fit.J)
@@ -185,6 +186,8 @@ class TrajectoryBackend:
         Whether initial states are fitted: through ``x0`` where the simulator has one, else as transients of the surrogate.
     x0 : ndarray (n_runs, n_states) or None
         Initial states that the simulator is given.
+    known : KnownParameters
+        What the user knows of the simulator's parameters.
     """
 
     simulations: Simulations
@@ -197,6 +200,7 @@ class TrajectoryBackend:
     free_starts: bool = False
     x0: np.ndarray | None = None
     disturbances: dict[bool, Disturbance] = field(default_factory=dict)
+    known: KnownParameters = field(default_factory=KnownParameters)
 
     @property
     def plant(self) -> Plant:
@@ -299,18 +303,20 @@ class TrajectoryBackend:
     # ---- least squares ----------------------------------------------------------------------------------------------
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of theta."""
-        low = [p.low for e in effects for p in e.parameters] + [-FARTHEST] * len(self.free)
-        high = [p.high for e in effects for p in e.parameters] + [FARTHEST] * len(self.free)
-        return np.array(low, dtype=float), np.array(high, dtype=float)
+        return self.known.bounds_of(self.plant.params, effects, self.free, None)
 
     def precision(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
-        """Of the prior: Student's t on free parameters, none on effects."""
-        n = len(theta) - len(self.free)
-        out = np.zeros(len(theta))
-        moved = {effect.location for effect in effects if effect.name == "parameter_error"}
-        for i, name in enumerate(self.free):
-            out[n + i] = 1e6 if name in moved else 1.0 / (PRIOR**2 + theta[n + i] ** 2 / 2)
-        return out
+        """Of the prior: on free parameters, and on what the user knows."""
+        return 1.0 / self.known.prior_of(self.plant.params, effects, self.free, theta)[1] ** 2
+
+    def prior_mean(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
+        """Means of the same prior."""
+        return self.known.prior_of(self.plant.params, effects, self.free, theta)[0]
+
+    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
+        """``sum ((theta - mean) / sd)^2`` of the prior."""
+        mean, sd = self.known.prior_of(self.plant.params, effects, self.free, theta)
+        return float(np.sum(((theta - mean) / sd) ** 2))
 
     def cost_of(self, y: np.ndarray, projected: bool = True) -> float:
         """Sum of squares in units of the noise; inf where the simulator failed."""
@@ -320,11 +326,15 @@ class TrajectoryBackend:
         white = self.without_starts(r[None])[0] if projected else r / self.sd[:, None]
         return float(np.sum(white**2))
 
-    def penalised(self, theta: np.ndarray, y: np.ndarray) -> float:
-        """Cost with the prior."""
+    def penalised(self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray) -> float:
+        """Cost with the prior: Student's t on free parameters of which the user says nothing, else Gaussian."""
         n = len(theta) - len(self.free)
-        phi = theta[n:] / PRIOR
-        return self.cost_of(y) + float(np.sum(3.0 * np.log1p(phi**2 / 2)))
+        mean, sd = self.known.prior_of(self.plant.params, effects, self.free, theta)
+        square = ((theta - mean) / sd) ** 2
+        for i, name in enumerate(self.free, start=n):
+            if name not in self.known.priors and self.plant.params[name] != 0:
+                square[i] = 3.0 * np.log1p((theta[i] / PRIOR) ** 2 / 2)
+        return self.cost_of(y) + float(np.sum(square))
 
     def slopes(
         self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray, only: Sequence[int]
@@ -359,14 +369,14 @@ class TrajectoryBackend:
         if unknown:
             J[unknown] = self.slopes(effects, theta, y, unknown)
         damping, fresh, slow = 1e-3, True, 0
-        cost = self.penalised(theta, y)
+        cost = self.penalised(effects, theta, y)
         for _ in range(steps if len(theta) else 0):
             trial = np.clip(theta + self.step(effects, theta, y, J, damping), low, high)
             moved = trial - theta
             if np.max(np.abs(moved) / np.maximum(np.abs(theta), 1e-3), initial=0.0) < 1e-5:
                 break
             y_new = self.outputs(effects, trial)
-            new = self.penalised(trial, y_new)
+            new = self.penalised(effects, trial, y_new)
             if np.all(np.isfinite(y_new)):  # Broyden in units of the parameters
                 size = np.array([max(abs(v), self.unit(effects, k)) for k, v in enumerate(theta)])
                 direction = moved / size
@@ -393,5 +403,5 @@ class TrajectoryBackend:
         """One damped Gauss-Newton step."""
         columns = self.without_starts(np.concatenate([(self.record.y - y)[None], J]))
         flat = columns[1:].reshape(len(theta), -1)
-        precision = self.precision(effects, theta)
-        return solve(flat @ flat.T + np.diag(precision), flat @ columns[0].ravel() - precision * theta, damping)
+        precision, moved = self.precision(effects, theta), theta - self.prior_mean(effects, theta)
+        return solve(flat @ flat.T + np.diag(precision), flat @ columns[0].ravel() - precision * moved, damping)

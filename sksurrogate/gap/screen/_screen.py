@@ -213,7 +213,7 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     known, sd = _known(s), problem.sd[None, :, None]
     few = len(known)
     precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
-    pull = -precision * base.fit.theta
+    pull = precision * (problem.prior_mean(base.effects, base.fit.theta) - base.fit.theta)
     J_x = s.lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
     low, high = _range(columns)
     rest = known, J_x, precision, pull, problem.record.starts, low, high

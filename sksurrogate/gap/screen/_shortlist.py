@@ -64,7 +64,8 @@ def shortlist(
         part = columns[:, :, a:b].reshape(len(columns), -1) @ q.astype(np.float32)
         size -= np.einsum("kn,kn->k", part, part, dtype=float)
     diagonal = np.r_[np.zeros(len(few)), np.maximum(size, 1e-12)]
-    g, h = eliminate_rows(rows, diagonal, precision, -precision * base.fit.theta)
+    pull = precision * (problem.prior_mean(base.effects, base.fit.theta) - base.fit.theta)
+    g, h = eliminate_rows(rows, diagonal, precision, pull)
     drop, _ = scores(g, h, low, high)
     groups: dict[tuple, list[int]] = {}
     for k, effect in enumerate(effects):

@@ -60,19 +60,18 @@ def promising(rival: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     if not (np.isfinite(white).all() and np.isfinite(J_x).all()):
         return []
     flat = project_starts(white, J_x, record.starts).reshape(len(white), -1)
-    left = _left(
-        flat[: len(y[0])], flat[len(y[0]) :], problem.prior(rival.effects, fit.theta)[others], fit.theta[others]
-    )
+    moved = fit.theta - problem.prior_mean(rival.effects, fit.theta)
+    left = _left(flat[: len(y[0])], flat[len(y[0]) :], problem.prior(rival.effects, fit.theta)[others], moved[others])
     order = 1 + np.argsort(left[1:])[:MOST]
     return [columns[:, k] for k in order if left[k] < left[0] - WORTH_A_FIT]
 
 
-def _left(r: np.ndarray, J: np.ndarray, prior: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Squares that residuals (n, n_values) leave when parameters with sensitivities J follow under their prior."""
+def _left(r: np.ndarray, J: np.ndarray, prior: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Squares that residuals (n, n_values) leave when parameters with sensitivities J, ``moved`` from the mean of their prior, follow."""
     if not len(J):
         return np.einsum("kn,kn->k", r, r)
     rows = np.concatenate([J.T, np.diag(1.0 / prior)])
-    wanted = np.concatenate([r.T, np.repeat((-theta / prior)[:, None], len(r), axis=1)])
+    wanted = np.concatenate([r.T, np.repeat((-moved / prior)[:, None], len(r), axis=1)])
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     rest = wanted - rows @ (np.linalg.lstsq(rows / scale, wanted, rcond=1e-10)[0] / scale[:, None])
     return np.einsum("nk,nk->k", rest, rest)

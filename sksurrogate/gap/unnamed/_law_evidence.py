@@ -153,8 +153,7 @@ def law_beside(
     D = here.disturbance
     if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
-    prior = float(here.fit.theta @ pull[len(pull) - len(here.fit.theta) :])
-    fit = _Fit(here.problem, here, D, r, J, precision, pull, prior, unit, tolerance)
+    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance)
     try:
         picks = {fit.likeliest(noise) for noise in noises}
         found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
@@ -223,7 +222,7 @@ class _Fit:
     J: np.ndarray
     precision: np.ndarray
     pull: np.ndarray
-    prior: float
+    prior_square: float
     unit: float
     tolerance: float
     made: dict[int, list[list[np.ndarray]]] = field(default_factory=dict)
@@ -341,7 +340,7 @@ class _Fit:
     def none(self, G: np.ndarray, logdet: float) -> float:
         """Log likelihood without a law, parameters at their best to first order."""
         k = 1 + self.J.shape[1]
-        base = -0.5 * (G[0, 0] + logdet) + 0.5 * self.prior
+        base = -0.5 * (G[0, 0] + logdet + self.prior_square)
         if k == 1:
             return base
         H, g = G[1:k, 1:k] + np.diag(self.precision), G[1:k, 0] + self.pull

@@ -94,7 +94,7 @@ def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | No
     if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all()):
         return None
     candidates = list(in_all_places(base))
-    fit = _Fit(problem, D, r, J, precision, pull, float(pull @ base.fit.theta[n:]))
+    fit = _Fit(problem, D, r, J, precision, pull, problem.prior_square((), base.fit.theta[n:]))
     if not candidates:
         return None
     chosen_from = sum(len(law.forms) for _, law, _ in candidates)
@@ -211,7 +211,7 @@ class _Fit:
     J: np.ndarray
     precision: np.ndarray
     pull: np.ndarray
-    prior: float
+    prior_square: float
 
     def likeliest(
         self, candidates: list[tuple[Curve, Law, str]], noise: Noise, second: Second | None
@@ -278,6 +278,6 @@ class _Fit:
         theta = inverse @ g
         explained = theta @ g - 0.5 * np.einsum("wi,ij,wj->w", theta, H, theta)
         parameters = np.einsum("wij,ji->w", inverse[:, k:], H[:, k:])
-        value = -0.5 * (G[0, 0] + logdet - self.prior) + explained - 0.5 * parameters * np.log(self.r.size)
+        value = -0.5 * (G[0, 0] + logdet + self.prior_square) + explained - 0.5 * parameters * np.log(self.r.size)
         best = int(np.argmax(value))
         return _Found(float(value[best]), float(parameters[best]), float(weights[best]), theta[best], noise)

@@ -1,0 +1,146 @@
+"""What a user knows of the simulator's parameters, in the coordinates of the fits.
+
+A free parameter is fitted as the logarithm of its ratio to the nominal value, or as itself where that is 0; ``parameter_error``
+as the ratio less one, likewise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.exceptions import DataError
+
+__all__ = ["FARTHEST_RATIO", "PRIOR", "KnownParameters"]
+
+#: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
+PRIOR = 0.10
+#: A parameter further than this ratio (log) from nominal is out of the question unless the user says otherwise.
+FARTHEST_RATIO = 4.0
+#: Standard deviation that holds a free parameter still where ``parameter_error`` moves the same number.
+HELD = 1e-3
+NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class KnownParameters:
+    """Bounds and priors of parameters, in their own units.
+
+    Attributes
+    ----------
+    bounds : mapping of name to (low, high)
+    priors : mapping of name to (mean, standard deviation)
+        Normal where the nominal value is 0, else log-normal with this median and relative standard deviation: a parameter
+        keeps its sign.
+
+    Examples
+    --------
+    >>> known = KnownParameters({"k": (0.5, 2.0)}, {"k": (1.1, 0.11)})
+    >>> [round(end, 3) for end in known.free_bounds("k", 1.0)]
+    [-0.693, 0.693]
+    >>> [round(float(v), 3) for v in known.free_prior("k", 1.0, 0.0)]
+    [0.095, 0.1]
+    """
+
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(NOTHING))
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(NOTHING))
+
+    def check(self, params: Mapping[str, float]) -> None:
+        """Say which bounds or prior hold no value of the sign of the nominal one.
+
+        Raises
+        ------
+        DataError
+        """
+        for name, (low, high) in self.bounds.items():
+            nominal = params[name]
+            if nominal != 0 and max(low / nominal, high / nominal) <= 0.0:
+                raise DataError(_other_sign(f"bounds[{name!r}]=({low:g}, {high:g})", name, nominal))
+        for name, (mean, sd) in self.priors.items():
+            nominal = params[name]
+            if nominal != 0 and mean / nominal <= 0.0:
+                raise DataError(_other_sign(f"priors[{name!r}]=({mean:g}, {sd:g})", name, nominal))
+
+    def free_bounds(self, name: str, nominal: float) -> tuple[float, float]:
+        """Bounds of a free parameter."""
+        low, high = self.bounds.get(name, (-np.inf, np.inf))
+        if nominal == 0:
+            return low, high
+        least, most = sorted((low / nominal, high / nominal))
+        first = float(np.log(least)) if least > 0 else None
+        last = float(np.log(most)) if np.isfinite(most) else None
+        return (
+            min(-FARTHEST_RATIO, last - FARTHEST_RATIO if last is not None else np.inf) if first is None else first,
+            max(FARTHEST_RATIO, first + FARTHEST_RATIO if first is not None else -np.inf) if last is None else last,
+        )
+
+    def free_prior(self, name: str, nominal: float, phi: float) -> tuple[float, float]:
+        """Mean and standard deviation of a free parameter; Student's t by reweighting at ``phi`` where nothing is known."""
+        if name in self.priors:
+            mean, sd = self.priors[name]
+            return (mean, sd) if nominal == 0 else (float(np.log(mean / nominal)), sd / abs(mean))
+        return (0.0, np.inf) if nominal == 0 else (0.0, float(np.sqrt(PRIOR**2 + phi**2 / 2)))
+
+    def bounds_of(
+        self, params: Mapping[str, float], effects: Sequence[BaseEffect], free: Sequence[str], duration: float | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the parameters of effects in turn, then of free parameters; ``duration`` of the longest run, where it counts."""
+        low: list[float] = []
+        high: list[float] = []
+        for effect in effects:
+            least = [p.low for p in effect.parameters] if duration is None else effect.lower_bounds(duration)
+            most = [p.high for p in effect.parameters]
+            place = _place_of_error(effect)
+            if place in self.bounds:
+                a, b = sorted(map(_as_error(params[place]), self.bounds[place]))
+                least, most = [max(a, least[0])], [min(b, most[0])]
+            low += least
+            high += most
+        own = [self.free_bounds(name, params[name]) for name in free]
+        return np.array([*low, *(a for a, _ in own)], float), np.array([*high, *(b for _, b in own)], float)
+
+    def given_on(self, effects: Sequence[BaseEffect], free: Sequence[str]) -> np.ndarray:
+        """Which of the parameters of effects in turn, then of free parameters, the user gives a prior of."""
+        moved = {_place_of_error(effect) for effect in effects}
+        own = [_place_of_error(effect) in self.priors for effect in effects for _ in effect.parameters]
+        return np.array([*own, *(name in self.priors and name not in moved for name in free)], bool)
+
+    def prior_of(
+        self, params: Mapping[str, float], effects: Sequence[BaseEffect], free: Sequence[str], theta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation (inf: none) of the same numbers."""
+        n = len(theta) - len(free)
+        mean, sd = np.zeros(len(theta)), np.full(len(theta), np.inf)
+        moved: set[str] = set()
+        position = 0
+        for effect in effects:
+            place = _place_of_error(effect)
+            moved.add(place)
+            if place in self.priors:
+                nominal, (centre, width) = params[place], self.priors[place]
+                mean[position], sd[position] = _as_error(nominal)(centre), width / (abs(nominal) or 1.0)
+            position += len(effect.parameters)
+        for i, name in enumerate(free, start=n):
+            mean[i], sd[i] = (0.0, HELD) if name in moved else self.free_prior(name, params[name], float(theta[i]))
+        return mean, sd
+
+
+def _place_of_error(effect: BaseEffect) -> str:
+    """The parameter whose relative error an effect is; no name where it is another effect."""
+    return str(effect.location) if effect.name == "parameter_error" else ""
+
+
+def _as_error(nominal: float) -> Callable[[float], float]:
+    """A value of a parameter as a relative error; as itself where the nominal value is 0."""
+    return lambda value: value if nominal == 0 else value / nominal - 1.0
+
+
+def _other_sign(given: str, name: str, nominal: float) -> str:
+    return (
+        f"{given} holds no value of the sign of the simulator's {name}={nominal:g}, and re-tuning keeps the sign: give the "
+        f"simulator a value within them, set_params(params__{name}=...)."
+    )

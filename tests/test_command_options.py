@@ -1,0 +1,45 @@
+"""Options of the command line that hold what a user knows."""
+
+import argparse
+
+import pytest
+
+from sksurrogate._command_options import add_knowledge, knowledge_of
+from sksurrogate.exceptions import DataError
+
+
+def parsed(options):
+    parser = argparse.ArgumentParser()
+    add_knowledge(parser)
+    return parser.parse_args(options)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["--bounds", "k=0.1:2", "c=:3"], {"bounds": {"k": (0.1, 2.0), "c": (None, 3.0)}}),
+        (["--prior", "k=0.05", "c=-1:0.2"], {"priors": {"k": 0.05, "c": (-1.0, 0.2)}}),
+        (
+            ["--exclude", "drift", "friction@speed", "@level"],
+            {"exclude": ["drift", ("friction", "speed"), (None, "level")]},
+        ),
+    ],
+)
+def test_what_is_known_is_read_from_the_command_line(options, expected):
+    found = knowledge_of(parsed(options))
+    assert found == {"exclude": [], "bounds": {}, "priors": {}, **expected}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--bounds", "k"], "--bounds k: expected NAME=LOW:HIGH"),
+        (["--bounds", "k=1"], "--bounds k=1: expected NAME=LOW:HIGH, two numbers"),
+        (["--bounds", "k=a:b"], "--bounds k=a:b"),
+        (["--prior", "k=a"], r"--prior k=a: expected NAME=SD .relative, as 0.05. or NAME=MEAN:SD"),
+        (["--exclude", "a@b@c@d"], "--exclude a@b@c@d: expected effect, place"),
+    ],
+)
+def test_a_mistaken_option_is_named(options, message):
+    with pytest.raises(DataError, match=message):
+        knowledge_of(parsed(options))
