@@ -49,6 +49,7 @@ class ConstantBias(BalanceEffect):
 
     name = "constant_bias"
     drivers = ()
+    at_port = ("constant",)
     parameters = (Parameter("value", unit="dx/dt"),)
     equation = "+ c"
     signature = "a transient after the start of every run that settles at an offset, whatever the input does"
@@ -64,6 +65,7 @@ class LinearLoss(BalanceEffect):
 
     name = "linear_loss"
     drivers = ("state", "input")
+    at_port = ("speed", "position", "level", "coupled")
     parameters = (Parameter("coefficient", unit="dx/dt over v"),)
     equation = "- c v"
     signature = "in proportion to v: energy is lost at resonance, steps settle lower"
@@ -79,6 +81,7 @@ class QuadraticLoss(BalanceEffect):
 
     name = "quadratic_loss"
     drivers = ("state", "input")
+    at_port = ("level",)
     parameters = (Parameter("coefficient", unit="dx/dt over v^2"),)
     equation = "- c v^2"
     signature = "even harmonics and a shift of the mean with the amplitude of v"
@@ -93,6 +96,7 @@ class QuadraticDrag(BalanceEffect):
     """Drag of a turbulent flow: ``- c v abs(v)``."""
 
     name = "quadratic_drag"
+    at_port = ("speed", "level")
     parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^2"),)
     equation = "- c v abs(v)"
     signature = "odd in v; strong when fast, gone when slow"
@@ -105,10 +109,11 @@ class QuadraticDrag(BalanceEffect):
 
 def stopping(effect: BalanceEffect, probe: Probe) -> list[float]:
     """Levels of dry friction that stop the state of its balance now and then: within a sample it loses a share of its speed."""
-    if effect.variable != effect.location or probe.v is None:
+    gain = probe.feedback if probe.feedback is not None else float(effect.variable == effect.location)
+    if not gain or probe.v is None:
         return []
     speed, unit = float(np.sqrt(np.mean(probe.v**2))), probe.unit(np.sign(probe.v))
-    return [c for c in unit * STOPPING if c * probe.dt > LOST * speed]
+    return [c for c in unit * STOPPING if c * gain * probe.dt > LOST * speed]
 
 
 class _DryFriction(BalanceEffect):
@@ -128,6 +133,7 @@ class CoulombFriction(_DryFriction):
     """Dry friction: ``- c sign(v)``."""
 
     name = "coulomb_friction"
+    at_port = ("speed",)
     parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
     equation = "- c sign(v)"
     signature = "a square wave with the sign of v; free motion stops in finite time; worst at small amplitudes"
@@ -149,6 +155,7 @@ class AsymmetricFriction(_DryFriction):
     """Dry friction that differs by direction: ``- c sign(v) - c2``."""
 
     name = "asymmetric_friction"
+    at_port = ("speed",)
     parameters = (Parameter("level", low=0.0, unit="dx/dt"), Parameter("offset", unit="dx/dt"))
     equation = "- c sign(v) - c2"
     signature = "a square wave with the sign of v about a mean that is not nil"
@@ -163,6 +170,7 @@ class StribeckFriction(BalanceEffect):
     """Dry friction that is larger when slow: ``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``."""
 
     name = "stribeck_friction"
+    at_port = ("speed",)
     parameters = (
         Parameter("level", low=0.0, unit="dx/dt"),
         Parameter("static_level", low=0.0, unit="dx/dt"),
@@ -204,6 +212,7 @@ class CubicStiffness(BalanceEffect):
     """A hardening spring: ``- c v^3``."""
 
     name = "cubic_stiffness"
+    at_port = ("position",)
     parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^3"),)
     equation = "- c v^3"
     signature = "third harmonic; the resonance moves with the amplitude"
@@ -218,6 +227,7 @@ class SqrtLeak(BalanceEffect):
     """Outflow through an orifice: ``- c sqrt(max(v, 0))``."""
 
     name = "sqrt_leak"
+    at_port = ("level",)
     parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over sqrt(v)"),)
     equation = "- c sqrt(max(v, 0))"
     signature = "an outflow that grows ever more slowly with the level"
@@ -238,6 +248,7 @@ class PowerLaw(BalanceEffect):
 
     name = "power_law"
     drivers = ("state",)
+    at_port = ("speed", "level")
     parameters = (
         Parameter("coefficient", low=0.0, unit="dx/dt over v^m (w)"),
         Parameter("exponent", null=1.0, low=0.05, high=8.0),
@@ -275,6 +286,7 @@ class Exchange(BalanceEffect):
 
     name = "exchange"
     drivers = ("state", "input")
+    at_port = ()
     parameters = (Parameter("coefficient", unit="1 over time"),)
     equation = "+ c (v - x)"
     signature = "the state is drawn towards its neighbour"
@@ -294,6 +306,7 @@ class Radiation(BalanceEffect):
     """Heat radiated by a neighbour: ``+ c (v^4 - x^4)``."""
 
     name = "radiation"
+    at_port = ()
     parameters = (Parameter("coefficient", low=0.0, unit="1 over time and x^3"),)
     equation = "+ c (v^4 - x^4)"
     signature = "an exchange that matters only when hot"
@@ -314,6 +327,7 @@ class Bilinear(BalanceEffect):
     """A product of two signals: ``+ c v w``."""
 
     name = "bilinear"
+    at_port = ()
     parameters = (Parameter("coefficient", unit="dx/dt over v w"),)
     equation = "+ c v w (variable v*w, names sorted)"
     signature = "a response to one signal that depends on the level of the other"
@@ -334,6 +348,7 @@ class GravityTilt(BalanceEffect):
 
     name = "gravity_tilt"
     drivers = ("state", "input")
+    at_port = ("position",)
     parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
     equation = "- c sin(v)"
     signature = "a restoring term that bends over at large angles"
@@ -348,6 +363,7 @@ class EndStop(BalanceEffect):
     """An elastic stop: ``- c max(v - edge, 0)``."""
 
     name = "end_stop"
+    at_port = ("position",)
     parameters = (Parameter("stiffness", low=0.0, unit="dx/dt over v"), Parameter("edge", unit="v"))
     equation = "- c max(v - edge, 0)"
     signature = "one-sided pushes where v is largest, nothing elsewhere"

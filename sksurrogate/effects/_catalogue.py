@@ -7,8 +7,6 @@ import inspect
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 from sksurrogate.effects import _balance as balance
 from sksurrogate.effects import _disturbance as disturbance
 from sksurrogate.effects import _hidden as hidden
@@ -16,11 +14,12 @@ from sksurrogate.effects import _input as actuator
 from sksurrogate.effects import _limit as limit
 from sksurrogate.effects import _parameter as parameter
 from sksurrogate.effects import _sensor as sensor
-from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.physics._model import PlantModel
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._ports import Places, places_of
+from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["CATALOGUE", "build_effects", "kinematic_states", "left_out"]
+__all__ = ["CATALOGUE", "build_effects", "check_place", "kinematic_states", "left_out"]
 
 _ORDER: tuple[type[BaseEffect], ...] = (
     parameter.ParameterError,
@@ -86,7 +85,8 @@ def build_effects(
     ----------
     plant : Plant
     balances : sequence of str
-        States whose balance may hold an effect; leave out the :func:`kinematic_states`.
+        States whose balance may hold an effect; leave out the :func:`kinematic_states`. Laws at ports that are no laws of
+        one balance come beside those.
     effects : None, or one or several of str, class, instance
         None: the whole catalogue. A name or class is enumerated over the plant; an instance with a location is taken
         as it is, one without is enumerated like its class.
@@ -110,8 +110,10 @@ def build_effects(
     [('sensor_bias', 'y', None), ('input_lag', 'u', None)]
     """
     found: dict[tuple[Any, ...], BaseEffect] = {}
-    for item in _wanted(effects):
-        for effect in _instances(item, plant, balances):
+    wanted = _wanted(effects)
+    places = places_of(plant, balances) if any(map(_enumerates_laws, wanted)) else Places(tuple(balances))
+    for item in wanted:
+        for effect in _instances(item, plant, places):
             if effect.access == "trajectory" or plant.access in ("rhs", "step"):
                 found.setdefault((type(effect), *effect.key, *_extras(effect)), effect)
     return list(found.values())
@@ -144,7 +146,15 @@ def _extras(effect: BaseEffect) -> tuple[Any, ...]:
     return tuple(sorted((name, repr(value)) for name, value in own.items() if name not in ("location", "variable")))
 
 
-def _instances(item: Any, plant: Plant, balances: Sequence[str]) -> Iterable[BaseEffect]:
+def _enumerates_laws(item: Any) -> bool:
+    """Whether an entry of ``effects=`` is a law that is tried at all its places."""
+    kind: Any = CATALOGUE.get(item) if isinstance(item, str) else item
+    if isinstance(kind, BaseEffect):
+        return isinstance(kind, BalanceEffect) and kind.location is None
+    return inspect.isclass(kind) and issubclass(kind, BalanceEffect)
+
+
+def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
     """One entry of ``effects=`` as instances."""
     if isinstance(item, str):
         if item not in CATALOGUE:
@@ -154,12 +164,12 @@ def _instances(item: Any, plant: Plant, balances: Sequence[str]) -> Iterable[Bas
                 f"effects: {item!r} is not in the catalogue; {hint} "
                 "An effect of your own goes in as a class or an instance."
             )
-        return CATALOGUE[item].instances(plant, balances)
+        return places.instances(CATALOGUE[item], plant)
     if inspect.isclass(item) and issubclass(item, BaseEffect):
-        return item.instances(plant, balances)
+        return places.instances(item, plant)
     if isinstance(item, BaseEffect):
         if item.location is None:
-            return type(item).instances(plant, balances)
+            return places.instances(type(item), plant)
         if plant.access == "trajectory" and item.access != "trajectory":
             return []  # it has no place to be checked: such a plant shows no states
         check_place(item, plant)
@@ -179,9 +189,11 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
     """
     named = {"parameter": tuple(plant.params), "state": plant.states, "input": plant.inputs, "output": plant.outputs}
     places = named[effect.kind]
-    if effect.location not in places:
+    ports = plant.ports if isinstance(effect, BalanceEffect) else ()
+    if effect.location not in (*places, *ports):
+        beside = f", and no port: {list(ports)}" if ports else ""
         raise ValueError(
-            f"{effect!r}: location={effect.location!r} is no {effect.kind} of the simulator: {list(places)}."
+            f"{effect!r}: location={effect.location!r} is no {effect.kind} of the simulator: {list(places)}{beside}."
         )
     if effect.variable is None:
         return
@@ -191,40 +203,3 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
             raise ValueError(
                 f"{effect!r}: variable={effect.variable!r} is made of signals of the simulator: {list(signals)}."
             )
-
-
-def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> tuple[str, ...]:
-    """States whose balance is an identity ``dq/dt = v`` with another state, seen at random points or declared (``kinematic``).
-
-    No effect can be missing there: a position changes with its speed, whatever else is wrong.
-
-    Parameters
-    ----------
-    model : PlantModel
-    n_points : int, default=12
-    random_state : int, default=0
-
-    Returns
-    -------
-    tuple of str
-    """
-    plant = model.plant
-    n = len(plant.states)
-    if plant.access == "trajectory" or n < 2:
-        return ()
-    random = np.random.default_rng(random_state)
-    size = np.maximum(np.abs(plant.x0), 1.0)[:, None]
-    x = plant.x0[:, None] + size * random.normal(size=(n, n_points))
-    x[:, n_points // 2 :] = np.abs(x[:, n_points // 2 :])  # concentrations and levels are not negative
-    u = np.abs(random.normal(size=(len(plant.inputs), n_points)))
-    t = np.linspace(0.0, 10 * plant.dt, n_points)
-    with np.errstate(all="ignore"):
-        if plant.access == "rhs":
-            dx, tolerance = model.derivative(t, x, u), 1e-12
-        else:
-            short = 1e-4 * plant.dt
-            dx, tolerance = (model.step(t, x, u, short) - x) / short, 1e-2
-    same = np.abs(dx[:, None] - x[None]) <= tolerance * np.maximum(np.abs(x[None]), 1e-3)
-    identity = np.all(same, axis=2) & ~np.eye(n, dtype=bool)
-    declared = tuple(getattr(plant.simulator, "kinematic", None) or ())
-    return tuple(name for name, row in zip(plant.states, identity) if row.any() or name in declared)

@@ -32,6 +32,7 @@ class Drift(BalanceEffect):
 
     name = "drift"
     drivers = ()
+    at_port = ("time",)
     parameters = (Parameter("rate", unit="dx/dt over time"),)
     equation = "+ c t"
     signature = "a residual that grows through the run, filtered by the plant"
@@ -51,6 +52,7 @@ class PeriodicDisturbance(BalanceEffect):
 
     name = "periodic_disturbance"
     drivers = ()
+    at_port = ("time",)
     parameters = (
         Parameter("amplitude", unit="dx/dt"),
         Parameter("angular_frequency", null=1.0, low=0.0, unit="radian over time"),
@@ -85,6 +87,7 @@ class StepDisturbance(BalanceEffect):
 
     name = "step_disturbance"
     drivers = ()
+    at_port = ("time",)
     parameters = (Parameter("size", unit="dx/dt"), Parameter("time", unit="time"))
     equation = "+ c after t0"
     signature = "no residual before one moment, a transient and an offset after it"

@@ -178,12 +178,12 @@ class ParameterEffect(BaseEffect):
 
 
 class BalanceEffect(BaseEffect):
-    """A term is missing in the balance of a state.
+    """A term is missing in the balance of a state, or in what enters at a port.
 
     Parameters
     ----------
     location : str, optional
-        Where it enters, as in :class:`BaseEffect`.
+        The state, or an input or other port: the law then adds to the force that enters there, in the port's unit.
     variable : str, optional
         What drives it.
 
@@ -202,17 +202,19 @@ class BalanceEffect(BaseEffect):
 
     #: Signals that may be the variable: "state", "input" or both; () for forms without v.
     drivers: ClassVar[tuple[str, ...]] = ("state",)
+    #: What may drive the law at a port by default: "speed" and "position" of a joint, a "level" that a flow moves; () for none.
+    at_port: ClassVar[tuple[str, ...]] = ("speed", "position", "level")
 
     @abstractmethod
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """What is added to dx/dt.
+        """What is added to dx/dt, or to what enters at a port.
 
         Parameters
         ----------
         t : ndarray
             Time.
         x : ndarray
-            State of the location.
+            State of the location; at a port the input, 0 at a further port.
         v : ndarray, or tuple of two ndarrays for "v*w"
             Variable.
         theta : sequence of ndarray
@@ -239,10 +241,8 @@ class BalanceEffect(BaseEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         v = probe.v if probe.v is not None else probe.x
         theta = tuple(1.0 if p is self.parameters[0] else p.null for p in self.parameters)
-        form = np.broadcast_to(
-            self.term(np.zeros_like(probe.x), probe.x, v, theta, 0.02 * float(np.std(v)) + 1e-12), probe.x.shape
-        )
-        return [(probe.unit(form), *theta[1:])]
+        form = self.term(np.zeros_like(probe.x), probe.x, v, theta, 0.02 * float(np.std(v)) + 1e-12)
+        return [(probe.unit(np.broadcast_to(form, probe.x.shape)), *theta[1:])]
 
 
 class LimitEffect(BaseEffect):

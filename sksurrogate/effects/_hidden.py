@@ -27,6 +27,7 @@ class Hysteresis(HiddenEffect):
     """Bouc-Wen hysteresis: ``- c z``, ``dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2)``, ``z(0) = 0``."""
 
     name = "hysteresis"
+    at_port = ("position",)
     parameters = (
         Parameter("stiffness", low=0.0, unit="dx/dt over v"),
         Parameter("limit", null=1.0, low=TINY, unit="v"),
@@ -77,6 +78,7 @@ class LugreFriction(HiddenEffect):
     """
 
     name = "lugre_friction"
+    at_port = ("speed",)
     parameters = (
         Parameter("stiffness", low=0.0, unit="dx/dt over the integral of v"),
         Parameter("level", null=1.0, low=TINY, unit="dx/dt", grows=True),
@@ -136,6 +138,7 @@ class HiddenRelaxation(HiddenEffect):
     """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``."""
 
     name = "hidden_relaxation"
+    at_port = ("position", "level")
     parameters = (
         Parameter("coefficient", low=0.0, unit="dx/dt over v"),
         Parameter("time_constant", null=1.0, low=TINY, unit="time"),
@@ -182,6 +185,7 @@ class HiddenMode(HiddenEffect):
 
     name = "hidden_mode"
     n_hidden = 2
+    at_port = ("position",)
     parameters = (
         Parameter("gain", low=0.0, unit="dx/dt over v"),
         Parameter("angular_frequency", null=1.0, low=TINY, unit="radian over time"),

@@ -89,12 +89,12 @@ class Term:
 
 
 class LawEffect(BalanceEffect):
-    """A sum of simple shapes is missing in a balance; made by ``report.missing_term.effects``.
+    """A sum of simple shapes is missing in a balance or at a port; made by ``report.missing_term.effects``.
 
     Parameters
     ----------
     location : str
-        State in whose balance the law stands.
+        State in whose balance the law stands, or the input (or further port) to which it adds.
     variable : str, optional
         Its signals joined by ``*``, names sorted.
     terms : tuple of Term
@@ -111,6 +111,7 @@ class LawEffect(BalanceEffect):
     equation = "c0 f0(v, w) + c1 f1(v, w) + ..."
     signature = "whatever no named effect explains"
     drivers = ("state", "input")
+    at_port = ()
 
     def __init__(
         self,

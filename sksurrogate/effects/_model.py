@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,8 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
+from sksurrogate.effects._whole_step import held_for, whole_step
+from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold
@@ -78,7 +79,7 @@ class AugmentedModel:
         self.n_states = n
         self.nominal_scale = np.asarray(scale, dtype=float)
         self.input_scale = np.maximum(np.max(np.abs(record.u), axis=1), 1e-12) if len(record.u) else np.empty(0)
-        self.wires = [self._wire(effect) for effect in self.effects]
+        self.wires = [wire_of(e, model, lambda one: self._size(one) / sharpness) for e in self.effects]
         self.scale = np.concatenate(
             [
                 self.nominal_scale,
@@ -86,22 +87,9 @@ class AugmentedModel:
             ]
         )
 
-    def _wire(self, effect: BaseEffect) -> _Wire:
-        """Where an effect enters and what drives it, looked up once."""
-        states, inputs = self.plant.states, self.plant.inputs
-        drivers = (
-            tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in _factors(effect))
-            if effect.kind == "state"
-            else ()
-        )
-        place = states.index(str(effect.location)) if effect.kind == "state" else -1
-        return _Wire(
-            place, drivers, self._size(effect) / self.sharpness if effect.kind == "state" and effect.variable else None
-        )
-
     def _size(self, effect: BaseEffect) -> float:
         """Size of the variable of an effect."""
-        return float(np.prod([self._signal_size(name) for name in _factors(effect)])) if effect.variable else 1.0
+        return float(np.prod([self._signal_size(name) for name in factors(effect)])) if effect.variable else 1.0
 
     def _signal_size(self, name: str) -> float:
         if name in self.plant.states:
@@ -134,12 +122,16 @@ class AugmentedModel:
     def force_of(
         self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, parameters: Sequence[np.ndarray], width: float
     ) -> Any:
-        """What balance effect i adds to its dx/dt with these parameters, its kinks smoothed over a width."""
+        """What law i adds to its dx/dt, or to what enters at its port, with these parameters, its kinks smoothed over a width."""
         effect, v = self.effects[i], self.variable(i, x, u)
         assert isinstance(effect, BalanceEffect)
         if i in self._hidden:
             return effect.force(x[self._hidden[i]], v, parameters)  # type: ignore[attr-defined]
-        return effect.term(t, x[self.wires[i].place], v, parameters, width)
+        wire = self.wires[i]
+        if wire.port < 0:
+            return effect.term(t, x[wire.place], v, parameters, width)
+        own = u[wire.port] if wire.port < len(self.plant.inputs) else np.zeros(x.shape[1:])
+        return effect.term(t, np.broadcast_to(own, x.shape[1:]), v, parameters, width)
 
     @property
     def free_states(self) -> np.ndarray:
@@ -162,20 +154,6 @@ class AugmentedModel:
         return closing_weight(self.scale, self.record.y, sd, self.plant.output_states)
 
 
-@dataclass(frozen=True)
-class _Wire:
-    """Place of an effect among the states, drivers (is a state, position), the width of its kinks (None: of time)."""
-
-    place: int
-    drivers: tuple[tuple[bool, int], ...]
-    width: float | None
-
-
-def _factors(effect: BaseEffect) -> list[str]:
-    """Names of the signals in a variable: "v" or "v*w"."""
-    return effect.variable.split("*") if effect.variable else []
-
-
 class BoundModel:
     """An :class:`AugmentedModel` with its parameters filled in: a step map over all samples, and its outputs.
 
@@ -191,12 +169,15 @@ class BoundModel:
         self.record = augmented.record
         self.h = self.record.dt / augmented.n_sub
         self._parameters = [augmented.parameters_of(i, theta) for i in range(len(augmented.effects))]
-        self._balances = [
-            (i, effect) for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)
+        wires = augmented.wires
+        laws = [i for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)]
+        self._balances = [i for i in laws if wires[i].port < 0]
+        self._at_ports = [i for i in laws if wires[i].port >= 0]
+        self.held = held_for(augmented.plant, self.record.dt, self.h) if self._at_ports else self.h
+        self._widths = [
+            kink_width(effect, wire, values, self.held if wire.port >= 0 else self.h)
+            for effect, wire, values in zip(augmented.effects, wires, self._parameters)
         ]
-        self._widths = [self.h if wire.width is None else wire.width for wire in augmented.wires]
-        for i, effect in self._balances:
-            self._widths[i] = effect.smoothed(self._parameters[i], self._widths[i], self.h)
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in augmented.effects)
         self._drift = any(
             isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects
@@ -256,38 +237,29 @@ class BoundModel:
         if rows is not None:
             t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]
         if self.a.plant.access == "step":
-            return self._whole_step(t, x, mean)
+            has_rates = bool(self._balances or self.a._hidden)
+            x = whole_step(self, t, x, mean, self._varied(t), has_rates, bool(self._at_ports))
+            return self.clip(x, True) if self._has_limits else x
         clip = self.clip if self._has_limits else None
         return rk4(self.derivative, t, x, mean, half, self.h, clip)
 
-    def _whole_step(self, t: np.ndarray, x: np.ndarray, mean: np.ndarray) -> np.ndarray:
-        """A simulator's own step between two half steps of the effects' terms (Strang)."""
-        dt, n = self.record.dt, self.a.n_nominal
-        varied = self._varied(t)
-        u = np.mean(mean, axis=0)
-        drift = np.zeros_like(x)
-        if self.a.n_states > n:  # hidden states that follow dv/dt need the simulator's share of it
-            drift[:n] = (self.a.model.step(t, x[:n], u, dt, varied) - x[:n]) / dt
-        x = self._kick(t, x, mean[0], dt / 2, drift)
-        after = x.copy()
-        after[:n] = self.a.model.step(t, x[:n], u, dt, varied)
-        after = self._kick(t + dt, after, mean[-1], dt / 2, drift)
-        return self.clip(after, True) if self._has_limits else after
-
-    def _kick(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, drift: np.ndarray) -> np.ndarray:
-        """Effects' terms alone over a time h (midpoint rule); ``drift`` is what the simulator itself adds to dx/dt."""
-        rate = self._effect_rates(t, x, u, drift.copy()) - drift
-        return x + h * (self._effect_rates(t, x + (h / 2) * rate, u, drift.copy()) - drift)
+    def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What enters at the ports: the inputs ``u``, with the laws that act there."""
+        if not self._at_ports:
+            return u
+        a, wires = self.a, self.a.wires
+        forces = [(wires[i].port, a.force_of(i, t, x, u, self._parameters[i], self._widths[i])) for i in self._at_ports]
+        return entering(a.plant, u, forces, x.shape[1:])
 
     def derivative(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the effects."""
         n = self.a.n_nominal
-        nominal = self.a.model.derivative(t, x[:n], u, self._varied(t))
+        nominal = self.a.model.derivative(t, x[:n], self.entering(t, x, u), self._varied(t))
         if not self.a.effects:
             return nominal
         dx = np.empty((self.a.n_states, *nominal.shape[1:]))
         dx[:n] = nominal
-        dx = self._effect_rates(t, x, u, dx)
+        dx = self.rates_of_effects(t, x, u, dx)
         states = self.a.plant.states
         for i, effect in enumerate(self.a.effects):
             if isinstance(effect, LimitEffect) and effect.variable:
@@ -295,10 +267,10 @@ class BoundModel:
                 dx[place], dx[other] = effect.flow(x[place], dx[place], dx[other], self._parameters[i])
         return dx
 
-    def _effect_rates(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
+    def rates_of_effects(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Add the terms of the balance effects to ``dx`` and fill in the rates of the hidden states."""
         a = self.a
-        for i, _ in self._balances:
+        for i in self._balances:
             dx[a.wires[i].place] += a.force_of(i, t, x, u, self._parameters[i], self._widths[i])
         for i, rows in a._hidden.items():
             effect, v = a.effects[i], self.a.variable(i, x, u)
@@ -352,7 +324,8 @@ class BoundModel:
         Readings that jump are smoothed as kinks are, unless ``sharp``.
         """
         a, record = self.a, self.record
-        y = a.model.output(record.t, x[: a.n_nominal], self.shown, self._varied(record.t))
+        shown = self.shown if a.plant.output_states is not None else self.entering(record.t, x, self.shown)
+        y = a.model.output(record.t, x[: a.n_nominal], shown, self._varied(record.t))
         sensors = sorted(
             ((e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, SensorEffect)), key=lambda item: item[:2]
         )
@@ -384,7 +357,8 @@ class BoundModel:
         left, end = self._slope(x, before, place).copy(), None
         left[:, record.starts] = right[:, record.starts]
         if self.a.plant.output_states is None:
-            end = self.a.model.output(record.t, x[: self.a.n_nominal], before, self._varied(record.t))[place]
+            enters = self.entering(record.t, x, before)
+            end = self.a.model.output(record.t, x[: self.a.n_nominal], enters, self._varied(record.t))[place]
             end[:, record.starts] = y[place][:, record.starts]
         return SensorPath(y[place], right, left, end)
 
@@ -392,15 +366,15 @@ class BoundModel:
         """Time derivative of an output: that of its state, or a difference along the flow."""
         a, t, n = self.a, self.record.t, self.a.n_nominal
         if a.plant.access == "step":
-            y = a.model.output(t, x[:n], u, self._constant_params)[place]
+            y = a.model.output(t, x[:n], self.entering(t, x, u), self._constant_params)[place]
             return np.gradient(y, self.record.dt, axis=-1)
-        dx = self.derivative(t, x, u)[:n]
+        dx = self.derivative(t, x, u)
         if a.plant.output_states is not None:
             return dx[a.plant.output_states[place]]
         eps = 1e-6 * self.record.dt
-        varied = self._varied(t)
-        ahead = a.model.output(t + eps, x[:n] + eps * dx, u, varied)[place]
-        return (ahead - a.model.output(t, x[:n], u, varied)[place]) / eps
+        varied, later = self._varied(t), x + eps * dx
+        ahead = a.model.output(t + eps, later[:n], self.entering(t + eps, later, u), varied)[place]
+        return (ahead - a.model.output(t, x[:n], self.entering(t, x, u), varied)[place]) / eps
 
 
 def retuned(nominal: float, phi: Any) -> Any:

@@ -52,7 +52,7 @@ class Probe:
     x : ndarray (n_samples,)
         The state, input or output of the location.
     rate : float
-        RMS of the derivative of that state (0 for inputs and outputs).
+        RMS of the derivative of that state; at a port the force that makes such derivatives; 0 for inputs and outputs.
     dt, duration : float
         Sample time and length of the longest run.
     starts : ndarray of int (n_runs,)
@@ -63,6 +63,8 @@ class Probe:
         White noise of the readings of an output; 0 elsewhere, and where it is not known.
     slope : pair of ndarray (n_samples,), optional
         An input or a predicted output, and what a unit change of it at every sample would do to the log likelihood.
+    feedback : float, optional
+        At a port: what a unit of force there changes in dv/dt.
 
     Examples
     --------
@@ -83,6 +85,7 @@ class Probe:
     factors: tuple[np.ndarray, ...] = ()
     noise: float = 0.0
     slope: tuple[np.ndarray, np.ndarray] | None = None
+    feedback: float | None = None
 
     def unit(self, form: np.ndarray) -> float:
         """Size of a coefficient that makes ``c * form`` a tenth of the derivative."""

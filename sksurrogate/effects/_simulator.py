@@ -211,20 +211,44 @@ class AugmentedSimulator(BaseSimulator):
     @available_if(_has_rhs)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
         """dx/dt with the effects (kinks are sharp unless ``scale`` is given)."""
-        states, inputs = list(self.states), list(self.inputs)
-        dx = list(self.simulator.rhs(t, x, u, self._acting_params(t, p)))
-        sizes = None if self.scale is None else np.broadcast_to(np.asarray(self.scale, dtype=float), (len(states),))
-        for effect, given in zip(self.effects, self.values):
-            if isinstance(effect, BalanceEffect):
-                names = effect.variable.split("*") if effect.variable else []
-                found = [x[states.index(name)] if name in states else u[inputs.index(name)] for name in names]
-                width = 0.0
-                if sizes is not None and names and set(names) <= set(states):
-                    width = float(np.prod([sizes[states.index(name)] for name in names])) / self.sharpness
-                v = None if not found else found[0] if len(found) == 1 else tuple(found)
+        states, acting = list(self.states), self._acting_params(t, p)
+        laws = [(e, g) for e, g in zip(self.effects, self.values) if isinstance(e, BalanceEffect)]
+        at_ports = [(e, g) for e, g in laws if e.location not in states]
+        enters, forces = self._entering(t, x, u, at_ports)
+        dx = list(self.simulator.rhs(t, x, enters, acting, *forces))
+        for effect, given in laws:
+            if effect.location in states:
                 i = states.index(str(effect.location))
-                dx[i] = dx[i] + effect.term(t, x[i], v, _values(effect, given), width)
+                dx[i] = dx[i] + self._term(effect, given, t, x, u, x[i])
         return dx
+
+    def _term(self, effect: BalanceEffect, given: Any, t: Any, x: Any, u: Any, own: Any) -> Any:
+        """What a law adds, ``own`` being the state or input of its location."""
+        states, inputs = list(self.states), list(self.inputs)
+        sizes = None if self.scale is None else np.broadcast_to(np.asarray(self.scale, dtype=float), (len(states),))
+        names = effect.variable.split("*") if effect.variable else []
+        found = [x[states.index(name)] if name in states else u[inputs.index(name)] for name in names]
+        width = 0.0
+        if sizes is not None and names and set(names) <= set(states):
+            width = float(np.prod([sizes[states.index(name)] for name in names])) / self.sharpness
+        v = None if not found else found[0] if len(found) == 1 else tuple(found)
+        return effect.term(t, own, v, _values(effect, given), width)
+
+    def _entering(
+        self, t: Any, x: Any, u: Any, laws: Sequence[tuple[BalanceEffect, Any]]
+    ) -> tuple[Any, tuple[Any, ...]]:
+        """The inputs with laws at them, and what enters at further ports, where a law acts at one."""
+        if not laws:
+            return u, ()
+        inputs, further = list(self.inputs), list(getattr(self.simulator, "ports", None) or ())
+        enters, forces = list(u), [np.zeros_like(x[0]) for _ in further]
+        for effect, given in laws:
+            here = str(effect.location)
+            rows, i = (enters, inputs.index(here)) if here in inputs else (forces, further.index(here))
+            own = u[i] if rows is enters else np.zeros_like(x[0])
+            rows[i] = rows[i] + self._term(effect, given, t, x, u, own)
+        beyond = any(effect.location not in inputs for effect, _ in laws)
+        return np.stack(np.broadcast_arrays(*enters)) if enters else u, (np.stack(forces),) if beyond else ()
 
     @available_if(_has_output)
     def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:

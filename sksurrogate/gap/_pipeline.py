@@ -13,6 +13,7 @@ from typing import Any, Generic
 import numpy as np
 
 from sksurrogate._parallel._second import Aside, one_thread
+from sksurrogate.effects._ports import kind_at
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap.decide._baseline import Baseline
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
@@ -253,7 +254,7 @@ class DiagnosisPipeline(Generic[C]):
         """By name where effects explain the gap, by accusation where they do not."""
         found, final = self.found, self.final
         explained = effects if verdict in ("explained", "partial") else []
-        named = _where.named_places(explained, {e.key: e.kind for e in final.effects})
+        named = _where.named_places(explained, {e.key: kind_at(e, self.problem.plant) for e in final.effects})
         location, kind = None, None
         if named:
             location, kind, _ = named[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,8 @@ class PlantModel:
     """Right-hand side (or step) and output of a plant on arrays ``(n, *s)``.
 
     The user's functions see flat points, as scipy's ``vectorized=True``: x (n_states, n_points), u (n_inputs, n_points),
-    t and every varied parameter (n_points,).
+    t and every varied parameter (n_points,). Where a simulator offers further ports, ``u`` may have a row for each of them
+    behind the inputs: the force that enters there.
 
     Parameters
     ----------
@@ -28,14 +29,16 @@ class PlantModel:
 
     def __init__(self, plant: Plant):
         self.plant = plant
-        simulator = plant.simulator
+        simulator, wired = plant.simulator, _wired(plant)
         n = len(plant.states)
-        self._rhs = PointwiseFunction(simulator.rhs, n, "rhs", plant.states) if plant.access == "rhs" else None
-        self._step = PointwiseFunction(simulator.step, n, "step", plant.states) if plant.access == "step" else None
+        self._rhs = PointwiseFunction(wired(simulator.rhs), n, "rhs", plant.states) if plant.access == "rhs" else None
+        self._step = None
+        if plant.access == "step":
+            self._step = PointwiseFunction(wired(simulator.step), n, "step", plant.states)
         self._selected = plant.output_states
         self._output = None
         if self._selected is None:
-            self._output = PointwiseFunction(simulator.output, len(plant.outputs), "output", plant.outputs)
+            self._output = PointwiseFunction(wired(simulator.output), len(plant.outputs), "output", plant.outputs)
 
     def probe(self, u: np.ndarray) -> None:
         """Try the user's functions at the initial state and an input ``u`` (n_inputs,), so that mistakes speak early."""
@@ -113,6 +116,39 @@ class PlantModel:
             return x[list(self._selected)]
         assert self._output is not None
         return self._call(self._output, t, x, u, varied)
+
+
+class _WithForces:
+    """A function of a simulator with further ports, which takes what enters there as rows behind the inputs.
+
+    Parameters
+    ----------
+    function : callable (t, x, u, p, ..., forces)
+    n_inputs : int
+    places : list of int
+        Of the ports behind the inputs, among those that the simulator offers.
+    n_offered : int
+    """
+
+    def __init__(self, function: Callable[..., Any], n_inputs: int, places: Sequence[int], n_offered: int):
+        self.function, self.n_inputs, self.places, self.n_offered = function, n_inputs, list(places), n_offered
+
+    def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
+        if len(u) == self.n_inputs:
+            return self.function(t, x, u, p, *extra)
+        forces = np.zeros((self.n_offered, *np.shape(u)[1:]))
+        forces[self.places] = u[self.n_inputs :]
+        return self.function(t, x, u[: self.n_inputs], p, *extra, forces)
+
+
+def _wired(plant: Plant) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """What lets a function of the simulator take forces at further ports; nothing where there are none."""
+    further = plant.further_ports
+    if not further:
+        return lambda function: function
+    offered = [str(name) for name in plant.simulator.ports]
+    places = [offered.index(name) for name in further]
+    return lambda function: _WithForces(function, len(plant.inputs), places, len(offered))
 
 
 def _flat(value: Any, shape: tuple[int, ...]) -> np.ndarray:

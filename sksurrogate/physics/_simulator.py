@@ -21,7 +21,8 @@ class BaseSimulator(BaseEstimator):
 
     A subclass gives ``simulate(U, x0=None, t=None) -> Y`` for one run. It may give ``rhs(t, x, u, p)``,
     ``step(t, x, u, p, dt)``, ``output(t, x, u, p)``, ``simulate_states(U, x0, t)``, ``simulate_batch(U, X0, t)``,
-    ``jacobian(t, x, u, p)``, and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
+    ``jacobian(t, x, u, p)``, ``ports`` (names of forces that are no inputs; ``rhs``, ``step`` and ``output`` then take them as a
+    last argument ``forces`` (n_ports, ...)), and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
     and ``x0``; ``described()``, a dict of "inputs", "outputs", "states" and "x0", answers where these are None. ``kinematic``
     names states that are integrals, or copies, of others: no effect is sought in their balance. ``exact_step = True``
     says that ``step`` is what the simulator itself does, and ``rhs`` only its limit: then ``step`` is used where both are
@@ -121,6 +122,19 @@ class Plant:
         if not set(self.outputs) <= set(self.states):
             return None
         return tuple(self.states.index(name) for name in self.outputs)
+
+    @property
+    def further_ports(self) -> tuple[str, ...]:
+        """Where forces can enter that are no inputs: what the simulator offers as ``ports``, as far as no state has the name."""
+        if self.access == "trajectory":
+            return ()
+        taken = {*self.inputs, *self.states}
+        return tuple(str(name) for name in getattr(self.simulator, "ports", None) or () if name not in taken)
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Where forces, flows or heat can enter: the inputs, then further ports."""
+        return (*self.inputs, *self.further_ports)
 
 
 def simulated(simulator: Any, U: np.ndarray, x0: Any = None, *t: Any) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import BaseCandidate, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
@@ -253,6 +254,12 @@ class OdeBackend:
     def on(self, runs: Sequence[int]) -> OdeBackend:
         """The same problem on some of the runs."""
         return replace(self, record=self.record.select(runs))
+
+    def port_rate(self, name: str) -> float:
+        """Size of what enters at a port that makes the rates of the states which it moves most: the least of rate over gain."""
+        gain = largest_gains(self.model)[:, self.plant.ports.index(name)]
+        moved = np.array([state in self.balances for state in self.plant.states]) & (gain > 0)
+        return float(np.min(self.rate[moved] / gain[moved])) if moved.any() else 0.0
 
     @property
     def rigid(self) -> np.ndarray:

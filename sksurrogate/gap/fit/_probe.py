@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, Probe
+from sksurrogate.effects._ports import at_port
 from sksurrogate.gap.fit._ode import OdeBackend
 
 __all__ = ["probe_of"]
@@ -37,8 +38,11 @@ def probe_of(
     if effect.variable:
         factors = tuple(signal(name) for name in effect.variable.split("*"))
         v = np.prod(factors, axis=0)
-    where, rate = np.zeros(record.n_samples), 0.0
-    if effect.kind == "state":
+    where, rate, feedback = np.zeros(record.n_samples), 0.0, None
+    if at_port(effect, plant):
+        rate, feedback = problem.port_rate(str(effect.location)), problem.augmented((effect,)).wires[0].feedback
+        where = signal(str(effect.location)) if effect.location in plant.inputs else where
+    elif effect.kind == "state":
         place = plant.states.index(str(effect.location))
         where, rate = x[place], float(rates[place])
     elif effect.kind in ("input", "output"):
@@ -47,4 +51,5 @@ def probe_of(
     duration = record.dt * int(record.lengths.max())
     noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
     slope = None if slopes is None else slopes.of(effect.kind, str(effect.location))
-    return Probe(v, where, rate, record.dt, duration, record.starts, factors if len(factors) == 2 else (), noise, slope)
+    pair = factors if len(factors) == 2 else ()
+    return Probe(v, where, rate, record.dt, duration, record.starts, pair, noise, slope, feedback)

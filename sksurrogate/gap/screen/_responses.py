@@ -54,7 +54,7 @@ class Responses:
             _, self.C = output_jacobian(self.bound, x, base.model.scale)
             self.y = self.bound.outputs(self.lin.x[:, None])
         self.n_effect = sum(len(e.parameters) for e in base.effects)
-        self.pushes: dict[int, np.ndarray] = {}
+        self.pushes: dict[str, np.ndarray] = {}
 
     def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Change of the outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
@@ -68,12 +68,11 @@ class Responses:
         if isinstance(effect, HiddenEffect):
             z = hidden_paths(effect, model, starts, x)
             paths = [np.concatenate([x, z[:, s]]) for s in range(starts.shape[1])]
-        direct = isinstance(effect, SensorEffect) or (
-            problem.plant.output_states is None and isinstance(effect, (InputEffect, ParameterEffect))
-        )
+        entering = isinstance(effect, (InputEffect, ParameterEffect)) or (model.wires[-1].port >= 0 and not hidden)
+        direct = isinstance(effect, SensorEffect) or (problem.plant.output_states is None and entering)
         jumps = isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0
         stepless = isinstance(effect, (BalanceEffect, LimitEffect)) or (jumps and not direct)
-        bound = None if stepless else model.bind(theta)
+        bound = None if stepless and not direct else model.bind(theta)
         out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
         if isinstance(effect, LimitEffect):
             out += np.einsum("oit,ist->ost", self.C, self.limited(effect, starts))
@@ -87,11 +86,12 @@ class Responses:
                 assert bound is not None
                 change = bound(now)[:n] - self.after
             out += self.acted(change)
-        stuck = sticks(effect, starts, model.wires[-1].width, problem.record.dt)
+        stuck = sticks(effect, starts, model.wires[-1], problem.record.dt)
         if isinstance(effect, BalanceEffect) and np.any(
             stuck
         ):  # along a path that sticks the sign is that of the noise
-            moved = self.sampled(slowed(problem, effect, starts[:, stuck], x), int(np.sum(stuck)))
+            push = self.unit_push(str(effect.location)) if model.wires[-1].port >= 0 else None
+            moved = self.sampled(slowed(problem, effect, starts[:, stuck], x, push), int(np.sum(stuck)))
             out[:, stuck] = np.einsum("oit,ist->ost", self.C, moved)
         if direct and bound is not None:
             out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
@@ -137,7 +137,7 @@ class Responses:
     ) -> np.ndarray:
         """What the force of the last effect changes in the next states (n_states, n_starts, n_samples).
 
-        Its mean over the sample, times what a unit force in its balance changes: no step of the plant for every start. The
+        Its mean over the sample, times what a unit force at its place changes: no step of the plant for every start. The
         path x may lie ``aside`` of the smoothed one (n_states, n_samples).
         """
         i, record, wire = len(self.base.effects), self.problem.record, model.wires[-1]
@@ -148,7 +148,7 @@ class Responses:
         how = [row[:, None] for row in starts], self.bound.h if wire.width is None else wire.width
         first = model.force_of(i, record.t, x, self.bound.acting(0), *how)
         last = model.force_of(i, record.t + record.dt, later, self.bound.acting(-1), *how)
-        return self.unit_push(wire.place)[:, None] * (0.5 * (first + last))
+        return self.unit_push(str(model.effects[-1].location))[:, None] * (0.5 * (first + last))
 
     def switched(self, model: AugmentedModel, theta: np.ndarray) -> np.ndarray:
         """What a parameter that jumps by one value at several times changes in the next states (n_states, n_starts, n_samples).
@@ -161,12 +161,13 @@ class Responses:
         new = (model.bind(always)(self.smoothed.x[:, None]) - self.after)[: self.base.model.n_states]
         return new * np.clip((record.t + record.dt - theta[place][:, None]) / record.dt, 0.0, 1.0)
 
-    def unit_push(self, place: int) -> np.ndarray:
-        """What a constant unit force in one balance changes in the next states (n_states, n_samples)."""
+    def unit_push(self, place: str) -> np.ndarray:
+        """What a constant unit force in one balance, or at one port, changes in the next states (n_states, n_samples)."""
         if place not in self.pushes:
             problem, base = self.problem, self.base
-            force = ConstantBias(problem.plant.states[place])
-            unit = 1e-2 * float(problem.rate[place]) or 1e-6
+            force, states = ConstantBias(place), problem.plant.states
+            size = problem.rate[states.index(place)] if place in states else problem.port_rate(place)
+            unit = 1e-2 * float(size) or 1e-6
             theta = np.r_[base.fit.theta[: self.n_effect], unit, base.fit.theta[self.n_effect :]]
             bound = problem.augmented((*base.effects, force)).bind(theta[:, None])
             self.pushes[place] = (bound(self.smoothed.x[:, None]) - self.after)[:, 0] / unit

@@ -7,42 +7,54 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._wires import Wire, kink_width
 from sksurrogate.gap.fit._ode import OdeBackend
 
 __all__ = ["slowed", "sticks", "sticks_in"]
 
 
-def sticks(effect: BaseEffect, theta: np.ndarray, width: float | None, h: float) -> np.ndarray:
-    """Whether steps ``h`` would smooth the jump of an effect against its balance's own state further than other kinks.
+def sticks(effect: BaseEffect, theta: np.ndarray, wire: Wire, h: float) -> np.ndarray:
+    """Whether steps ``h`` would smooth the jump of an effect against its own variable further than other kinks.
 
     For every column of its parameters (n_parameters, ...).
     """
-    if not isinstance(effect, BalanceEffect) or width is None:
+    if not isinstance(effect, BalanceEffect) or wire.width is None:
         return np.zeros(theta.shape[1:], bool)
-    return np.broadcast_to(effect.smoothed(list(theta), width, h) > width, theta.shape[1:])
+    return np.broadcast_to(kink_width(effect, wire, list(theta), h) > wire.width, theta.shape[1:])
 
 
 def sticks_in(problem: OdeBackend, effects: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
     """Whether one of several effects with their parameters does so in the steps of a problem."""
     h, wires = problem.record.dt / problem.numerics.n_sub, problem.augmented(effects).wires
-    return any(bool(sticks(effect, theta, wire.width, h)) for effect, theta, wire in zip(effects, values, wires))
+    return any(bool(sticks(effect, theta, wire, h)) for effect, theta, wire in zip(effects, values, wires))
 
 
 def slowed(
-    problem: OdeBackend, effect: BalanceEffect, starts: np.ndarray, x: np.ndarray
+    problem: OdeBackend, effect: BalanceEffect, starts: np.ndarray, x: np.ndarray, push: np.ndarray | None = None
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """What acts on deviations (n_states, n_starts, n_rows) from a path x (n_states, n_samples) at some rows.
 
-    Over every sample friction slows its state down, and stops it where it would turn it round.
+    Over every sample friction slows its state down, and stops it where it would turn it round. At a port ``push``
+    (n_states, n_samples) is what a unit force there changes in the next states: the others move with the one that stops.
     """
-    record, place = problem.record, problem.plant.states.index(str(effect.location))
+    record, place = (
+        problem.record,
+        problem.plant.states.index(str(effect.variable if push is not None else effect.location)),
+    )
     theta, begins = [row[:, None] for row in starts], np.zeros(record.n_samples, bool)
     begins[record.starts] = True
 
     def slow(s: np.ndarray, rows: np.ndarray) -> np.ndarray:
         v = s[place] + x[place, rows]
-        after = v + record.dt * effect.term(record.t[rows], v, v, theta, 0.0)
-        s[place] = np.where(begins[rows], v, np.where(after * v > 0, after, 0.0)) - x[place, rows]
+        force = effect.term(record.t[rows], v, v, theta, 0.0)
+        after = v + (record.dt if push is None else push[place, rows]) * force
+        after = np.where(begins[rows], v, np.where(after * v > 0, after, 0.0))
+        if push is None:
+            s[place] = after - x[place, rows]
+            return s
+        gain = push[place, rows]
+        impulse = np.where(gain != 0, (after - v) / np.where(gain != 0, gain, 1.0), 0.0)
+        s[: len(push)] += push[:, None, rows] * impulse
         return s
 
     return slow

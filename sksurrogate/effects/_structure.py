@@ -1,0 +1,198 @@
+"""What moves what in a plant, seen at random points: states that are integrals of others, and what a force at a port moves."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sksurrogate.physics._model import PlantModel
+
+__all__ = ["Structure", "kinematic_states", "largest_gains", "rate_gains", "structure_of"]
+
+#: Push at a port, in its unit: rates are in proportion to it or nearly so, and rounding stays far below what it moves.
+PUSH = 1e-3
+#: A rate that moves by less than this share of its own size, a unit push, is not moved.
+NOT_MOVED = 1e-9
+#: Change of a gain from point to point, over its size, below which it counts as constant: an implicit step leaves such changes.
+CONSTANT = 1e-3
+#: Least share of |cosine| from which two columns of gains are the same column but for a factor.
+PARALLEL = 1.0 - 1e-6
+#: Largest gains of the models that were asked for them.
+_KNOWN: weakref.WeakKeyDictionary[PlantModel, np.ndarray] = weakref.WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """What the random points show.
+
+    Attributes
+    ----------
+    speed_of : dict of str or None
+        Kinematic states; the state that each is the integral of, None where it is only declared as one.
+    gain : ndarray (n_states, n_ports, n_points)
+        Change of the rate of every state by a unit of what enters at a port; nan where the plant has no rate.
+    moved : ndarray of bool (n_states, n_ports)
+        Whether it moves at all; never a kinematic state.
+    constant : ndarray of bool (n_states, n_ports)
+        Whether the gain is the same at all points.
+    """
+
+    speed_of: dict[str, str | None]
+    gain: np.ndarray
+    moved: np.ndarray
+    constant: np.ndarray
+
+    def is_a_balance(self, port: int) -> bool:
+        """Whether what enters at a port enters one balance, and always in proportion: a law there is one of that balance."""
+        rows = np.flatnonzero(self.moved[:, port])
+        return len(rows) == 1 and bool(self.constant[rows[0], port])
+
+    def parallel(self, one: int, other: int) -> bool:
+        """Whether two ports move the states alike, but for one factor: a law at one is a law at the other."""
+        a, b = (np.nan_to_num(self.gain[:, k] * self.moved[:, [k]]).ravel() for k in (one, other))
+        size = float(np.linalg.norm(a) * np.linalg.norm(b))
+        return size > 0 and abs(float(a @ b)) > PARALLEL * size
+
+
+def structure_of(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> Structure:
+    """Look at a plant with a right-hand side or a step.
+
+    Parameters
+    ----------
+    model : PlantModel
+    n_points : int, default=12
+    random_state : int, default=0
+
+    Returns
+    -------
+    Structure
+    """
+    model = _with_rates(model)
+    plant = model.plant
+    gain = rate_gains(model, n_points=n_points, random_state=random_state)
+    speed_of = _integrals(model, n_points, random_state)
+    t, x, u = _points(model, n_points, random_state)
+    rate = np.max(np.abs(np.nan_to_num(_rates(model, t, x, u))), axis=1, initial=0.0)
+    with np.errstate(all="ignore"):
+        size = np.max(np.nan_to_num(np.abs(gain)), axis=2, initial=0.0)
+        spread = np.nanmax(gain, axis=2, initial=-np.inf) - np.nanmin(gain, axis=2, initial=np.inf)
+    moved = size > np.maximum(NOT_MOVED * rate[:, None], 1e-300)
+    moved[[plant.states.index(name) for name in speed_of]] = False
+    return Structure(speed_of, gain, moved, moved & (spread <= CONSTANT * size))
+
+
+def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> tuple[str, ...]:
+    """States whose balance is an identity ``dq/dt = v`` with another state, seen at random points or declared (``kinematic``).
+
+    No effect can be missing there: a position changes with its speed, whatever else is wrong.
+
+    Parameters
+    ----------
+    model : PlantModel
+    n_points : int, default=12
+    random_state : int, default=0
+
+    Returns
+    -------
+    tuple of str
+    """
+    found = _integrals(model, n_points, random_state)
+    return tuple(name for name in model.plant.states if name in found)
+
+
+def rate_gains(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> np.ndarray:
+    """Change of the rate of every state by a unit of what enters at every port, (n_states, n_ports, n_points).
+
+    By differences, at random states; nan where the plant has no rate there, or gives trajectories only.
+    """
+    model = _with_rates(model)
+    plant = model.plant
+    n, m = len(plant.states), len(plant.ports)
+    if plant.access == "trajectory" or not m or not n:
+        return np.zeros((n, m, n_points))
+    t, x, u = _points(model, n_points, random_state)
+    entering = np.concatenate([u, np.zeros((len(plant.further_ports), n_points))])
+    pushes = PUSH * np.eye(m)[:, :, None]
+    columns = np.concatenate([entering[:, None] + pushes, entering[:, None] - pushes], axis=1)
+    many = np.broadcast_to(x[:, None], (n, 2 * m, n_points))
+    rates = _rates(model, t, many, columns)
+    with np.errstate(all="ignore"):
+        return (rates[:, :m] - rates[:, m:]) / (2 * PUSH)
+
+
+def largest_gains(model: PlantModel) -> np.ndarray:
+    """Largest size of :func:`rate_gains` over the points, (n_states, n_ports); computed once for a model."""
+    if model not in _KNOWN:
+        _KNOWN[model] = np.max(np.nan_to_num(np.abs(rate_gains(model))), axis=2, initial=0.0)
+    return _KNOWN[model]
+
+
+def _with_rates(model: PlantModel) -> PlantModel:
+    """A model that shows rates themselves, where the simulator that steps has a right-hand side too."""
+    plant = model.plant
+    both = plant.access == "step" and callable(getattr(plant.simulator, "rhs", None))
+    return PlantModel(replace(plant, access="rhs")) if both else model
+
+
+def _points(model: PlantModel, n_points: int, random_state: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, states and inputs about the initial state; half of the states not negative, as levels and concentrations are."""
+    plant = model.plant
+    n, random = len(plant.states), np.random.default_rng(random_state)
+    size = np.maximum(np.abs(plant.x0), 1.0)[:, None]
+    x = plant.x0[:, None] + size * random.normal(size=(n, n_points))
+    x[:, n_points // 2 :] = np.abs(x[:, n_points // 2 :])
+    u = np.abs(random.normal(size=(len(plant.inputs), n_points)))
+    return np.linspace(0.0, 10 * plant.dt, n_points), x, u
+
+
+def _rates(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """dx/dt, or the mean rate over a step of a simulator that steps."""
+    with np.errstate(all="ignore"):
+        if model.plant.access == "rhs":
+            return model.derivative(t, x, u)
+        dt = model.plant.dt
+        return (model.step(t, x, u, dt) - x) / dt
+
+
+def _integrals(model: PlantModel, n_points: int, random_state: int) -> dict[str, str | None]:
+    """Kinematic states and the state that each is the integral of.
+
+    With a right-hand side the rate is the other state. A step may be taken anyhow: over a short one the mean rate is the
+    other state; over a whole one it lies between that state before and after it, whatever the integrator.
+    """
+    plant = model.plant
+    found: dict[str, str | None] = {}
+    n = len(plant.states)
+    if plant.access == "trajectory":
+        return {}
+    if n > 1:
+        t, x, u = _points(model, n_points, random_state)
+        with np.errstate(all="ignore"):
+            if plant.access == "rhs":
+                same = _identical(model.derivative(t, x, u), x, 1e-12)
+            else:
+                short = 1e-4 * plant.dt
+                same = _identical((model.step(t, x, u, short) - x) / short, x, 1e-2)
+                same |= _between(model.step(t, x, u, plant.dt), x, plant.dt)
+        for i, j in zip(*np.nonzero(same & ~np.eye(n, dtype=bool))):
+            found.setdefault(plant.states[int(i)], plant.states[int(j)])
+    declared = tuple(getattr(plant.simulator, "kinematic", None) or ())
+    return {name: found.get(name) for name in plant.states if name in found or name in declared}
+
+
+def _identical(dx: np.ndarray, x: np.ndarray, tolerance: float) -> np.ndarray:
+    """Whether the rate of state i is state j at every point, (n_states, n_states)."""
+    return np.all(np.abs(dx[:, None] - x[None]) <= tolerance * np.maximum(np.abs(x[None]), 1e-3), axis=2)
+
+
+def _between(after: np.ndarray, x: np.ndarray, dt: float) -> np.ndarray:
+    """Whether the mean rate of state i lies between state j before and after a step, at every point, (n_states, n_states).
+
+    Where state j moves by less than half of its spread over the points: else anything lies between.
+    """
+    rate, middle, reach = (after - x) / dt, 0.5 * (after + x), 0.5 * np.abs(after - x)
+    slack = 1e-9 * np.maximum(np.abs(middle), 1e-3)
+    within = np.all(np.abs(rate[:, None] - middle[None]) <= (reach + slack)[None], axis=2)
+    return within & (np.max(reach, axis=1) < 0.25 * np.std(x, axis=1))[None]

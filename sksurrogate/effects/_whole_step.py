@@ -1,0 +1,104 @@
+"""One sample of a simulator that steps, with effects: their terms before and after its step, laws at ports within it."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["held_for", "whole_step"]
+
+
+class Effects(Protocol):
+    """What a step asks of a model with its parameters filled in (:class:`~sksurrogate.effects._model.BoundModel`)."""
+
+    a: Any
+    held: float
+
+    def rates_of_effects(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        """``dx`` with the terms of the effects added and the rates of hidden states filled in."""
+
+    def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What enters at the ports."""
+
+
+def held_for(plant: Plant, dt: float, h: float) -> float:
+    """Time over which a law at a port is held: a substep ``h`` of a right-hand side, a step of a simulator that steps.
+
+    A simulator that says what its own ``timestep`` is takes its sample in these steps, a new force at each; any other takes
+    the sample whole.
+    """
+    if plant.access != "step":
+        return h
+    own = getattr(plant.simulator, "timestep", None)
+    return dt / max(1, round(dt / float(own))) if own else dt
+
+
+def whole_step(
+    bound: Effects, t: np.ndarray, x: np.ndarray, mean: np.ndarray, varied: Any, has_rates: bool, has_ports: bool
+) -> np.ndarray:
+    """States one sample later.
+
+    A simulator's own steps, each between two half steps of the terms that effects have themselves (Strang).
+
+    Parameters
+    ----------
+    bound : BoundModel
+    t : ndarray
+        Times of the samples.
+    x : ndarray (n_states, n_columns, n_samples)
+    mean : ndarray (n_sub, n_inputs, n_columns | 1, n_samples)
+    varied : dict
+        Parameters of the simulator that differ.
+    has_rates, has_ports : bool
+        Whether effects act on balances or have states of their own, and whether they act at ports.
+    """
+    a = bound.a
+    parts = max(1, round(a.record.dt / bound.held)) if has_ports else 1
+    h, u = a.record.dt / parts, np.mean(mean, axis=0)
+    first, last = (u, u) if parts > 1 else (mean[0], mean[-1])
+    own = bool(getattr(a.plant.simulator, "timestep", None))
+    for part in range(parts):
+        now = t + part * h
+        drift = _drift(bound, now, x, u, h, varied) if has_rates else None
+        if drift is not None:
+            x = _kick(bound, now, x, first, h / 2, drift)
+        x = _moved(bound, now, x, u, h, varied, has_ports, own)
+        if drift is not None:
+            x = _kick(bound, now + h, x, last, h / 2, drift)
+    return x
+
+
+def _drift(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any) -> np.ndarray:
+    """What the simulator itself adds to dx/dt; needed by hidden states, which follow dv/dt."""
+    a, n = bound.a, bound.a.n_nominal
+    drift = np.zeros_like(x)
+    if a.n_states > n:
+        drift[:n] = (a.model.step(t, x[:n], bound.entering(t, x, u), h, varied) - x[:n]) / h
+    return drift
+
+
+def _kick(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, drift: np.ndarray) -> np.ndarray:
+    """The effects' own terms alone over a time h (midpoint rule)."""
+    rate = bound.rates_of_effects(t, x, u, drift.copy()) - drift
+    return x + h * (bound.rates_of_effects(t, x + (h / 2) * rate, u, drift.copy()) - drift)
+
+
+def _moved(
+    bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any, has_ports: bool, own: bool
+) -> np.ndarray:
+    """One step of the simulator.
+
+    A law at a port is held over a step that is the simulator's own; over any other it is the mean of its values before and
+    after (Heun).
+    """
+    a, n = bound.a, bound.a.n_nominal
+    enters = bound.entering(t, x, u) if has_ports else u
+    after = x.copy()
+    after[:n] = a.model.step(t, x[:n], enters, h, varied)
+    if has_ports and not own:
+        later = bound.entering(t + h, after, u)
+        after[:n] = a.model.step(t, x[:n], 0.5 * (enters + later), h, varied)
+    return after

@@ -1,0 +1,94 @@
+"""Where effects enter a plant and what drives them, by position: looked up once for a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._ports import at_port
+from sksurrogate.effects._smooth import stable
+from sksurrogate.effects._structure import largest_gains
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["Wire", "entering", "factors", "feedback_of", "kink_width", "wire_of"]
+
+
+@dataclass(frozen=True)
+class Wire:
+    """The wiring of one effect.
+
+    Attributes
+    ----------
+    place : int
+        State whose balance holds the effect; -1: none.
+    drivers : tuple of (bool, int)
+        Signals of the variable: whether it is a state, and its position.
+    width : float or None
+        Width over which kinks are smoothed, in units of the variable (None: of time).
+    port : int
+        Port at which a law adds to what enters; -1: none.
+    feedback : float
+        What a unit of the effect's force changes in the rate of its own variable: 1 in the balance of that variable, at most
+        the port's gain at a port, else 0.
+    """
+
+    place: int
+    drivers: tuple[tuple[bool, int], ...]
+    width: float | None
+    port: int = -1
+    feedback: float = 0.0
+
+
+def factors(effect: BaseEffect) -> list[str]:
+    """Names of the signals in a variable: "v" or "v*w"."""
+    return effect.variable.split("*") if effect.variable else []
+
+
+def wire_of(effect: BaseEffect, model: PlantModel, width: Callable[[BaseEffect], float]) -> Wire:
+    """The wiring of an effect; ``width`` tells that of its kinks."""
+    plant = model.plant
+    if effect.kind != "state":
+        return Wire(-1, (), None)
+    states, inputs = plant.states, plant.inputs
+    drivers = tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in factors(effect))
+    smoothed = width(effect) if effect.variable else None
+    if not at_port(effect, plant):
+        own = isinstance(effect, BalanceEffect) and effect.variable == effect.location
+        return Wire(states.index(str(effect.location)), drivers, smoothed, feedback=float(own))
+    port = plant.ports.index(str(effect.location))
+    return Wire(-1, drivers, smoothed, port, feedback_of(model, port, drivers))
+
+
+def feedback_of(model: PlantModel, port: int, drivers: Sequence[tuple[bool, int]]) -> float:
+    """Largest change of the rate of a law's variable, a single state, by a unit of what enters at its port."""
+    if len(drivers) != 1 or not drivers[0][0]:
+        return 0.0
+    return float(largest_gains(model)[drivers[0][1], port])
+
+
+def kink_width(effect: BaseEffect, wire: Wire, parameters: Sequence[Any], h: float) -> Any:
+    """Width of an effect's kinks in steps ``h``: a jump against its own variable is smoothed as far as they can follow it."""
+    width = h if wire.width is None else wire.width
+    if not isinstance(effect, BalanceEffect):
+        return width
+    if wire.port < 0:
+        return effect.smoothed(parameters, width, h)
+    return stable(width, effect.jump(parameters), h * wire.feedback) if wire.feedback else width
+
+
+def entering(
+    plant: Plant, u: np.ndarray, forces: Sequence[tuple[int, np.ndarray]], shape: tuple[int, ...]
+) -> np.ndarray:
+    """What enters at the ports (n_inputs or n_ports, *shape): the inputs ``u`` with laws (port, force) added."""
+    n = len(plant.inputs)
+    rows = n if all(port < n for port, _ in forces) else len(plant.ports)
+    out = np.zeros((rows, *shape))
+    out[:n] = u
+    for port, force in forces:
+        out[port] += force
+    return out

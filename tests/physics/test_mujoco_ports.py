@@ -1,0 +1,102 @@
+"""Laws at the joints of a MuJoCo model: where they are sought, and the steps that MuJoCo itself takes with such a force."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, build_effects
+from sksurrogate.effects._ports import Port, places_of
+from sksurrogate.physics import MuJoCoSimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+mujoco = pytest.importorskip("mujoco")
+
+ARM = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="upper">
+      <joint name="shoulder" axis="0 1 0" damping="0.2"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3" mass="1"/>
+      <body name="lower" pos="0 0 -0.3">
+        <joint name="elbow" axis="0 1 0" damping="0.1" armature="0.01"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3" mass="0.7"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="motor1" joint="shoulder"/>
+    <position name="servo2" joint="elbow" kp="20" kv="1"/>
+  </actuator>
+  <sensor><actuatorfrc actuator="motor1"/><accelerometer site="tip"/></sensor>
+</mujoco>""".replace("</body>\n    </body>", '<site name="tip" pos="0 0 -0.3"/></body>\n    </body>')
+
+
+def arm(**given):
+    return MuJoCoSimulator(ARM, **{"outputs": ["shoulder.pos", "elbow.pos"], "dt": 0.01, **given})
+
+
+def inputs(n=60):
+    return np.repeat(np.random.default_rng(0).uniform(-1, 1, size=(n // 20, 2)), 20, axis=0)
+
+
+def by_mujoco(U, force, x0):
+    """Positions at the samples, the force held over every step of MuJoCo's own."""
+    model = mujoco.MjModel.from_xml_string(ARM)
+    data, out = mujoco.MjData(model), []
+    data.qpos[:], data.qvel[:] = x0[:2], x0[2:]
+    for u in U:
+        out.append(data.qpos.copy())
+        for _ in range(5):
+            data.ctrl[:], data.qfrc_applied[:] = u, [0.0, force(data)]
+            mujoco.mj_step(model, data)
+    return np.array(out)
+
+
+@pytest.mark.parametrize(
+    ("name", "variable", "values", "force"),
+    [
+        ("quadratic_drag", "elbow.vel", {"coefficient": 0.2}, lambda d: -0.2 * d.qvel[1] * abs(d.qvel[1])),
+        ("cubic_stiffness", "elbow.pos", {"coefficient": 0.8}, lambda d: -0.8 * d.qpos[1] ** 3),
+        ("linear_loss", "shoulder.vel", {"coefficient": 0.3}, lambda d: -0.3 * d.qvel[0]),
+    ],
+)
+def test_a_law_at_a_joint_is_a_force_that_mujoco_applies_at_each_of_its_steps(name, variable, values, force):
+    x0 = np.array([0.3, -0.5, 0.5, -1.0])
+    there = AugmentedSimulator(arm(), [CATALOGUE[name]("elbow", variable)], [values])
+    assert np.allclose(there.simulate(inputs(), x0), by_mujoco(inputs(), force, x0), rtol=0, atol=1e-12)
+    assert np.ptp(there.simulate(inputs(), x0) - arm().simulate(inputs(), x0)) > 1e-3
+
+
+def test_dry_friction_at_a_joint_is_near_the_constraint_that_mujoco_solves():
+    x0, U = np.array([0.3, -0.5, 0.5, -1.0]), inputs(200)
+    friction = CATALOGUE["coulomb_friction"]("elbow", "elbow.vel")
+    law = AugmentedSimulator(arm(), [friction], [{"level": 0.15}]).simulate(U, x0)
+    constraint = arm().set_params(**{"params__elbow.frictionloss": 0.15}).simulate(U, x0)
+    # at rest, which a servo makes frequent, both creep, each in its own way
+    assert np.sqrt(np.mean((law - constraint) ** 2)) < 0.1 * np.std(constraint - arm().simulate(U, x0))
+
+
+def test_laws_are_sought_at_joints_and_not_in_the_accelerations_that_they_make():
+    plant = describe(arm())
+    balances = ["shoulder.vel", "elbow.vel"]
+    places = places_of(plant, balances)
+    assert places.balances == ()
+    assert places.ports == tuple(Port(j, (f"{j}.vel",), (f"{j}.pos",), constant=True) for j in ("shoulder", "elbow"))
+    found = [effect.key for effect in build_effects(plant, balances, "coulomb_friction")]
+    assert found == [("coulomb_friction", j, f"{j}.vel") for j in ("shoulder", "elbow")]  # no twin at a motor or servo
+
+
+def test_a_joint_that_is_an_input_stays_a_port():
+    plant = describe(arm(inputs=["shoulder", "servo2"]))
+    assert plant.inputs == ("shoulder", "servo2") and plant.further_ports == ("elbow",)
+    assert {port.name for port in places_of(plant, ["shoulder.vel", "elbow.vel"]).ports} >= {"shoulder", "elbow"}
+
+
+def test_sensors_show_what_enters_at_a_joint():
+    plant = describe(arm(outputs=["sensor1.x", "elbow.vel"]))
+    model = PlantModel(plant)
+    x, u = np.zeros((4, 2)), np.zeros((4, 2))
+    u[3, 1] = 1.0  # a force in the elbow, behind two inputs and the shoulder
+    read = model.output(np.zeros(2), x, u)
+    assert abs(read[0, 1] - read[0, 0]) > 0.1 and read[1, 1] == read[1, 0]
