@@ -65,6 +65,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_knowledge(diagnose)
     diagnose.add_argument("--html", metavar="FILE", help="write one self-contained page")
+    diagnose.add_argument(
+        "--json", metavar="FILE", nargs="?", const="-", help="write the report as JSON; without FILE in place of the text"
+    )
     diagnose.add_argument("--save", metavar="FILE", help="write the effects and re-tuned parameters as JSON")
     diagnose.add_argument("--jobs", type=int, default=None, help="worker processes")
     diagnose.add_argument("--quiet", action="store_true", help="no progress")
@@ -212,6 +215,7 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         raise DataError("--jobs 0: give the number of worker processes, or -1 for one a core.")
     _check_target("--html", arguments.html)
     _check_target("--save", arguments.save)
+    _check_target("--json", None if arguments.json == "-" else arguments.json)
     if arguments.html and arguments.save and Path(arguments.html).resolve() == Path(arguments.save).resolve():
         raise DataError(f"--html {arguments.html} and --save name one file: give each its own.")
     simulator = load_simulator(arguments.simulator)
@@ -246,10 +250,14 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         "augmented simulator", arguments.save, lambda path: save_augmented(better, path, verdict=report.verdict)
     )
     page, whole = _written("page", arguments.html, report.to_html)
-    print("\n".join([str(report), "", *page, *saved]).rstrip("\n"))
+    if arguments.json == "-":
+        print(report.to_json())
+        return 0 if safe and whole else 1
+    text, plain = _written("report", arguments.json, report.to_json)
+    print("\n".join([str(report), "", *page, *text, *saved]).rstrip("\n"))
     if arguments.save and not saved:
         print(augmented_text(better, verdict=report.verdict), end="")
-    return 0 if safe and whole else 1
+    return 0 if safe and whole and plain else 1
 
 
 def _check_time(column: str, X: np.ndarray, y: np.ndarray, clock: np.ndarray, labels: Any, dt: float) -> None:

@@ -12,7 +12,7 @@ ROOT = Path(sksurrogate.__file__).parent
 FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py")
 #: From the ground up; a folder or file imports from lower floors only.
 FLOORS = (
-    {"exceptions", "_files", "_terminal"},
+    {"exceptions", "_files", "_terminal", "_units"},
     {"kernels", "export", "_command_options", "_csv", "_fingerprint", "_lags", "_parallel", "_tables"},
     {"runs", "_checks", "_columns", "metrics"},
     {"_dynamic"},

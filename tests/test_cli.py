@@ -54,6 +54,19 @@ def test_a_diagnosis_end_to_end(folder, capsys):
     assert "<svg" in page and "http" not in page
 
 
+def test_the_report_as_json(folder, capsys):
+    command = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--run", "experiment", "--quiet"]
+    assert main([*command, "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["schema"] == "sksurrogate.gap-report/1" and printed["verdict"] == "explained"
+    assert main([*command, "--json", str(folder / "report.json")]) == 0
+    assert "VERDICT" in capsys.readouterr().out
+    written = json.loads((folder / "report.json").read_text())
+    assert written["effects"] == printed["effects"]
+    assert main([*command, "--json", str(folder / "no" / "report.json")]) == 2
+    assert "--json" in capsys.readouterr().err
+
+
 def test_mistakes_name_line_and_column(folder, capsys):
     data = (folder / "data.csv").read_text()
     (folder / "bad.csv").write_text(data.replace("time,flow", "time,inflow", 1))

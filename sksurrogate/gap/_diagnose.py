@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -16,6 +17,7 @@ from sksurrogate._columns import by_name
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import begin_ode, begin_trajectory
+from sksurrogate.gap._origin import origin_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
@@ -178,7 +180,12 @@ class GapDiagnoser(BaseEstimator):
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
         pipeline, rows, (second, later) = begin(self, plant, runs, whole, free, user_knows, seed)
         with second, later:
-            self.report_ = pipeline.run(begun)
+            self.report_ = replace(
+                pipeline.run(begun),
+                units=dict(getattr(self.simulator, "units", None) or {}),
+                nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
+                provenance=origin_of(self, plant, len(runs), whole.n_samples, free),
+            )
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.final.candidate.initial_states()
         first = rows[pipeline.problem.record.starts]

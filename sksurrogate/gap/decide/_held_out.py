@@ -174,14 +174,14 @@ def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, 
 
 
 def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
-    """Held-out runs for the eye."""
+    """All held-out runs for the eye, in the order of the data."""
     if held is None:
         return ()
     record = held.record
     bounds = np.r_[record.starts, record.n_samples]
     return tuple(
-        Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T)
-        for label, a, b in zip(pieces(record, labels)[:4], bounds[:-1], bounds[1:])
+        Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T, record.u[:, a:b].T)
+        for label, a, b in zip(pieces(record, labels), bounds[:-1], bounds[1:])
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["budget_html", "budget_lines"]
+__all__ = ["budget_html", "budget_lines", "part_name", "shown"]
 
 #: Fill of each kind of part, and the letter of the terminal's bar.
 _FILL = {"effect": "#0072b2", "re-tuning": "#56b4e9", "unnamed law": "#e69f00", "disturbance": "#bbbbbb"}
@@ -26,7 +26,7 @@ _LEAST = 0.0005
 
 
 def shown(budget: Table) -> list[Mapping[str, Any]]:
-    """The parts that are told."""
+    """The parts that the text lists."""
     return [row for row in budget if row["kind"] == "effect" or row["share"] >= _LEAST]
 
 
@@ -52,7 +52,7 @@ def budget_lines(budget: Table, width: int) -> list[str]:
     counts = np.diff(ends, prepend=0)
     bar = "".join(_LETTER[row["kind"]] * int(count) for row, count in zip(rows, counts))
     lines = ["Budget of the gap (shares of its power on runs left out, 90 %)", f"  [{bar:<{room}}]"]
-    return lines + [f"  {_LETTER[row['kind']]} {_percent(row)} {_name(row)}" for row in rows]
+    return lines + [f"  {_LETTER[row['kind']]} {_percent(row)} {part_name(row)}" for row in rows]
 
 
 def budget_html(budget: Table) -> str:
@@ -61,11 +61,11 @@ def budget_html(budget: Table) -> str:
     if not rows:
         return ""
     parts = "".join(
-        f'<span style="flex:{max(row["share"], 1e-4):.5f} 0 0;background:{_FILL[row["kind"]]}" title="{escape(_name(row))}"></span>'
+        f'<span style="flex:{max(row["share"], 1e-4):.5f} 0 0;background:{_FILL[row["kind"]]}" title="{escape(part_name(row))}"></span>'
         for row in rows
     )
     legend = "".join(
-        f'<li><span class="key" style="background:{_FILL[row["kind"]]}"></span>{_percent(row)} {escape(_name(row))}</li>'
+        f'<li><span class="key" style="background:{_FILL[row["kind"]]}"></span>{_percent(row)} {escape(part_name(row))}</li>'
         for row in rows
     )
     return (
@@ -80,6 +80,6 @@ def _percent(row: Mapping[str, Any]) -> str:
     return f"{100 * row['share']:.1f} % [{100 * row['low']:.1f}, {100 * row['high']:.1f}]"
 
 
-def _name(row: Mapping[str, Any]) -> str:
+def part_name(row: Mapping[str, Any]) -> str:
     """What a part is called."""
     return _NAMES.get(row["kind"], str(row["part"]))

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import require
-from sksurrogate.gap.render._page import waterfall
+from sksurrogate.gap.render._budget import part_name, shown
+from sksurrogate.gap.render._runs import noise_of, run_error, worst_first
+from sksurrogate.gap.render._units import TIME, axis, derivative_unit
+from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
+from sksurrogate.gap.results._trace import Trace
 
 __all__ = ["GapDisplay"]
 
+#: Panels by kind, in the order of the figure; those of the overview.
+_KINDS = (
+    "budget", "waterfall", "ranking", "trace", "residual", "runs", "regions", "time", "frequency", "missing_term",
+)  # fmt: skip
+_OVERVIEW = ("waterfall", "ranking", "trace", "regions", "time", "frequency", "missing_term")
+#: Okabe and Ito's colours.
+_COLOURS = ["#0072b2", "#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#bbbbbb"]
+
 
 class GapDisplay:
-    """Waterfall, evidence, one run, where the gap arises (regions, time, frequency), and the missing term.
+    """Figures of a report: waterfall, evidence, runs, residuals, where the gap arises, the missing term.
 
     Parameters
     ----------
@@ -25,18 +39,55 @@ class GapDisplay:
     ----------
     figure_ : matplotlib Figure
     axes_ : list of matplotlib Axes
+    ax_ : matplotlib Axes
+        The first of them.
 
     Examples
     --------
-    >>> display = GapDisplay(diagnoser.report_).plot()   # doctest: +SKIP
-    >>> display.figure_.savefig("gap.png")   # doctest: +SKIP
+    >>> display = GapDisplay.from_estimator(diagnoser, kind="residual")   # doctest: +SKIP
+    >>> display.figure_.savefig("residual.png")   # doctest: +SKIP
     """
 
     def __init__(self, report: ReportData):
         self.report = report
 
-    def plot(self) -> GapDisplay:
+    @classmethod
+    def from_estimator(cls, diagnoser: Any, kind: str | None = None, ax: Any = None) -> GapDisplay:
+        """Draw the report of a fitted diagnoser.
+
+        Parameters
+        ----------
+        diagnoser : GapDiagnoser
+        kind, ax
+            As in :meth:`plot`.
+
+        Returns
+        -------
+        GapDisplay
+
+        Raises
+        ------
+        NotFittedError
+            ``fit`` was not called.
+        """
+        check_is_fitted(diagnoser, "report_")
+        return cls(diagnoser.report_).plot(kind, ax)
+
+    @classmethod
+    def from_report(cls, report: ReportData, kind: str | None = None, ax: Any = None) -> GapDisplay:
+        """Draw a report; the same as ``report.plot(kind, ax)``."""
+        return cls(report).plot(kind, ax)
+
+    def plot(self, kind: str | None = None, ax: Any = None) -> GapDisplay:
         """Draw.
+
+        Parameters
+        ----------
+        kind : str, optional
+            One panel: "budget", "waterfall", "ranking", "trace" (the worst run), "residual" (the same run), "runs" (error of
+            every run), "regions", "time", "frequency" or "missing_term". Default: all that the report has.
+        ax : matplotlib Axes, optional
+            Where one panel is drawn; needs ``kind``.
 
         Returns
         -------
@@ -46,21 +97,65 @@ class GapDisplay:
         ------
         MissingExtraError
             matplotlib is not installed.
+        ValueError
+            There is no such panel, or the report has nothing for it.
         """
         plt = require("matplotlib.pyplot", "plot")
-        report = self.report
-        panels = [self._waterfall]
-        panels += [self._ranking] if len(report.ranking) else []
-        panels += [self._trace] if report.traces else []
-        panels += [self._regions] if len(report.where.by_region) > 1 else []
-        panels += [self._time] if len(report.where.by_time) > 1 else []
-        panels += [self._frequency] if len(report.where.by_frequency) else []
-        panels += [self._missing] if report.missing_term is not None and report.missing_term.curves else []
-        self.figure_, axes = plt.subplots(len(panels), 1, figsize=(8, 2.6 * len(panels)), constrained_layout=True)
-        self.axes_ = list(np.atleast_1d(axes))
-        for panel, ax in zip(panels, self.axes_):
-            panel(ax)
+        panels = self._panels()
+        if kind is None:
+            if ax is not None:
+                raise ValueError("ax holds one panel: give kind too, for example plot(kind='trace', ax=ax).")
+            chosen = [draw for name, draw in panels.items() if name in _OVERVIEW]
+        elif kind not in _KINDS:
+            raise ValueError(f"kind={kind!r}: expected one of {list(_KINDS)}, or None for all.")
+        elif kind not in panels:
+            raise ValueError(f"kind={kind!r}: this report has nothing to draw there; it has {list(panels)}.")
+        else:
+            chosen = [panels[kind]]
+        if ax is None:
+            self.figure_, axes = plt.subplots(
+                len(chosen), 1, figsize=(8, 2.6 * len(chosen) + 0.6 * (len(chosen) == 1)), constrained_layout=True
+            )
+            self.axes_ = list(np.atleast_1d(axes))
+        else:
+            self.figure_, self.axes_ = ax.figure, [ax]
+        for panel, one in zip(chosen, self.axes_):
+            panel(one)
+        self.ax_ = self.axes_[0]
         return self
+
+    def _panels(self) -> dict[str, Callable[[Any], None]]:
+        """The panels for which the report has numbers, by kind."""
+        report = self.report
+        term = report.missing_term
+        there = {
+            "budget": len(report.budget) > 0,
+            "waterfall": True,
+            "ranking": len(report.ranking) > 0,
+            "trace": bool(report.traces),
+            "residual": bool(report.traces),
+            "runs": len(report.traces) > 1,
+            "regions": len(report.where.by_region) > 1,
+            "time": len(report.where.by_time) > 1,
+            "frequency": len(report.where.by_frequency) > 0,
+            "missing_term": term is not None and bool(term.curves),
+        }
+        draw = {
+            "budget": self._budget, "waterfall": self._waterfall, "ranking": self._ranking, "trace": self._trace,
+            "residual": self._residual, "runs": self._runs, "regions": self._regions, "time": self._time,
+            "frequency": self._frequency, "missing_term": self._missing,
+        }  # fmt: skip
+        return {kind: draw[kind] for kind in _KINDS if there[kind]}
+
+    def _budget(self, ax: Any) -> None:
+        left = 0.0
+        for row, colour in zip(shown(self.report.budget), _COLOURS * len(self.report.budget)):
+            ax.barh([0], [100 * row["share"]], left=left, color=colour, edgecolor="white", label=part_name(row))
+            left += 100 * row["share"]
+        ax.set(
+            xlabel="share of the gap's power on runs left out / %", yticks=[], ylim=(-0.5, 0.5), xlim=(0, max(left, 1))
+        )
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.35), ncols=2, frameon=False)
 
     def _waterfall(self, ax: Any) -> None:
         rows = waterfall(self.report)[::-1]
@@ -79,7 +174,7 @@ class GapDisplay:
         ax.set(xlabel="evidence over no effect, 2 (L - L0); named effects in black")
 
     def _trace(self, ax: Any) -> None:
-        trace, j = self.report.traces[0], self._worst()
+        trace, j = self._worst_trace(), self._worst()
         measured = trace.measured[:, j]
         ax.plot(trace.t, measured, color="#8a8a8a", lw=3, label="measured")
         ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label="simulator")
@@ -88,9 +183,38 @@ class GapDisplay:
         room = 0.6 * float(np.ptp(measured))  # a simulator that runs away must not flatten the measurement
         if room > 0:
             ax.set_ylim(max(low, float(measured.min()) - room), min(high, float(measured.max()) + room))
-        ax.set(xlabel=f"time (run {trace.label}, left out of the fit)", ylabel=self.report.outputs[j])
+        ax.set(xlabel=self._time_axis(trace.label), ylabel=axis(self.report.outputs[j], self.report.units))
         ax.margins(x=0)
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=3, frameon=False)
+
+    def _residual(self, ax: Any) -> None:
+        trace, j = self._worst_trace(), self._worst()
+        noise = noise_of(self.report, j)
+        if np.isfinite(noise):
+            ax.axhspan(-2 * noise, 2 * noise, color="#d9d9d9", label="noise, two deviations")
+        ax.plot(trace.t, trace.measured[:, j] - trace.before[:, j], color="#d55e00", ls="--", label="simulator")
+        ax.plot(trace.t, trace.measured[:, j] - trace.after[:, j], color="#000000", lw=1, label="with the effects")
+        name = self.report.outputs[j]
+        ax.set(xlabel=self._time_axis(trace.label), ylabel=f"residual of {axis(name, self.report.units)}")
+        ax.margins(x=0)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=3, frameon=False)
+
+    def _runs(self, ax: Any) -> None:
+        order = worst_first(self.report)
+        errors = [run_error(self.report, self.report.traces[k]) for k in order]
+        at = np.arange(len(order))
+        ax.bar(at - 0.2, [before for before, _ in errors], 0.4, color="#d55e00", hatch="//", label="simulator")
+        ax.bar(at + 0.2, [after for _, after in errors], 0.4, color="#000000", label="with the effects")
+        ax.set_xticks(at, [str(self.report.traces[k].label) for k in order], rotation=45 if len(order) > 8 else 0)
+        ax.set(xlabel="run, the worst first", ylabel="RMSE / deviation")
+        ax.legend(frameon=False)
+
+    def _time_axis(self, label: Any) -> str:
+        return f"{axis(TIME, self.report.units)} (run {label}, left out of the fit)"
+
+    def _worst_trace(self) -> Trace:
+        """The run that the simulator misses most."""
+        return self.report.traces[worst_first(self.report)[0]]
 
     def _worst(self) -> int:
         """The output with the largest share of the gap."""
@@ -137,10 +261,16 @@ class GapDisplay:
         curve = term.curves[0]
         ax.fill_between(curve.at, curve.low, curve.high, color="#0072b2", alpha=0.3, label="90 % band")
         ax.plot(curve.at, curve.value, color="#000000", label="missing term")
-        ax.set(xlabel=curve.variable, ylabel=_ylabel(term))
+        ax.set(xlabel=axis(curve.variable, self.report.units), ylabel=self._ylabel(term))
         ax.legend(frameon=False)
 
-
-def _ylabel(term: MissingTerm) -> str:
-    """What the missing term is added to: the balance of a state, an input or an output."""
-    return f"d({term.location})/dt" if term.kind == "state" else f"added to {term.kind} {term.location}"
+    def _ylabel(self, term: MissingTerm) -> str:
+        """What the missing term is added to: the balance of a state, an input or an output."""
+        units = self.report.units
+        if term.kind != "state":
+            return axis(
+                f"added to {term.kind} {term.location}",
+                {f"added to {term.kind} {term.location}": units.get(term.location, "")},
+            )
+        name = f"d({term.location})/dt"
+        return axis(name, {name: derivative_unit(term.location, units)})

@@ -11,13 +11,14 @@ import numpy as np
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap.render._budget import budget_html, budget_lines
 from sksurrogate.gap.render._svg import BLACK, GREY, ORANGE, Line, bars, chart, limits
+from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, values_of, weight_of
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
 
-__all__ = ["html_fragment", "html_page", "terminal_page", "waterfall"]
+__all__ = ["html_fragment", "html_page", "terminal_page"]
 
 # Everything hangs below .skgap, so that a notebook keeps its own look.
 _STYLE = """
@@ -149,19 +150,6 @@ def _telling(table: Table) -> Table:
 def printable(text: str) -> str:
     """Without control characters: a name in a file must not steer the terminal."""
     return "".join(c if c == "\n" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
-
-
-def waterfall(report: ReportData) -> list[tuple[str, float]]:
-    """Errors before, after re-tuning, after a generic correction, after the effects, and the noise."""
-    s = report.shrink
-    rows = [
-        ("simulator", s.before),
-        ("parameters re-tuned", s.after_retuning),
-        ("generic correction", s.after_correction),
-        ("effects added", s.after),
-        ("noise", s.floor),
-    ]
-    return [(label, float(value)) for label, value in rows if np.isfinite(value)]
 
 
 def _cut(line: str, width: int) -> str:

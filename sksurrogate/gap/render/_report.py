@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from sksurrogate._files import write_text
 from sksurrogate.gap.render._display import GapDisplay
 from sksurrogate.gap.render._page import html_fragment, html_page, terminal_page
+from sksurrogate.gap.render._summary import GapSummary, summary_of
+from sksurrogate.gap.render._tables import table_of
+from sksurrogate.gap.results._json_schema import SCHEMA_ID, schema_of
+from sksurrogate.gap.results._plain import json_text, plain
 from sksurrogate.gap.results._report_data import ReportData
 
 __all__ = ["GapReport"]
@@ -42,7 +46,9 @@ class GapReport(ReportData):
         Effects that were asked for and that this simulator does not allow to test.
     outputs, states, inputs : tuple of str
     traces : tuple of Trace
+        Every run: measured, simulated, simulated with the effects, left out of the fit that drew it.
     seconds : float
+        Time that the diagnosis took.
     reasons : Reasons
         The rule that decided the verdict, and the numbers that it was given.
     budget : Table
@@ -50,6 +56,12 @@ class GapReport(ReportData):
         "disturbance"), share, low, high (90 %); no rows without a gap.
     remainder : Remainder
         What is left beside everything that is named: size, lawful or not, place.
+    units : mapping of str to str
+        Units of signals, parameters and "time", as the simulator names them.
+    nominal : mapping of str to float
+        Parameters of the simulator as it was given.
+    provenance : Provenance
+        Simulator, runs, rows, sample time, seed, version, date, files, command.
 
     Examples
     --------
@@ -63,11 +75,100 @@ class GapReport(ReportData):
     >>> bool(report.shrink.after < 0.1 * report.shrink.before)
     True
     >>> page = report.to_html()   # or to_html("gap.html"), plot(), print(report)
+    >>> report.to_dict()["where"]["location"]
+    'y'
     """
 
-    def plot(self) -> GapDisplay:
-        """Draw the report: a :class:`~sksurrogate.gap.GapDisplay` (extra ``plot``)."""
-        return GapDisplay(self).plot()
+    def plot(self, kind: str | None = None, ax: Any = None) -> GapDisplay:
+        """Draw the report with matplotlib (extra ``plot``).
+
+        Parameters
+        ----------
+        kind : str, optional
+            One panel: "budget", "waterfall", "ranking", "trace", "residual", "runs", "regions", "time", "frequency" or
+            "missing_term". Default: all that the report has.
+        ax : matplotlib Axes, optional
+            Where one panel is drawn; default: a new figure.
+
+        Returns
+        -------
+        GapDisplay
+        """
+        return GapDisplay(self).plot(kind, ax)
+
+    def summary(self) -> GapSummary:
+        """Estimates, intervals and errors as a table to print, in the manner of statistics packages.
+
+        Returns
+        -------
+        GapSummary
+            ``print(report.summary())``; ``as_text()``, ``as_html()``, ``tables``.
+        """
+        return summary_of(self)
+
+    def to_dict(self, *, traces: bool = True) -> dict[str, Any]:
+        """All of the report as dicts, lists, strings, numbers, booleans and None.
+
+        Parameters
+        ----------
+        traces : bool, default=True
+            Whether the runs sample by sample are in it.
+
+        Returns
+        -------
+        dict
+            "schema" (name and version of the format), then the attributes by name; tables as lists of rows.
+        """
+        skipped = () if traces else ("traces",)
+        values = {part.name: getattr(self, part.name) for part in fields(self) if part.name not in skipped}
+        return {"schema": SCHEMA_ID, **plain(values)}
+
+    def to_json(self, path: Any = None, *, indent: int | None = 2, traces: bool = True) -> str:
+        """:meth:`to_dict` as strict JSON: nan is null, the infinities are the strings "Infinity" and "-Infinity".
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write to.
+        indent : int or None, default=2
+        traces : bool, default=True
+
+        Returns
+        -------
+        str
+        """
+        text = json_text(self.to_dict(traces=traces), indent)
+        if path is not None:
+            write_text(path, text + "\n")
+        return text
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """JSON Schema (draft 2020-12) of :meth:`to_json`, with a description of every entry."""
+        schema = schema_of(cls)
+        schema["properties"] = {"schema": {"const": SCHEMA_ID}, **schema["properties"]}
+        schema["required"] = ["schema", *(name for name in schema["required"] if name != "traces")]
+        return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": cls.__name__, **schema}
+
+    def to_frame(self, table: str = "effects") -> Any:
+        """One table as a pandas ``DataFrame`` (extra ``frames``).
+
+        Parameters
+        ----------
+        table : str, default="effects"
+            "effects" (one row a parameter), "budget", "ranking", "retuned", "by_output", "by_location", "by_region",
+            "by_time", "by_frequency", "shrink_by_output", "experiments", or "traces" (one row a sample of every run).
+
+        Returns
+        -------
+        pandas.DataFrame
+
+        Raises
+        ------
+        ValueError
+            There is no such table.
+        """
+        return table_of(self, table).to_frame()
 
     def to_html(self, path: Any = None) -> str:
         """One self-contained page; written to ``path`` where given, returned as text."""

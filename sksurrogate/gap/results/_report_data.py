@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._provenance import UNKNOWN_ORIGIN, Provenance
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
 from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 from sksurrogate.gap.results._shrink import Shrink
@@ -41,3 +43,6 @@ class ReportData:
     reasons: Reasons = UNDECIDED
     budget: Table = EMPTY
     remainder: Remainder = NOTHING_KNOWN
+    units: Mapping[str, str] = field(default_factory=dict)
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    provenance: Provenance = UNKNOWN_ORIGIN

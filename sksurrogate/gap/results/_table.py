@@ -41,11 +41,15 @@ class Table(Sequence):
         """Values of one column."""
         return [row[name] for row in self.rows]
 
-    def to_pandas(self) -> Any:
-        """The table as a pandas frame (extra ``frames``)."""
+    def to_frame(self) -> Any:
+        """The table as a pandas ``DataFrame`` (extra ``frames``), one row a row."""
         from sksurrogate.exceptions import require
 
         return require("pandas", "frames").DataFrame(list(self.rows))
+
+    def to_pandas(self) -> Any:
+        """The same as :meth:`to_frame`."""
+        return self.to_frame()
 
     def __str__(self) -> str:
         cells = [self.columns] + [[_cell(row[c]) for c in self.columns] for row in self.rows]

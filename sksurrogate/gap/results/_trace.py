@@ -19,6 +19,8 @@ class Trace:
     label : object
     t : ndarray (n_samples,)
     measured, before, after : ndarray (n_samples, n_outputs)
+    inputs : ndarray (n_samples, n_inputs) or None
+        Inputs of the run.
     """
 
     label: Any
@@ -26,3 +28,4 @@ class Trace:
     measured: np.ndarray
     before: np.ndarray
     after: np.ndarray
+    inputs: np.ndarray | None = None

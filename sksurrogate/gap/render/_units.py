@@ -1,0 +1,73 @@
+"""Units of the numbers of a report: of signals as the simulator names them, of the parameters of effects by their form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import reduce
+
+from sksurrogate._units import over, times, to_power
+from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+
+__all__ = ["TIME", "axis", "derivative_unit", "parameter_unit", "with_unit"]
+
+#: Key of ``units`` under which the unit of time stands.
+TIME = "time"
+
+
+def axis(name: str, units: Mapping[str, str]) -> str:
+    """Label of an axis: quantity, slash, unit; the quantity alone where no unit is known or it has none.
+
+    Examples
+    --------
+    >>> axis("speed", {"speed": "rad/s"}), axis("gain", {"gain": "1"}), axis("speed", {})
+    ('speed / (rad/s)', 'gain', 'speed')
+    """
+    unit = units.get(name, "")
+    if unit in ("", "1", "-"):
+        return name
+    return f"{name} / ({unit})" if any(sign in unit for sign in "/ *") else f"{name} / {unit}"
+
+
+def with_unit(number: str, unit: str) -> str:
+    """A number and its unit.
+
+    Examples
+    --------
+    >>> with_unit("2.5", "m/s"), with_unit("2.5", "1"), with_unit("2.5", "")
+    ('2.5 m/s', '2.5', '2.5')
+    """
+    return number if unit in ("", "1", "-") else f"{number} {unit}"
+
+
+def derivative_unit(name: str, units: Mapping[str, str]) -> str:
+    """Unit of the derivative of a signal; empty where its unit, or that of time, is not known."""
+    return over(units.get(name, ""), units.get(TIME, ""))
+
+
+def parameter_unit(effect: EffectEstimate, parameter: str, units: Mapping[str, str]) -> str:
+    """Unit of a parameter of an effect of the catalogue; empty where it does not follow.
+
+    Examples
+    --------
+    >>> drag = EffectEstimate("quadratic_drag", "speed", "speed", 1.0, {"coefficient": 0.1}, {}, 1.0)
+    >>> parameter_unit(drag, "coefficient", {"speed": "m/s", "time": "s"})
+    '1/m'
+    """
+    known = {p.name: p.unit for p in CATALOGUE[effect.name].parameters} if effect.name in CATALOGUE else {}
+    form = known.get(parameter, "")
+    v = reduce(times, (units.get(name, "") for name in (effect.variable or "").split("*")))
+    own = units.get(effect.location, "")
+    letters = {
+        "x": own, "u": own, "y": own, "v": v, "dx/dt": over(own, units.get(TIME, "")), "time": units.get(TIME, ""),
+        "radian": "rad", "1": "1", "v w": v, "v^2": to_power(v, 2), "v^3": to_power(v, 3),
+    }  # fmt: skip
+    above, _, below = form.partition(" over ")
+    if above not in letters:
+        return ""
+    if not below:
+        return letters[above]
+    parts = below.split(" and ")
+    if not all(part in letters for part in parts):
+        return ""
+    return over(letters[above], reduce(times, (letters[part] for part in parts)))

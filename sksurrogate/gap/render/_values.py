@@ -1,0 +1,129 @@
+"""Numbers of a report in words: changes before and after, intervals, probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+
+__all__ = ["change_of", "confidence", "interval_text", "number", "percent", "place_of", "readable"]
+
+#: Probability from which a word applies, the first that is reached.
+WORDS = ((0.99, "very likely"), (0.9, "likely"), (0.5, "more likely than not"), (0.0, "uncertain"))
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number in few digits, with a real minus in its text left as typed.
+
+    Examples
+    --------
+    >>> number(99.9713), number(0.0), number(float("nan")), number(1e-320)
+    ('99.97', '0', '-', '0')
+    """
+    if value is None or np.isnan(value):
+        return "-"
+    return format(0.0 if abs(value) < 1e-200 else float(value), f".{digits}g")
+
+
+def percent(share: float) -> str:
+    """A share in per cent.
+
+    Examples
+    --------
+    >>> percent(0.9876), percent(1e-5), percent(float("nan"))
+    ('98.8 %', '< 0.1 %', '-')
+    """
+    if not np.isfinite(share):
+        return "-"
+    return "< 0.1 %" if 0 < share < 0.001 else f"{100 * share:.1f} %"
+
+
+def interval_text(low: float, high: float) -> str:
+    """An interval, empty where it is not known.
+
+    Examples
+    --------
+    >>> interval_text(1.0, float("inf")), interval_text(float("nan"), 2.0)
+    ('[1, inf]', '')
+    """
+    return "" if np.isnan(low) or np.isnan(high) else f"[{number(low)}, {number(high)}]"
+
+
+def confidence(probability: float) -> str:
+    """A probability as a word and a number.
+
+    Examples
+    --------
+    >>> confidence(0.9999), confidence(0.93), confidence(0.2), confidence(float("nan"))
+    ('very likely (probability > 0.999)', 'likely (probability 0.930)', 'uncertain (probability 0.200)', 'probability not known yet')
+    """
+    if np.isnan(probability):
+        return "probability not known yet"
+    word = next(text for least, text in WORDS if probability >= least)
+    return f"{word} (probability {'> 0.999' if probability > 0.999 else format(probability, '.3f')})"
+
+
+def readable(name: str) -> str:
+    """A name of the catalogue as words."""
+    return name.replace("_", " ")
+
+
+def place_of(effect: EffectEstimate) -> str:
+    """Effect, place and driving signal.
+
+    Examples
+    --------
+    >>> place_of(EffectEstimate("linear_loss", "speed", "level", 1.0, {}, {}, 1.0))
+    'linear loss at speed, driven by level'
+    >>> place_of(EffectEstimate("linear_loss", "speed", "speed", 1.0, {}, {}, 1.0))
+    'linear loss at speed'
+    """
+    driven = f", driven by {effect.variable}" if effect.variable and effect.variable != effect.location else ""
+    return f"{readable(effect.name)} at {effect.location}{driven}"
+
+
+def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mapping[str, str]) -> list[str]:
+    """What the effect changes, one line a parameter: *before -> after* of the simulator's own, else value and interval.
+
+    Parameters
+    ----------
+    effect : EffectEstimate
+    nominal : mapping of str to float
+        Parameters of the simulator as it was given.
+    units : mapping of str to str
+
+    Examples
+    --------
+    >>> wrong = EffectEstimate("parameter_error", "length", None, 1.0, {"relative_error": 0.25}, {"relative_error": (0.2, 0.3)}, 1.0)
+    >>> change_of(wrong, {"length": 2.0}, {"length": "m"})
+    ['length: 2 -> 2.5 m [2.4, 2.6]']
+    >>> bias = EffectEstimate("sensor_bias", "level", None, 1.0, {"value": 0.5}, {"value": (0.4, 0.6)}, 1.0)
+    >>> change_of(bias, {}, {"level": "cm"})
+    ['value: 0.5 cm [0.4, 0.6]']
+    """
+    before = nominal.get(effect.location)
+    if before is not None and effect.name == "parameter_error" and "relative_error" in effect.params:
+        return [_moved(effect, before, units)]
+    if before is not None and effect.name == "parameter_step":
+        when = with_unit(number(effect.params["time"]), units.get(TIME, ""))
+        return [f"{_moved(effect, before, units)} from t = {when} on"]
+    lines = []
+    for name, value in effect.params.items():
+        low, high = effect.intervals.get(name, (np.nan, np.nan))
+        text = with_unit(number(value), parameter_unit(effect, name, units))
+        lines.append(f"{readable(name)}: {text} {interval_text(low, high)}".rstrip())
+    return lines
+
+
+def _moved(effect: EffectEstimate, before: float, units: Mapping[str, str]) -> str:
+    """``name: before -> after unit [low, high]`` of a parameter of the simulator."""
+
+    def at(change: float) -> float:
+        return change if before == 0 else before * (1 + change)
+
+    low, high = sorted(at(end) for end in effect.intervals.get("relative_error", (np.nan, np.nan)))
+    after = with_unit(number(at(effect.params["relative_error"])), units.get(effect.location, ""))
+    return f"{effect.location}: {number(before)} -> {after} {interval_text(low, high)}".rstrip()

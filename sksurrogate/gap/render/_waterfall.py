@@ -1,0 +1,22 @@
+"""Errors from the simulator down to the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.gap.results._report_data import ReportData
+
+__all__ = ["waterfall"]
+
+
+def waterfall(report: ReportData) -> list[tuple[str, float]]:
+    """Errors before, after re-tuning, after a generic correction, after the effects, and the noise."""
+    s = report.shrink
+    rows = [
+        ("simulator", s.before),
+        ("parameters re-tuned", s.after_retuning),
+        ("generic correction", s.after_correction),
+        ("effects added", s.after),
+        ("noise", s.floor),
+    ]
+    return [(label, float(value)) for label, value in rows if np.isfinite(value)]
