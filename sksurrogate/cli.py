@@ -66,7 +66,11 @@ def _parser() -> argparse.ArgumentParser:
     add_knowledge(diagnose)
     diagnose.add_argument("--html", metavar="FILE", help="write one self-contained page")
     diagnose.add_argument(
-        "--json", metavar="FILE", nargs="?", const="-", help="write the report as JSON; without FILE in place of the text"
+        "--json",
+        metavar="FILE",
+        nargs="?",
+        const="-",
+        help="write the report as JSON; without FILE in place of the text",
     )
     diagnose.add_argument("--save", metavar="FILE", help="write the effects and re-tuned parameters as JSON")
     diagnose.add_argument("--jobs", type=int, default=None, help="worker processes")

@@ -11,7 +11,8 @@ def test_one_short_form_is_its_own(unit):
 
 
 @pytest.mark.parametrize(
-    ("written", "read"), [("m s-1", "m/s"), ("m·s⁻¹", "m/s"), ("m*m", "m^2"), ("m/m", "1"), ("V/(A)", "V/A"), ("m/s/s", "m/s^2")]
+    ("written", "read"),
+    [("m s-1", "m/s"), ("m·s⁻¹", "m/s"), ("m*m", "m^2"), ("m/m", "1"), ("V/(A)", "V/A"), ("m/s/s", "m/s^2")],
 )
 def test_other_forms_are_read(written, read):
     assert unit_text(powers_of(written)) == read
