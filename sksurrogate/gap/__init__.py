@@ -3,6 +3,7 @@
 from sksurrogate.gap._diagnose import GapDiagnoser
 from sksurrogate.gap.render._display import GapDisplay
 from sksurrogate.gap.render._report import GapReport
+from sksurrogate.gap.results._data_faults import DataFault, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 
-__all__ = ["EffectEstimate", "GapDiagnoser", "GapDisplay", "GapReport"]
+__all__ = ["DataFault", "DataFaults", "EffectEstimate", "GapDiagnoser", "GapDisplay", "GapReport"]

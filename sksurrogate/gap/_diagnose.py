@@ -18,6 +18,7 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import begin_ode, begin_trajectory
 from sksurrogate.gap._origin import origin_of
+from sksurrogate.gap._rounds import diagnosed_in_rounds
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
@@ -178,14 +179,15 @@ class GapDiagnoser(BaseEstimator):
         user_knows = _known(self.bounds, self.priors, plant.params)
         whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
-        pipeline, rows, (second, later) = begin(self, plant, runs, whole, free, user_knows, seed)
-        with second, later:
-            self.report_ = replace(
-                pipeline.run(begun),
-                units=dict(getattr(self.simulator, "units", None) or {}),
-                nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
-                provenance=origin_of(self, plant, len(runs), whole.n_samples, free),
-            )
+        pipeline, rows, report = diagnosed_in_rounds(
+            lambda record: begin(self, plant, runs, record, free, user_knows, seed), plant, runs, whole, begun
+        )
+        self.report_ = replace(
+            report,
+            units=dict(getattr(self.simulator, "units", None) or {}),
+            nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
+            provenance=origin_of(self, plant, len(runs), whole.n_samples, free),
+        )
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.final.candidate.initial_states()
         first = rows[pipeline.problem.record.starts]

@@ -31,12 +31,14 @@ from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._probability import probabilities
 from sksurrogate.gap.decide._ranking import ranking
 from sksurrogate.gap.decide._rules import decide
+from sksurrogate.gap.faults._book import RecordBook
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._retuned import retuned_table, value_of
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of
+from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
@@ -92,6 +94,8 @@ class DiagnosisPipeline(Generic[C]):
         self.found = PartialResults()
         self.complete = True
         self.experiment: Aside[NextExperiment | None] | None = None
+        self.book: RecordBook | None = None
+        self.rows = np.arange(search.problem.record.n_samples)
 
     def run(self, begun: float) -> GapReport:
         """All stages, and the report of what is known after them."""
@@ -278,12 +282,19 @@ class DiagnosisPipeline(Generic[C]):
         verdict, reasons = self.decided()
         effects = self.effects(verdict) if verdict != "none" else []
         place = self.where(verdict, effects)
-        shrink, remainder, term = found.shrink or NOT_KNOWN, self.remainder(), None
+        shrink, remainder, term, data = found.shrink or NOT_KNOWN, self.remainder(), None, self.data()
         if verdict in ("partial", "unknown") and self.inside.remains is not None and place.location is not None:
             term = self.inside.missing_term(place.location, str(place.kind))
         return GapReport(
             verdict,
-            sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder),
+            " ".join(
+                part
+                for part in (
+                    sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder),
+                    data.sentence,
+                )
+                if part
+            ),
             effects,
             ranking(self.search, final),
             self.retuned(),
@@ -302,7 +313,14 @@ class DiagnosisPipeline(Generic[C]):
             reasons,
             self.budget(),
             remainder,
+            data=data,
         )
+
+    def data(self) -> DataFaults:
+        """What is wrong with the record itself."""
+        if self.book is None or not self.book.faults:
+            return NO_FAULTS
+        return self.book.described(self.null.candidate, self.rows)
 
     def budget(self) -> Table:
         """Shares of the gap's power."""

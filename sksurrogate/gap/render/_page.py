@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap.render._budget import budget_html, budget_lines
+from sksurrogate.gap.render._record import record_html, record_lines
 from sksurrogate.gap.render._svg import BLACK, GREY, ORANGE, Line, bars, chart, limits
 from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, values_of, weight_of
@@ -132,6 +133,7 @@ def terminal_page(report: ReportData, width: int = 80) -> str:
         ]
     for note in report.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}", width)]
+    lines += ["", *record_lines(report.data, width)] if report.data else []
     if report.untestable:
         lines += ["", *textwrap.wrap(_untestable(report), width)]
     return printable("\n".join(lines))
@@ -203,6 +205,7 @@ def html_fragment(report: ReportData) -> str:
         options = report.next_experiment.options[:8]
         one_pair = len({str(row.get("between")) for row in options}) == 1  # the sentence above names it
         parts.append(_table(options, leave_out=("between",) if one_pair else ()))
+    parts.append(record_html(report.data))
     if len(report.retuned):
         parts.append("<h2>Re-tuned parameters, 90 % intervals</h2>" + _table(report.retuned))
     if len(report.ranking):

@@ -62,6 +62,9 @@ class GapReport(ReportData):
         Parameters of the simulator as it was given.
     provenance : Provenance
         Simulator, runs, rows, sample time, seed, version, date, files, command.
+    data : DataFaults
+        What is wrong with the record itself: kind, output or input, runs and rows, size, share of the gap, what to do.
+        Empty where nothing is.
 
     Examples
     --------

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
@@ -46,3 +47,4 @@ class ReportData:
     units: Mapping[str, str] = field(default_factory=dict)
     nominal: Mapping[str, float] = field(default_factory=dict)
     provenance: Provenance = UNKNOWN_ORIGIN
+    data: DataFaults = NO_FAULTS

@@ -1,0 +1,1 @@
+"""What is wrong with the record itself: readings, runs and inputs."""

@@ -1,0 +1,116 @@
+"""Faults of a record as corrections of it: each gives the record without the fault."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.gap.results._data_faults import DataFault
+from sksurrogate.kernels.record import Record
+
+__all__ = ["BaseFault", "Names", "WrongReadings", "masked"]
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the signals and runs of a record are called.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of str
+    labels : sequence
+        Of the runs.
+    first_rows : ndarray of int (n_runs,)
+        Row of the user's data at which every run begins.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    labels: Sequence[Any]
+    first_rows: np.ndarray
+
+    def user_rows(self, record: Record, rows: np.ndarray) -> tuple[int, ...]:
+        """Rows of the user's data."""
+        run = record.run_of_row[rows]
+        return tuple((self.first_rows[run] + rows - record.starts[run]).tolist())
+
+
+class BaseFault(ABC):
+    """One fault of a record."""
+
+    @abstractmethod
+    def corrected(self, record: Record) -> Record:
+        """The record without the fault."""
+
+    @abstractmethod
+    def described(self, record: Record, names: Names, share: float) -> DataFault:
+        """For the report."""
+
+    @property
+    @abstractmethod
+    def key(self) -> tuple[Any, ...]:
+        """Faults of one key are one fault."""
+
+
+@dataclass(frozen=True, eq=False)
+class WrongReadings(BaseFault):
+    """Single readings or stretches of one output that were not measured.
+
+    Attributes
+    ----------
+    kind : {"spikes", "dropouts", "stuck"}
+    output : int
+    rows : ndarray of int
+        Of the record.
+    size : float
+        Largest deviation.
+    """
+
+    kind: str
+    output: int
+    rows: np.ndarray
+    size: float
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        return (self.kind, self.output)
+
+    def corrected(self, record: Record) -> Record:
+        """Without these readings."""
+        wrong = np.zeros(record.y.shape, bool)
+        wrong[self.output, self.rows] = True
+        return masked(record, wrong)
+
+    def described(self, record: Record, names: Names, share: float) -> DataFault:
+        """With rows and runs."""
+        remedy = {
+            "spikes": "Look at the wiring; OutlierFilter removes them before the data are used elsewhere.",
+            "dropouts": "Set these readings to nan (not measured), and look at the connection.",
+            "stuck": "Set these readings to nan (not measured), and look at the sensor and the logger.",
+        }[self.kind]
+        return DataFault(
+            self.kind,
+            names.outputs[self.output],
+            "output",
+            tuple(names.labels[run] for run in np.unique(record.run_of_row[self.rows])),
+            names.user_rows(record, self.rows),
+            self.size,
+            share,
+            remedy=remedy,
+        )
+
+
+def masked(record: Record, wrong: np.ndarray) -> Record:
+    """A record some of whose readings (n_outputs, n_samples) were not measured: they are bridged by their neighbours."""
+    y, edges = record.y.copy(), np.r_[record.starts, record.n_samples]
+    for row, lost in zip(y, wrong):
+        for a, b in zip(edges[:-1], edges[1:]):
+            out = np.flatnonzero(lost[a:b])
+            kept = np.flatnonzero(~lost[a:b])
+            if len(out) and len(kept):
+                row[a + out] = np.interp(out, kept, row[a + kept])
+    return replace(record, y=y)

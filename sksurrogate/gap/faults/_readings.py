@@ -1,0 +1,97 @@
+"""Readings that are wrong by themselves: found in every output against its neighbours, before any model is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sksurrogate.gap.faults._correction import WrongReadings
+from sksurrogate.kernels.readings import Stretch, flat_stretches, spikes
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import noise_of_differences
+
+__all__ = ["wrong_readings"]
+
+#: A simulator that moves by this share of what a reading moves by, at the same row, makes the move a thing of the plant.
+EXPECTED = 0.3
+#: Spikes that end at one value are dropouts from this many on.
+LEAST_DROPOUTS = 2
+
+
+def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) -> list[WrongReadings]:
+    """Spikes, dropouts and stretches in which a sensor stood still.
+
+    Parameters
+    ----------
+    record : Record
+    expected : callable () -> ndarray (n_outputs, n_samples) or None
+        Outputs of the simulator alone, asked for only where something was found: what it does by itself is no fault.
+
+    Returns
+    -------
+    list of WrongReadings
+    """
+    sd = noise_of_differences(record.y, record.starts)
+    edges = np.r_[record.starts, record.n_samples]
+    found: list[tuple[int, str, Stretch]] = []
+    for j, y in enumerate(record.y):
+        least = 1.001e-4 * float(np.std(y))  # the noise is not seen: nothing can be judged by it
+        if not sd[j] > max(least, 1e-12):
+            continue
+        for a, b in zip(edges[:-1], edges[1:]):
+            flat = flat_stretches(y[a:b], sd[j])
+            found += [(j, "stuck", Stretch(a + s.start, a + s.stop, s.size)) for s in flat]
+            short = spikes(_without(y[a:b], flat), sd[j])
+            found += [(j, "spikes", Stretch(a + s.start, a + s.stop, s.size)) for s in short]
+    model = expected() if found else None
+    if model is not None:
+        found = [(j, kind, s) for j, kind, s in found if not _is_expected(record.y[j], model[j], s)]
+    return _faults(record, found)
+
+
+def _without(y: np.ndarray, flat: list[Stretch]) -> np.ndarray:
+    """Readings with stretches joined linearly."""
+    kept = np.ones(len(y), bool)
+    for s in flat:
+        kept[s.start : s.stop] = False
+    rows = np.arange(len(y))
+    return np.interp(rows, rows[kept], y[kept]) if kept.any() else y
+
+
+def _is_expected(y: np.ndarray, model: np.ndarray, s: Stretch) -> bool:
+    """Whether the simulator alone moves as the readings do at the ends of a stretch."""
+    for row in (s.start, s.stop):
+        if 0 < row < len(y):
+            moved, own = y[row] - y[row - 1], model[row] - model[row - 1]
+            if np.isfinite(own) and own * np.sign(moved) > EXPECTED * abs(moved) and abs(moved) > 0.5 * s.size:
+                return True
+    return False
+
+
+def _faults(record: Record, found: list[tuple[int, str, Stretch]]) -> list[WrongReadings]:
+    """One fault for each output and kind; spikes that fall to one value, and flat stretches entered by a jump, are dropouts."""
+    parts: dict[tuple[str, int], list[Stretch]] = {}
+    for j in range(len(record.y)):
+        own = [(kind, s) for i, kind, s in found if i == j]
+        values = _landing(record.y[j], [s for _, s in own])
+        for kind, s in own:
+            jumped = s.start > 0 and abs(record.y[j, s.start] - record.y[j, s.start - 1]) > 0.5 * s.size
+            drop = (kind == "stuck" and jumped) or (kind == "spikes" and record.y[j, s.start] in values)
+            parts.setdefault(("dropouts" if drop else kind, j), []).append(s)
+    out = []
+    for (kind, j), stretches in parts.items():
+        rows = np.unique(np.concatenate([np.arange(s.start, s.stop) for s in stretches]))
+        out.append(WrongReadings(kind, j, rows, max(s.size for s in stretches)))
+    return out
+
+
+def _landing(y: np.ndarray, stretches: list[Stretch]) -> set[float]:
+    """Values that several wrong readings share exactly, which a noisy signal does not."""
+    first = [float(y[s.start]) for s in stretches]
+    usual = (
+        {float(v) for v in np.delete(y, np.concatenate([np.arange(s.start, s.stop) for s in stretches]))}
+        if first
+        else set()
+    )
+    return {v for v in first if (first.count(v) >= LEAST_DROPOUTS and v not in usual) or v == 0.0}

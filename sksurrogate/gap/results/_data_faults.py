@@ -1,0 +1,184 @@
+"""What is wrong with the record itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.gap.results._table import Table
+
+__all__ = ["NO_FAULTS", "DataFault", "DataFaults"]
+
+#: Rows and runs that a sentence lists before it says "and so many more".
+LISTED = 6
+
+
+@dataclass(frozen=True)
+class DataFault:
+    """One fault of the record.
+
+    Attributes
+    ----------
+    kind : {"spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise", "run"}
+        Single wrong readings; readings that fell to one value; a sensor that stood still; a run whose outputs come earlier or
+        later than its inputs; a zero or a scale of a sensor that differs from run to run; a tone on a sensor; noise in the
+        measurement of an input; a run that differs from all others.
+    location : str or None
+        The output or input; None where all outputs are concerned.
+    side : {"output", "input"}
+    runs : tuple
+        Labels of the runs that have the fault.
+    rows : tuple of int
+        Rows of X and y that are wrong, counted from 0; empty where whole runs are.
+    size : float
+        Largest deviation in the unit of the signal; of a shift in samples, of a gain relative.
+    share : float
+        Share of the power of the gap between the simulator and the record as it came.
+    values : mapping
+        Label of the run -> offset, gain (relative error) or shift (samples, positive where outputs come late).
+    effect : str or None
+        Name of the effect of the catalogue that has this form, acting in these runs only.
+    remedy : str
+        What to do.
+
+    Examples
+    --------
+    >>> fault = DataFault("spikes", "speed", "output", ("a",), (17, 40), 2.5, 0.8, remedy="Use OutlierFilter.")
+    >>> print(fault)
+    speed: 2 spikes of up to 2.5 in run 'a' (rows 17, 40); 80 % of the gap. Use OutlierFilter.
+    """
+
+    kind: str
+    location: str | None
+    side: str
+    runs: tuple[Any, ...]
+    rows: tuple[int, ...]
+    size: float
+    share: float = float("nan")
+    values: Mapping[Any, float] = field(default_factory=dict)
+    effect: str | None = None
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        share = "" if np.isnan(self.share) else f"; {100 * self.share:.0f} % of the gap"
+        return f"{self.location or 'all outputs'}: {self.what}{share}. {self.remedy}".rstrip()
+
+    @property
+    def what(self) -> str:
+        """The fault in words, without its place."""
+        n, size = len(self.rows), f"{self.size:.3g}"
+        where = f"{'run' if len(self.runs) == 1 else 'runs'} {listed([repr(label) for label in self.runs])}"
+        rows = f" (rows {listed([str(row) for row in self.rows])})" if self.rows else ""
+        single = f"{size}" if len(self.values) == 1 else f"up to {size}"
+        return {
+            "spikes": f"{n} spike{'s' if n != 1 else ''} of up to {size} in {where}{rows}",
+            "dropouts": f"{n} readings dropped out by up to {size} in {where}{rows}",
+            "stuck": f"the sensor stood still for {n} readings in {where}{rows}",
+            "shift": f"outputs and inputs are {single} samples apart in {where}",
+            "offset": f"a zero that is off by {single} in {where}",
+            "gain": f"a scale that is off by {100 * self.size:.3g} % in {where}",
+            "hum": f"a tone of amplitude {size} in {where}",
+            "input_noise": f"the measurement of this input is noisy (standard deviation {size}) in {where}",
+            "run": f"{where} differ{'s' if len(self.runs) == 1 else ''} from all others",
+        }[self.kind]
+
+
+@dataclass(frozen=True)
+class DataFaults(Sequence):
+    """What is wrong with the record itself; empty where nothing is.
+
+    Attributes
+    ----------
+    entries : tuple of DataFault
+
+    Examples
+    --------
+    >>> bool(DataFaults()), len(DataFaults())
+    (False, 0)
+    """
+
+    entries: tuple[DataFault, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __getitem__(self, index: Any) -> Any:
+        return DataFaults(self.entries[index]) if isinstance(index, slice) else self.entries[index]
+
+    def __iter__(self) -> Iterator[DataFault]:
+        return iter(self.entries)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of the entries."""
+        return tuple(dict.fromkeys(fault.kind for fault in self.entries))
+
+    @property
+    def sentence(self) -> str:
+        """All faults in words; empty where there are none."""
+        if not self.entries:
+            return ""
+        told = "; ".join(f"{fault.location or 'all outputs'}: {fault.what}" for fault in self.entries)
+        return f"The record itself has faults, which were taken out before effects were compared: {told}."
+
+    def table(self) -> Table:
+        """One row a fault."""
+        return Table(
+            tuple(
+                {
+                    "kind": fault.kind,
+                    "location": fault.location,
+                    "side": fault.side,
+                    "runs": fault.runs,
+                    "readings": len(fault.rows),
+                    "size": fault.size,
+                    "share": fault.share,
+                }
+                for fault in self.entries
+            )
+        )
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """Plain lists, texts and numbers."""
+        return [
+            {
+                "kind": fault.kind,
+                "location": fault.location,
+                "side": fault.side,
+                "runs": [_plain(label) for label in fault.runs],
+                "rows": [int(row) for row in fault.rows],
+                "size": float(fault.size),
+                "share": float(fault.share),
+                "values": {str(label): float(value) for label, value in fault.values.items()},
+                "effect": fault.effect,
+                "remedy": fault.remedy,
+            }
+            for fault in self.entries
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(str(fault) for fault in self.entries) or "(nothing is wrong with the record)"
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Some texts, and how many more there are.
+
+    Examples
+    --------
+    >>> listed(["1", "2", "3"])
+    '1, 2, 3'
+    """
+    more = len(texts) - LISTED
+    return ", ".join(texts) if more <= 1 else ", ".join(texts[:LISTED]) + f" and {more} more"
+
+
+def _plain(label: Any) -> Any:
+    """A label as JSON has it."""
+    return label.item() if isinstance(label, np.generic) else label if isinstance(label, (int, float)) else str(label)
+
+
+#: Nothing is wrong with the record.
+NO_FAULTS = DataFaults()
