@@ -66,7 +66,7 @@ def test_the_pages_tell_the_record(spiky):
     assert "spikes" in spiky.sentence
     assert "The record" in str(spiky) and "OutlierFilter" in str(spiky)
     assert "<h2>The record</h2>" in spiky.to_html()
-    entry = json.loads(json.dumps(spiky.data.to_dict()))[0]
+    entry = json.loads(spiky.to_json())["data"]["entries"][0]
     assert entry["kind"] == "spikes" and entry["rows"] == list(spiky.data[0].rows)
     assert pickle.loads(pickle.dumps(spiky)).data == spiky.data
     assert spiky.data.table()[0]["readings"] == len(spiky.data[0].rows)

@@ -87,7 +87,7 @@ class DataFault:
 
 
 @dataclass(frozen=True)
-class DataFaults(Sequence):
+class DataFaults:
     """What is wrong with the record itself; empty where nothing is.
 
     Attributes
@@ -141,24 +141,6 @@ class DataFaults(Sequence):
             )
         )
 
-    def to_dict(self) -> list[dict[str, Any]]:
-        """Plain lists, texts and numbers."""
-        return [
-            {
-                "kind": fault.kind,
-                "location": fault.location,
-                "side": fault.side,
-                "runs": [_plain(label) for label in fault.runs],
-                "rows": [int(row) for row in fault.rows],
-                "size": float(fault.size),
-                "share": float(fault.share),
-                "values": {str(label): float(value) for label, value in fault.values.items()},
-                "effect": fault.effect,
-                "remedy": fault.remedy,
-            }
-            for fault in self.entries
-        ]
-
     def __str__(self) -> str:
         return "\n".join(str(fault) for fault in self.entries) or "(nothing is wrong with the record)"
 
@@ -173,11 +155,6 @@ def listed(texts: Sequence[str]) -> str:
     """
     more = len(texts) - LISTED
     return ", ".join(texts) if more <= 1 else ", ".join(texts[:LISTED]) + f" and {more} more"
-
-
-def _plain(label: Any) -> Any:
-    """A label as JSON has it."""
-    return label.item() if isinstance(label, np.generic) else label if isinstance(label, (int, float)) else str(label)
 
 
 #: Nothing is wrong with the record.
