@@ -19,7 +19,7 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._simulator import BaseSimulator, Plant, describe
+from sksurrogate.physics._simulator import BaseSimulator, Plant, describe, units_of
 
 __all__ = ["AugmentedSimulator"]
 
@@ -62,7 +62,7 @@ class AugmentedSimulator(BaseSimulator):
 
     Attributes
     ----------
-    states, inputs, outputs, params, dt, hold, x0
+    states, inputs, outputs, params, dt, hold, x0, units
         Those of the simulator; ``params`` with the re-tuned values.
 
     Notes
@@ -133,6 +133,11 @@ class AugmentedSimulator(BaseSimulator):
     def hold(self) -> str:
         """How inputs act between samples."""
         return str(getattr(self.simulator, "hold", "zoh"))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units by name, as far as the simulator knows them."""
+        return units_of(self.simulator)
 
     @property
     def x0(self) -> Any:

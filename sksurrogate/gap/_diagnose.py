@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -17,7 +16,7 @@ from sksurrogate._columns import by_name
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import begin_ode, begin_trajectory
-from sksurrogate.gap._origin import origin_of
+from sksurrogate.gap._origin import with_origin
 from sksurrogate.gap._rounds import diagnosed_in_rounds
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
@@ -182,12 +181,7 @@ class GapDiagnoser(BaseEstimator):
         pipeline, rows, report = diagnosed_in_rounds(
             lambda record: begin(self, plant, runs, record, free, user_knows, seed), plant, runs, whole, begun
         )
-        self.report_ = replace(
-            report,
-            units=dict(getattr(self.simulator, "units", None) or {}),
-            nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
-            provenance=origin_of(self, plant, len(runs), whole.n_samples, free),
-        )
+        self.report_ = with_origin(report, self, plant, len(runs), whole.n_samples, free)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.final.candidate.initial_states()
         first = rows[pipeline.problem.record.starts]

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from importlib import metadata
+from numbers import Real
 from typing import Any
 
+from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._provenance import Provenance
-from sksurrogate.physics._simulator import Plant
+from sksurrogate.physics._simulator import Plant, units_of
 
-__all__ = ["origin_of"]
+__all__ = ["with_origin"]
 
 #: Effects longer than this list are counted instead of named.
 LONGEST_LIST = 12
+
+
+def with_origin(
+    report: GapReport, diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tuple[str, ...]
+) -> GapReport:
+    """The report with its provenance, the nominal parameters and the units."""
+    return replace(
+        report,
+        units=units_in(plant),
+        nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
+        provenance=origin_of(diagnoser, plant, n_runs, n_rows, free),
+    )
 
 
 def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tuple[str, ...]) -> Provenance:
@@ -29,6 +44,13 @@ def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tupl
         version=_version(),
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
     )
+
+
+def units_in(plant: Plant) -> dict[str, str]:
+    """Units of the plant's own names, ports and time; an FMU knows more variables than it shows."""
+    ports = getattr(plant.simulator, "ports", None) or ()
+    known = {*plant.states, *plant.inputs, *plant.outputs, *plant.params, *ports, "time"}
+    return {name: unit for name, unit in units_of(plant.simulator).items() if name in known}
 
 
 def _asked(effects: Any) -> str:

@@ -53,6 +53,8 @@ class CasadiSimulator(ParametricSimulator):
         What is measured, where it is no second output of ``function``.
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
     Raises
     ------
@@ -91,6 +93,7 @@ class CasadiSimulator(ParametricSimulator):
         method: str = "auto",
         output_function: Any = None,
         x0: Any = None,
+        units: Mapping[str, str] | None = None,
     ):
         self.function = function
         self.states = states
@@ -103,6 +106,7 @@ class CasadiSimulator(ParametricSimulator):
         self.method = method
         self.output_function = output_function
         self.x0 = x0
+        self.units = units
 
     @available_if(_is_continuous)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:

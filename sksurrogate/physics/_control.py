@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,8 @@ class ControlSimulator(ParametricSimulator):
     params : dict of float, optional
         Parameters of a nonlinear system, in place of its own values; they can be calibrated and diagnosed, those that are not
         named here cannot. ``params=dict(system.params)`` names all of them.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
     Raises
     ------
@@ -60,12 +63,22 @@ class ControlSimulator(ParametricSimulator):
     array([0.    , 0.0952, 0.1813])
     """
 
-    def __init__(self, system: Any, *, dt: float | None = None, hold: str = "zoh", x0: Any = None, params: Any = None):
+    def __init__(
+        self,
+        system: Any,
+        *,
+        dt: float | None = None,
+        hold: str = "zoh",
+        x0: Any = None,
+        params: Any = None,
+        units: Mapping[str, str] | None = None,
+    ):
         self.system = system
         self.dt = dt
         self.hold = hold
         self.x0 = x0
         self.params = params
+        self.units = units
 
     def __getstate__(self) -> dict[str, Any]:
         """What is looked up again stays behind."""

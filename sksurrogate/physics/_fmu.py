@@ -83,6 +83,9 @@ class FMUSimulator(ParametricSimulator):
         Inputs are held over a sample, or joined linearly (with a right-hand side only).
     access : {"rhs", "step", "trajectory"}, optional
         What is used of the unit; the finest by default. "step" also tries a unit for co-simulation that can only be reset.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
+        Those of the model description by default.
 
     Raises
     ------
@@ -121,6 +124,7 @@ class FMUSimulator(ParametricSimulator):
         fmi_type: str | None = None,
         hold: str = "zoh",
         access: str | None = None,
+        units: Mapping[str, str] | None = None,
     ):
         self.path = path
         self.inputs = inputs
@@ -132,6 +136,7 @@ class FMUSimulator(ParametricSimulator):
         self.fmi_type = fmi_type
         self.hold = hold
         self.access = access
+        self.units = units
 
     def __getstate__(self) -> dict[str, Any]:
         """Handles stay behind."""
@@ -180,6 +185,12 @@ class FMUSimulator(ParametricSimulator):
         looked = self._look()
         own: dict[str, Any] = {"inputs": looked.question.inputs, "outputs": looked.question.outputs}
         return own if looked.found.start is None else {**own, "x0": looked.found.start}
+
+    def own_units(self) -> dict[str, str]:
+        """Units that the model description names; the time of an FMU is in seconds."""
+        description = describe(unpack(os.fspath(self.path)), self.path)
+        named = {variable.name: str(variable.unit) for variable in description.modelVariables if variable.unit}
+        return {"time": "s", **named}
 
     @property
     def states(self) -> list[str] | None:

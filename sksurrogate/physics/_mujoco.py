@@ -16,6 +16,7 @@ from sksurrogate.physics._mujoco_effects import as_parameters
 from sksurrogate.physics._mujoco_engine import Points
 from sksurrogate.physics._mujoco_patch import patched
 from sksurrogate.physics._mujoco_read import NamedModel, whole_steps
+from sksurrogate.physics._mujoco_units import joint_units
 
 __all__ = ["MuJoCoSimulator"]
 
@@ -52,6 +53,9 @@ class MuJoCoSimulator(NamedModel):
         Initial state; by default the model's (``qpos0`` at rest). :meth:`keyframe` gives those that the model stores.
     n_threads : int, optional
         Threads over which runs and points are spread; 1 by default, -1: one for each core.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
+        Joints and time are in SI units by default.
 
     Attributes
     ----------
@@ -120,6 +124,7 @@ class MuJoCoSimulator(NamedModel):
         dt: float | None = None,
         x0: Any = None,
         n_threads: int | None = None,
+        units: Mapping[str, str] | None = None,
     ):
         self.model = model
         self.inputs = inputs
@@ -128,6 +133,7 @@ class MuJoCoSimulator(NamedModel):
         self.dt = dt
         self.x0 = x0
         self.n_threads = n_threads
+        self.units = units
 
     # ---- what was given, and what it means --------------------------------------------------------------------------
     def get_params(self, deep: bool = True) -> dict[str, Any]:
@@ -143,6 +149,10 @@ class MuJoCoSimulator(NamedModel):
             setattr(self, name, params.pop(name))
         super().set_params(**params)
         return self
+
+    def own_units(self) -> dict[str, str]:
+        """SI units of joints, ports and time."""
+        return joint_units(self._engine().origin)
 
     # ---- points -----------------------------------------------------------------------------------------------------
     @available_if(_is_markov)

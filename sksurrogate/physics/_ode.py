@@ -54,6 +54,8 @@ class ODESimulator(ParametricSimulator):
         Two functions of ``(t, x, u, p)``: the states become ``then`` at the moment ``when`` falls through zero, for instance
         ``[(lambda t, x, u, p: x[0], lambda t, x, u, p: (0 * x[0], -p["e"] * x[1]))]`` for a ball that bounces. With them the
         plant is known by its map from sample to sample (``step``); inputs are held.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
     Notes
     -----
@@ -92,6 +94,7 @@ class ODESimulator(ParametricSimulator):
         output: Callable[..., Any] | None = None,
         x0: Any = None,
         events: Sequence[tuple[Callable[..., Any], Callable[..., Any]]] | None = None,
+        units: Mapping[str, str] | None = None,
     ):
         self.rhs = rhs
         self.states = states
@@ -104,6 +107,7 @@ class ODESimulator(ParametricSimulator):
         self.output = output
         self.x0 = x0
         self.events = events
+        self.units = units
 
     def __getstate__(self) -> dict[str, Any]:
         """What is looked up again stays behind."""

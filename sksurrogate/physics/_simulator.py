@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["BaseSimulator", "Plant", "describe", "simulated", "simulated_batch"]
+__all__ = ["BaseSimulator", "Plant", "describe", "simulated", "simulated_batch", "units_of"]
 
 
 class BaseSimulator(BaseEstimator):
@@ -217,17 +217,35 @@ def describe(
     x0 = _or(getattr(simulator, "x0", None), own.get("x0") if access != "trajectory" else None)
     start = np.zeros(len(states)) if x0 is None else np.asarray(x0, dtype=float).reshape(-1)
     own_dt = getattr(simulator, "dt", None)
+    params = dict(getattr(simulator, "params", None) or {})
+    _check_units(simulator, {*states, *inputs, *outputs, *params, *(getattr(simulator, "ports", None) or ()), "time"})
     return Plant(
         simulator,
         access,
         states,
         inputs,
         outputs,
-        dict(getattr(simulator, "params", None) or {}),
+        params,
         float(own_dt if own_dt is not None else (dt if dt is not None else 1.0)),
         str(getattr(simulator, "hold", "zoh")),
         start,
     )
+
+
+def _check_units(simulator: Any, known: set[str]) -> None:
+    """A unit of a name that the simulator does not have is a mistake."""
+    for name in getattr(simulator, "__dict__", {}).get("units") or {}:
+        if name not in known:
+            raise SimulatorError(
+                f"units: the simulator has no signal or parameter {name!r}; expected names out of {sorted(known)}."
+            )
+
+
+def units_of(simulator: Any) -> dict[str, str]:
+    """Units by name: those of the model itself (an FMU's, SI for joints), those that were given in their place."""
+    own = simulator.own_units() if callable(getattr(simulator, "own_units", None)) else {}
+    given = dict(getattr(simulator, "units", None) or {})
+    return {name: str(unit) for name, unit in {**own, **given}.items()}
 
 
 Rhs = Callable[[Any, np.ndarray, np.ndarray, Mapping[str, Any]], Any]

@@ -53,6 +53,8 @@ class SurrogateSimulator(BaseSimulator):
         Initial state; by default that which the model starts at, its mean outputs for a lag model.
     n_sub : int, default=4
         Runge-Kutta substeps of right-hand sides inside a hybrid.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
     Raises
     ------
@@ -88,6 +90,7 @@ class SurrogateSimulator(BaseSimulator):
         dt: float = 1.0,
         x0: Any = None,
         n_sub: int = 4,
+        units: Mapping[str, str] | None = None,
     ):
         self.model = model
         self.inputs = inputs
@@ -96,6 +99,7 @@ class SurrogateSimulator(BaseSimulator):
         self.dt = dt
         self.x0 = x0
         self.n_sub = n_sub
+        self.units = units
 
     def __getstate__(self) -> dict[str, Any]:
         """The graph is written again."""

@@ -62,6 +62,8 @@ class TableSimulator(BaseSimulator):
         Names.
     dt : float, default=1.0
         Sample time.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
     Notes
     -----
@@ -86,6 +88,7 @@ class TableSimulator(BaseSimulator):
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         dt: float = 1.0,
+        units: Mapping[str, str] | None = None,
     ):
         self.U = U
         self.Y = Y
@@ -94,6 +97,7 @@ class TableSimulator(BaseSimulator):
         self.inputs = inputs
         self.outputs = outputs
         self.dt = dt
+        self.units = units
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Simulated outputs (n_samples, n_outputs) of inputs that are in the table."""
@@ -169,6 +173,8 @@ class CallableSimulator(ParametricSimulator):
         Sample time.
     x0 : array-like, optional
         Handed over where ``simulate`` gets none.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
     Examples
     --------
@@ -187,6 +193,7 @@ class CallableSimulator(ParametricSimulator):
         params: Mapping[str, float] | None = None,
         dt: float = 1.0,
         x0: Any = None,
+        units: Mapping[str, str] | None = None,
     ):
         self.function = function
         self.inputs = inputs
@@ -194,6 +201,7 @@ class CallableSimulator(ParametricSimulator):
         self.params = params
         self.dt = dt
         self.x0 = x0
+        self.units = units
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor arguments and ``params__<name>``."""
@@ -268,6 +276,8 @@ class StepSimulator(ParametricSimulator):
     output : callable ``output(t, x, u, p)``, optional
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
+    units : dict of str, optional
+        Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
     Examples
     --------
@@ -288,6 +298,7 @@ class StepSimulator(ParametricSimulator):
         dt: float = 1.0,
         output: Callable[..., Any] | None = None,
         x0: Any = None,
+        units: Mapping[str, str] | None = None,
     ):
         self.step = step
         self.states = states
@@ -297,6 +308,7 @@ class StepSimulator(ParametricSimulator):
         self.dt = dt
         self.output = output
         self.x0 = x0
+        self.units = units
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: (n_samples, n_outputs); row 0 is the output at ``x0``."""
