@@ -1,8 +1,9 @@
-"""What a user knows, as options of the command line: bounds, priors, effects and places that are ruled out."""
+"""What a user knows, as options of the command line: bounds, priors, what is ruled out, how much time there is."""
 
 from __future__ import annotations
 
 import argparse
+import math
 from typing import Any
 
 from sksurrogate.exceptions import DataError
@@ -24,6 +25,10 @@ def add_knowledge(parser: argparse.ArgumentParser) -> None:
         "--prior", metavar="NAME=SD", nargs="+", default=[],
         help="relative standard deviation of a parameter, or NAME=MEAN:SD in its unit",
     )  # fmt: skip
+    parser.add_argument(
+        "--time-limit", metavar="SECONDS", type=float, default=None,
+        help="end after this time with what is known by then",
+    )  # fmt: skip
 
 
 def knowledge_of(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -34,7 +39,11 @@ def knowledge_of(arguments: argparse.Namespace) -> dict[str, Any]:
     DataError
         An option is not of its form.
     """
+    limit = arguments.time_limit
+    if limit is not None and not 0.0 < limit < math.inf:
+        raise DataError(f"--time-limit {limit:g}: expected a number of seconds above 0.")
     return {
+        "time_limit": limit,
         "exclude": [_excluded(text) for text in arguments.exclude],
         "bounds": {
             name: _bounds(text, value) for text in arguments.bounds for name, value in [_split("--bounds", text)]

@@ -18,6 +18,7 @@ def parsed(options):
     ("options", "expected"),
     [
         (["--bounds", "k=0.1:2", "c=:3"], {"bounds": {"k": (0.1, 2.0), "c": (None, 3.0)}}),
+        (["--time-limit", "60"], {"time_limit": 60.0}),
         (["--prior", "k=0.05", "c=-1:0.2"], {"priors": {"k": 0.05, "c": (-1.0, 0.2)}}),
         (
             ["--exclude", "drift", "friction@speed", "@level"],
@@ -27,7 +28,7 @@ def parsed(options):
 )
 def test_what_is_known_is_read_from_the_command_line(options, expected):
     found = knowledge_of(parsed(options))
-    assert found == {"exclude": [], "bounds": {}, "priors": {}, **expected}
+    assert found == {"time_limit": None, "exclude": [], "bounds": {}, "priors": {}, **expected}
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,7 @@ def test_what_is_known_is_read_from_the_command_line(options, expected):
         (["--bounds", "k=1"], "--bounds k=1: expected NAME=LOW:HIGH, two numbers"),
         (["--bounds", "k=a:b"], "--bounds k=a:b"),
         (["--prior", "k=a"], r"--prior k=a: expected NAME=SD .relative, as 0.05. or NAME=MEAN:SD"),
+        (["--time-limit", "-3"], "--time-limit -3: expected a number of seconds above 0"),
         (["--exclude", "a@b@c@d"], "--exclude a@b@c@d: expected effect, place"),
     ],
 )

@@ -21,6 +21,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from sksurrogate._parallel._ipc import receive, send
+from sksurrogate.kernels.clock import check_time, time_left
 
 __all__ = ["Aside", "Second", "can_fork", "one_thread"]
 
@@ -99,13 +100,16 @@ class Second:
 
     def wait(self, number: int, patience: float) -> _Answer:
         """The answer to a question; without one for so many seconds the process is left."""
-        until = time.monotonic() + patience
+        until = time.monotonic() + min(patience, time_left())
         while number not in self._answers and number > self._lost and self._line is not None:
             try:
                 self._line.settimeout(max(until - time.monotonic(), 1e-3))
                 one, answer = receive(self._line, self._known)
                 self._answers[one] = answer
-            except Exception:  # it died, was not in time, or told what cannot be read
+            except TimeoutError:
+                check_time()
+                self._give_up()
+            except Exception:  # it died, or told what cannot be read
                 self._give_up()
         return self._answers.pop(number, _Answer(False))
 
@@ -177,8 +181,9 @@ class Aside(Generic[T]):
     def answer(self) -> T:
         """What the question gives."""
         if self._second is not None:
-            second, self._second = self._second, None
+            second = self._second
             found = second.wait(self._number, PATIENCE + TIMES * (time.monotonic() - self._begun))
+            self._second = None
             if found.told:
                 for warning in found.heard:
                     warnings.warn(warning, stacklevel=2)

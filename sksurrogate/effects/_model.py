@@ -19,6 +19,7 @@ from sksurrogate.effects._effect import (
 )
 from sksurrogate.effects._whole_step import held_for, whole_step
 from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
+from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold
@@ -233,6 +234,7 @@ class BoundModel:
     # ---- dynamics ---------------------------------------------------------------------------------------------------
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """States (n_states, n_columns, n_samples) one sample later; with ``rows``, only those samples."""
+        check_time()
         t, mean, half = self.record.t, self._mean, self._half
         if rows is not None:
             t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]

@@ -11,6 +11,7 @@ from sklearn.base import clone
 
 from sksurrogate.effects._effect import BaseEffect, InputEffect, ParameterEffect, SensorEffect, SensorPath
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.signals import hold
 from sksurrogate.physics._simulator import Plant, simulated, simulated_batch
 
@@ -62,10 +63,15 @@ def even_times(t: Any, n_samples: int, dt: float) -> tuple[np.ndarray, float]:
 
 def plain_runs(simulator: Any, U: np.ndarray, X0: Any, t: Any) -> np.ndarray:
     """Runs of a simulator as it is."""
+    check_time()
     if callable(getattr(simulator, "simulate_batch", None)):
         return simulated_batch(simulator, U, X0, t)
     starts = [None] * len(U) if X0 is None else np.broadcast_to(X0, (len(U), np.shape(X0)[-1]))
-    return np.stack([_two_columns(simulated(simulator, u, x0, t)) for u, x0 in zip(U, starts)])
+    out = []
+    for u, x0 in zip(U, starts):
+        check_time()
+        out.append(_two_columns(simulated(simulator, u, x0, t)))
+    return np.stack(out)
 
 
 def _two_columns(Y: Any) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,6 +14,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._exclude import without_excluded
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
+from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
@@ -27,22 +29,41 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["Begun", "begin_ode", "begin_trajectory"]
+__all__ = ["Begun", "Task", "begin_ode", "begin_trajectory"]
 
 #: The pipeline, the rows of the whole record that it sees, and its processes.
 Begun: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[Second, Second]]
 
 
-def begin_ode(
-    diagnoser: Any,
-    plant: Plant,
-    runs: Runs,
-    whole: Record,
-    free: tuple[str, ...],
-    known: KnownParameters,
-    seed: int,
-) -> Begun:
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is asked, checked.
+
+    Attributes
+    ----------
+    plant : Plant
+    runs : Runs
+    whole : Record
+        All of the runs.
+    free : tuple of str
+        Parameters that are re-tuned.
+    known : KnownParameters
+    seed : int
+    progress : Progress
+    """
+
+    plant: Plant
+    runs: Runs
+    whole: Record
+    free: tuple[str, ...]
+    known: KnownParameters
+    seed: int
+    progress: Progress
+
+
+def begin_ode(diagnoser: Any, task: Task) -> Begun:
     """Of a simulator with a right-hand side or a step."""
+    plant, runs, whole = task.plant, task.runs, task.whole
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
@@ -50,28 +71,21 @@ def begin_ode(
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
     candidates = without_excluded(build_effects(plant, balances, diagnoser.effects), diagnoser.exclude, plant)
     with finite_along(model, whole, [run.label for run in runs]):
-        problem, smoothed = build_problem(plant, model, record, free, balances, known)
-    diagnoser._say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
+        problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
+    task.progress.say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
     fixed, apart = (diagnoser.simulator, plant, model, record, *candidates), diagnoser.n_jobs is None
     second, later = Second(fixed, apart), Second(fixed, apart, later=True)
     search = Search(
-        problem, candidates, smoothed.x, n_jobs=diagnoser.n_jobs, report=diagnoser._say, second=second, later=later
+        problem, candidates, smoothed.x, n_jobs=diagnoser.n_jobs, report=task.progress.say, second=second, later=later
     )
     tolerance = float(diagnoser.tolerance)
-    inside = OdeInside(search, seed, whole, tolerance)
-    pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, tolerance=tolerance)
+    inside = OdeInside(search, task.seed, whole, tolerance)
+    limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit}
+    pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, **limits)
     return pipeline, rows, (second, later)
 
 
-def begin_trajectory(
-    diagnoser: Any,
-    plant: Plant,
-    runs: Runs,
-    whole: Record,
-    free: tuple[str, ...],
-    known: KnownParameters,
-    seed: int,
-) -> Begun:
+def begin_trajectory(diagnoser: Any, task: Task) -> Begun:
     """Of a simulator with ``simulate`` alone.
 
     Raises
@@ -79,17 +93,18 @@ def begin_trajectory(
     SimulatorError
         None of the effects that were asked for can be tested.
     """
+    plant, runs, whole = task.plant, task.runs, task.whole
     effects = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
     wanted = [e for e in build_effects(plant, (), effects) if e.access == "trajectory"]
     _check_asked(plant, effects, wanted)
     with np.errstate(all="ignore"):
-        problem = build_trajectory(plant, whole, free, [run.label for run in runs], known)
+        problem = build_trajectory(plant, whole, task.free, [run.label for run in runs], task.known)
     testable = _testable(problem, wanted)
     _check_asked(plant, effects, testable)
     candidates = without_excluded(testable, diagnoser.exclude, plant)
-    diagnoser._say(f"{len(candidates)} rivals on {whole.n_samples} samples of {len(runs)} run(s)")
-    search = TrajectorySearch(problem, candidates, n_jobs=diagnoser.n_jobs, report=diagnoser._say)
-    inside = TrajectoryInside(search, seed, only_given=len(testable) < len(wanted))
+    task.progress.say(f"{len(candidates)} rivals on {whole.n_samples} samples of {len(runs)} run(s)")
+    search = TrajectorySearch(problem, candidates, n_jobs=diagnoser.n_jobs, report=task.progress.say)
+    inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
     untestable = left_out(effects, testable)
     pipeline = DiagnosisPipeline(
         search,
@@ -98,6 +113,7 @@ def begin_trajectory(
         correction=diagnoser.correction,
         tolerance=float(diagnoser.tolerance),
         untestable=untestable,
+        time_limit=diagnoser.time_limit,
     )
     return pipeline, np.arange(whole.n_samples), (search.second, search.later)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
@@ -15,8 +13,9 @@ from sklearn.utils import check_random_state
 from sksurrogate._columns import by_name
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.gap._begin import begin_ode, begin_trajectory
+from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
 from sksurrogate.gap._origin import with_origin
+from sksurrogate.gap._progress import Progress, progress_shown
 from sksurrogate.gap._rounds import diagnosed_in_rounds
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
@@ -57,11 +56,16 @@ class GapDiagnoser(BaseEstimator):
         is exact on a real plant.
     correction : estimator, optional
         Generic learner of the waterfall; default ``HybridRegressor(simulator)``.
+    time_limit : float, optional
+        Seconds after which the diagnosis ends: the report holds what is known by then, with ``complete=False`` and a note on
+        what is not answered. The first names are looked for in the first half, the rest judges them. The simulator
+        alone is always compared with the data, however long that takes.
     n_jobs : int, optional
         Workers for the fits of the rivals, through joblib; -1 for one a core. None fits them here, and answers questions that
         do not wait for each other in a second process where the system can fork and a core is free; 1 does neither.
     verbose : int, default=0
-        1 prints what is being done.
+        1 shows what is being done, the share that is done and about how long the rest will take: a bar on a terminal (with
+        rich, extra ``plot``), else lines on the error stream.
     random_state : int, RandomState or None, default=None
         Seed of the bootstrap and the forests.
 
@@ -120,6 +124,7 @@ class GapDiagnoser(BaseEstimator):
         priors: Mapping[str, float | tuple[float, float]] | None = None,
         tolerance: float = 0.1,
         correction: Any = None,
+        time_limit: float | None = None,
         n_jobs: int | None = None,
         verbose: int = 0,
         random_state: Any = None,
@@ -132,6 +137,7 @@ class GapDiagnoser(BaseEstimator):
         self.priors = priors
         self.tolerance = tolerance
         self.correction = correction
+        self.time_limit = time_limit
         self.n_jobs = n_jobs
         self.verbose = verbose
         self.random_state = random_state
@@ -163,8 +169,12 @@ class GapDiagnoser(BaseEstimator):
         ValueError
             ``effects`` holds a name that is not in the catalogue or what is no effect; ``n_jobs`` is 0 or no whole number.
         """
-        begun = time.perf_counter()
         self._check_parameters()
+        with progress_shown(self.verbose) as show:
+            return self._fit(X, y, groups, Progress(show, self.time_limit))
+
+    def _fit(self, X: Any, y: Any, groups: Any, progress: Progress) -> GapDiagnoser:
+        """The whole diagnosis."""
         seed = int(check_random_state(self.random_state).randint(2**31 - 1))
         X, y = (
             by_name(X, getattr(self.simulator, "inputs", None)),
@@ -179,7 +189,11 @@ class GapDiagnoser(BaseEstimator):
         whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
         pipeline, rows, report = diagnosed_in_rounds(
-            lambda record: begin(self, plant, runs, record, free, user_knows, seed), plant, runs, whole, begun
+            lambda record: begin(self, Task(plant, runs, record, free, user_knows, seed, progress)),
+            plant,
+            runs,
+            whole,
+            progress,
         )
         self.report_ = with_origin(report, self, plant, len(runs), whole.n_samples, free)
         self.augmented_ = pipeline.augmented()
@@ -196,15 +210,15 @@ class GapDiagnoser(BaseEstimator):
             raise ValueError(
                 f"n_jobs={self.n_jobs!r}: expected None or a number of workers from 1 on, or -1 for one a core; write n_jobs=1."
             )
+        limit = self.time_limit
+        if limit is not None and (not isinstance(limit, Real) or isinstance(limit, bool) or not 0.0 < limit < np.inf):
+            raise ValueError(
+                f"time_limit={limit!r}: expected None or a number of seconds above 0; write time_limit=60."
+            )
         if not (isinstance(self.tolerance, Real) and 0.0 < self.tolerance < 1.0):
             raise ValueError(
                 f"tolerance={self.tolerance!r}: expected a share of the gap between 0 and 1; the default is 0.1."
             )
-
-    def _say(self, message: str) -> None:
-        """Progress."""
-        if self.verbose:
-            print(f"[gap] {message}", file=sys.stderr, flush=True)
 
 
 def _known(bounds: Any, priors: Any, params: Mapping[str, float]) -> KnownParameters:

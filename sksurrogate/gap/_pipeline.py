@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property, partial
 from typing import Any, Generic
 
 import numpy as np
 
-from sksurrogate._parallel._second import Aside, one_thread
+from sksurrogate._parallel._second import Aside
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.effects._simulator import AugmentedSimulator
+from sksurrogate.gap._progress import Progress
+from sksurrogate.gap._stage import Stage, quiet
 from sksurrogate.gap.decide._baseline import Baseline
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
-from sksurrogate.gap.decide._equivalence import equivalents
+from sksurrogate.gap.decide._equivalence import Slot, equivalents
 from sksurrogate.gap.decide._estimates import estimates
 from sksurrogate.gap.decide._experiment import name_of
 from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
@@ -36,10 +36,12 @@ from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._retuned import retuned_table, value_of
+from sksurrogate.gap.render._notes import at_a_bound, interruption, lost_candidates, of_the_inputs
 from sksurrogate.gap.render._report import GapReport
-from sksurrogate.gap.render._sentences import note_on_none, sentence_of
+from sksurrogate.gap.render._sentences import note_on_none, sentence_of, undecided_sentence
 from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
 from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
@@ -48,16 +50,12 @@ from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.results._where import Where
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed import _where
+from sksurrogate.kernels.clock import TimeIsUp, time_left, time_until
 from sksurrogate.runs import Runs
 
-__all__ = ["STAGES", "DiagnosisPipeline", "Stage"]
+__all__ = ["STAGES", "DiagnosisPipeline"]
 
 INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
-AT_BOUND = (
-    "Re-tuned to a bound: {held}. The data ask for a value beyond it: the bound is too tight, or the parameter makes up for "
-    "something else."
-)
-LOST = "The simulator failed with some candidates, which were left out: {said}."
 
 
 class DiagnosisPipeline(Generic[C]):
@@ -75,6 +73,8 @@ class DiagnosisPipeline(Generic[C]):
         Share of the gap (amplitude) that a model may leave.
     untestable : sequence of str
         Effects that were asked for and cannot be tested.
+    time_limit : float, optional
+        Seconds; a stage that is not over at its share of them is cut, and the next ones answer what they can.
     """
 
     def __init__(
@@ -86,30 +86,45 @@ class DiagnosisPipeline(Generic[C]):
         correction: Any,
         tolerance: float,
         untestable: Sequence[str] = (),
+        time_limit: float | None = None,
     ):
         self.problem, self.search, self.inside = search.problem, search, inside
         self.labels = [run.label for run in runs]
         self.learner, self.tolerance, self.untestable = correction, tolerance, tuple(untestable)
         self.weights: Sequence[float] = ()
         self.found = PartialResults()
-        self.complete = True
+        self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
+        self.begun_at = time.perf_counter()
         self.experiment: Aside[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
         self.rows = np.arange(search.problem.record.n_samples)
 
-    def run(self, begun: float) -> GapReport:
+    def run(self, progress: Progress) -> GapReport:
         """All stages, and the report of what is known after them."""
+        self.begun_at = progress.begun
         try:
-            with quiet():
-                for stage in STAGES:
-                    if stage.told:
-                        self.search.report(stage.told)
-                    stage.ask(self)
+            for stage in STAGES:
+                progress.stage(stage.share)
+                until = progress.begun + stage.until * (self.time_limit or np.inf)
+                with quiet(), time_until(until):
+                    self.ask(stage)
         except KeyboardInterrupt:
             warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
             self.complete = self.inside.complete = False
         with quiet():
-            return self.answer(time.perf_counter() - begun)
+            return self.answer(time.perf_counter() - progress.begun)
+
+    def ask(self, stage: Stage) -> None:
+        """One stage, as far as there is time."""
+        if time_left() <= 0.0:
+            self.cut[stage.name], self.complete = None, False
+            return
+        if stage.told:
+            self.search.report(stage.told)
+        try:
+            stage.ask(self)
+        except TimeIsUp:
+            self.cut[stage.name], self.complete = None, False
 
     @property
     def final(self) -> Evidence:
@@ -136,8 +151,15 @@ class DiagnosisPipeline(Generic[C]):
             _ = self.baseline
 
     def look_for_names(self) -> None:
-        """The search, what is seen on top of what it names, and whether a law without a name does as well."""
-        self.search.run()
+        """The search."""
+        try:
+            self.search.run()
+        except TimeIsUp:
+            self.search.keep_best()
+            raise
+
+    def weigh_names(self) -> None:
+        """What is seen on top of the names, and whether a law without a name does as well."""
         self.inside.look(self.final)
         self.weights = self.inside.weigh(self.final)
 
@@ -165,6 +187,8 @@ class DiagnosisPipeline(Generic[C]):
 
     def look_at_what_is_left(self) -> None:
         """The force that the names leave, and how far the gap shrinks above the noise."""
+        if self.found.held is None:
+            return
         self.inside.look_at_what_is_left(self.final)
         self.measure()
 
@@ -186,10 +210,12 @@ class DiagnosisPipeline(Generic[C]):
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""
         found, final = self.found, self.final
-        assert found.shrink is not None
+        if found.shrink is None:
+            return
         if final.effects:
             found.shares, found.retuning = shares(final.candidate, found.shrink.fraction_power)
-            found.probabilities = probabilities(self.search, final.candidate, found.slots, self.weights)
+            slots = found.slots or [Slot[C](i, [], []) for i in range(len(final.effects))]
+            found.probabilities = probabilities(self.search, final.candidate, slots, self.weights)
         else:
             found.retuning = found.shrink.fraction_power if found.retuned else 0.0
             self.inside.weigh_none()
@@ -220,7 +246,7 @@ class DiagnosisPipeline(Generic[C]):
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
         found, final, shrink, remains = self.found, self.final, self.found.shrink, self.inside.remains
-        if shrink is None or remains is None:
+        if shrink is None or remains is None or (final.effects and not found.probabilities):
             return "unknown", UNDECIDED
         common = DecisionFeatures(
             names=len(final.effects),
@@ -281,20 +307,14 @@ class DiagnosisPipeline(Generic[C]):
         found, final, problem = self.found, self.final, self.problem
         verdict, reasons = self.decided()
         effects = self.effects(verdict) if verdict != "none" else []
-        place = self.where(verdict, effects)
-        shrink, remainder, term, data = found.shrink or NOT_KNOWN, self.remainder(), None, self.data()
-        if verdict in ("partial", "unknown") and self.inside.remains is not None and place.location is not None:
-            term = self.inside.missing_term(place.location, str(place.kind))
+        shrink, remainder, data = found.shrink or NOT_KNOWN, self.remainder(), self.data()
+        place, term = self.place_and_term(verdict, effects)
+        sentence = undecided_sentence(effects)
+        if reasons is not UNDECIDED:
+            sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder)
         return GapReport(
             verdict,
-            " ".join(
-                part
-                for part in (
-                    sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder),
-                    data.sentence,
-                )
-                if part
-            ),
+            " ".join(part for part in (sentence, data.sentence) if part),
             effects,
             ranking(self.search, final),
             self.retuned(),
@@ -322,6 +342,19 @@ class DiagnosisPipeline(Generic[C]):
             return NO_FAULTS
         return self.book.described(self.null.candidate, self.rows)
 
+    def place_and_term(self, verdict: str, effects: list[EffectEstimate]) -> tuple[Where, MissingTerm | None]:
+        """Where the gap lies and the shape of what is missing there, as far as there is time."""
+        place, term = Where(None, None), None
+        try:
+            with time_until(self.begun_at + (self.time_limit or np.inf)):
+                if time_left() > 0.0:
+                    place = self.where(verdict, effects)
+                if verdict in ("partial", "unknown") and self.inside.remains is not None and place.location is not None:
+                    term = self.inside.missing_term(place.location, str(place.kind))
+        except TimeIsUp:
+            self.cut["the place of the gap"], self.complete = None, False
+        return place, term
+
     def budget(self) -> Table:
         """Shares of the gap's power."""
         found, shrink = self.found, self.found.shrink
@@ -340,27 +373,19 @@ class DiagnosisPipeline(Generic[C]):
 
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""
-        found, final, problem, notes = self.found, self.final, self.problem, []
-        if not self.complete:
-            notes.append("The diagnosis was interrupted: questions after that point are not answered.")
+        found, final, problem = self.found, self.final, self.problem
+        notes = interruption(self.complete, self.time_limit, list(self.cut))
         if found.uncertified:
             notes.append(found.uncertified)
         notes += notes_on_names([rival.effects for rival in found.finals], final.effects, found.held, self.labels)
         if verdict == "none" and found.shrink is not None and found.shrink.measurable:
             notes.append(note_on_none(found.shrink))
         notes += self.inside.notes(final, verdict)
-        held = [f"{row['parameter']} = {row['value']:.4g}" for row in self.retuned() if row["at_bound"]]
-        if held:
-            notes.append(AT_BOUND.format(held=", ".join(held)))
-        if self.search.lost:
-            notes.append(LOST.format(said="; ".join(self.search.lost)))
+        notes += [*at_a_bound(self.retuned()), *lost_candidates(list(self.search.lost))]
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)
         if loop is not None and final.left < FAR:  # what is left must be noise, not the gap itself
             notes.append(LOOP.format(name=loop))
-        for i, name in enumerate(problem.plant.inputs):
-            if np.ptp(problem.record.u[i]) == 0:
-                notes.append(f"Input {name!r} never moves: these data say nothing about its effects.")
-        return notes
+        return [*notes, *of_the_inputs(problem.plant.inputs, problem.record.u)]
 
     def augmented(self) -> AugmentedSimulator:
         """The simulator with what was found."""
@@ -376,38 +401,17 @@ class DiagnosisPipeline(Generic[C]):
         return AugmentedSimulator(plant.simulator, list(named.effects), values, tuned or None, scale=scale)
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Linear algebra in one thread; rivals that run away are met everywhere with finite checks."""
-    with np.errstate(all="ignore"), one_thread():
-        yield
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One stage of a diagnosis.
-
-    Attributes
-    ----------
-    name : str
-    ask : callable (pipeline) -> None
-    told : str
-        Progress.
-    """
-
-    name: str
-    ask: Callable[[DiagnosisPipeline], None]
-    told: str = ""
-
-
+#: Shares of the time as on recordings of a thousand samples. The search may take most of a time limit, for a name comes first;
+#: what judges it keeps the rest.
 STAGES = (
-    Stage("null", DiagnosisPipeline.fit_null),
-    Stage("names", DiagnosisPipeline.look_for_names),
+    Stage("null", DiagnosisPipeline.fit_null, "the simulator alone", 0.05, np.inf),
+    Stage("names", DiagnosisPipeline.look_for_names, "", 0.45, 0.5),
+    Stage("law beside the names", DiagnosisPipeline.weigh_names, "", 0.2, 0.75),
     Stage("re-tuning", DiagnosisPipeline.ask_whether_retuning_counts),
-    Stage("equivalents", DiagnosisPipeline.find_equivalents, "what these data cannot tell apart"),
-    Stage("held-out runs", DiagnosisPipeline.leave_runs_out, "how far the gap shrinks on runs left out"),
-    Stage("what is left", DiagnosisPipeline.look_at_what_is_left, "what is left"),
+    Stage("equivalents", DiagnosisPipeline.find_equivalents, "what these data cannot tell apart", 0.1, 0.82),
+    Stage("held-out runs", DiagnosisPipeline.leave_runs_out, "how far the gap shrinks on runs left out", 0.09, 0.9),
+    Stage("what is left", DiagnosisPipeline.look_at_what_is_left, "what is left", 0.05, 0.94),
     Stage("certificate", DiagnosisPipeline.certify),
-    Stage("shares and intervals", DiagnosisPipeline.share_the_gap),
-    Stage("next experiment", DiagnosisPipeline.suggest_an_experiment),
+    Stage("shares and intervals", DiagnosisPipeline.share_the_gap, "shares and intervals", 0.01),
+    Stage("next experiment", DiagnosisPipeline.suggest_an_experiment, "the next experiment", 0.04),
 )

@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.gap._begin import Begun
 from sksurrogate.gap._pipeline import DiagnosisPipeline
+from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.faults._book import first_look
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
@@ -19,7 +20,7 @@ __all__ = ["diagnosed_in_rounds"]
 
 
 def diagnosed_in_rounds(
-    begin: Callable[[Record], Begun], plant: Plant, runs: Runs, whole: Record, begun: float
+    begin: Callable[[Record], Begun], plant: Plant, runs: Runs, whole: Record, progress: Progress
 ) -> tuple[DiagnosisPipeline[Any], np.ndarray, GapReport]:
     """Diagnose, and again as long as a fault of the record is found.
 
@@ -31,8 +32,7 @@ def diagnosed_in_rounds(
     runs : Runs
     whole : Record
         As it came.
-    begun : float
-        Time of the start.
+    progress : Progress
 
     Returns
     -------
@@ -47,7 +47,7 @@ def diagnosed_in_rounds(
         pipeline, rows, (second, later) = begin(book.record)
         pipeline.book, pipeline.rows = book, rows
         with second, later:
-            report = pipeline.run(begun)
+            report = pipeline.run(progress)
         if report is not None:
             return pipeline, rows, report
         book = pipeline.book

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg.lapack import dposv
 
+from sksurrogate.kernels.clock import check_time
+
 __all__ = [
     "Evaluate",
     "LeastSquaresFit",
@@ -135,6 +137,7 @@ def levenberg_marquardt(
     fit = start if isinstance(start, LeastSquaresFit) else begin(evaluate, np.asarray(start, dtype=float))
     last = fit.n_iter + max_iter
     while fit.n_iter < last and not fit.done:
+        check_time()
         if fit.cost <= floor:
             return _end(fit, "the sum of squares reached its floor")
         if not _descend(evaluate, fit, last):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_slopes import noise_slopes
 
@@ -140,6 +141,7 @@ class _Likelihood:
     high: np.ndarray
 
     def __call__(self, eta: np.ndarray) -> _Value:
+        check_time()
         noise = self.start.unpack(eta)
         try:
             factor = self.model.factor(noise)

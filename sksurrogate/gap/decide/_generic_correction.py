@@ -12,6 +12,7 @@ import numpy as np
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.fit._ode import OdeBackend
+from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.record import Record
 
 __all__ = ["Correction", "generic_correction", "known_runs"]
@@ -52,6 +53,7 @@ class SimulatedOnce:
         """What ``simulate`` gave for these inputs and initial states."""
         batch = np.ndim(U) == 3
         keys = [_key(*run) for run in zip(U, [None] * len(U) if x0 is None else x0)] if batch else [_key(U, x0)]
+        check_time()
         if not all(key in self._known for key in keys):
             found = simulate(U, x0)
             self._known.update(zip(keys, found if batch else [found]))

@@ -75,6 +75,7 @@ class OdeInside:
     def __init__(self, search: Search, seed: int, whole: Record, tolerance: float):
         self.search, self.seed, self.whole, self.complete = search, seed, whole, True
         self.remains: Remains | None = None
+        self.remaining: Remaining | None = None
         self.tolerance = tolerance
         self.curve: FreeCurve | None = None
         self.beside: LawBeside | None = None
@@ -137,6 +138,8 @@ class OdeInside:
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
         """The force on top of what stands, whether it is a law, and the places of the gap."""
+        if self.remaining is None:
+            self.remaining = Remaining(self.search.later, self.search.begun, self.channels, final, self.seed)
         self.remains = self.remaining.of(final)
 
     def withdraw(self, null: Evidence[OdeCandidate]) -> None:

@@ -14,7 +14,7 @@ from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._where import Where
 
-__all__ = ["note_on_none", "sentence_of"]
+__all__ = ["note_on_none", "sentence_of", "undecided_sentence"]
 
 #: A law longer than this (characters) is not read in a sentence.
 LONGEST = 80
@@ -81,10 +81,7 @@ def sentence_of(
     if verdict == "partial":
         return partial_sentence(effects, shrink, remainder, closed)
     if where.location is None:
-        return (
-            "The diagnosis stopped before it had an answer: nothing is decided yet. The ranking holds what was compared by "
-            "then; run it again for a verdict, with fewer rivals (effects=[...]) or more workers (n_jobs=2) if it takes too long."
-        )
+        return undecided_sentence(effects)
     place = f"the balance of {where.location}" if where.kind == "state" else f"the {where.kind} {where.location}"
     text = f"Something that is not in the catalogue is missing, most likely at {place}."
     if effects:
@@ -103,6 +100,19 @@ def sentence_of(
         "hybrid model."
         if ready
         else " Look at missing_term, try an effect of your own beside the catalogue, or use a hybrid model."
+    )
+
+
+def undecided_sentence(effects: Sequence[EffectEstimate]) -> str:
+    """Of a diagnosis that was stopped before its verdict, with what stood by then."""
+    by_then = "The ranking holds what was compared by then"
+    if effects:
+        by_then = (
+            f"By then {_list([_described(e) for e in effects])} stood, not yet judged; the ranking holds the others"
+        )
+    return (
+        f"The diagnosis stopped before it had an answer: nothing is decided yet. {by_then}; run it again for a verdict, with "
+        "more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."
     )
 
 

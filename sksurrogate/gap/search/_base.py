@@ -14,13 +14,15 @@ from sksurrogate._parallel._second import Second
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST
-from sksurrogate.gap.fit._evidence import C, Evidence, bar
+from sksurrogate.gap.fit._evidence import C, Evidence, bar, estimate_noise, judged_under
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["CORRELATED", "EQUAL", "BaseSearch"]
 
 #: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
+#: Fits that are compared when the time is up.
+LOOKED_AT = 6
 #: Samples of a structural error that count as one.
 CORRELATED = 10.0
 
@@ -81,6 +83,21 @@ class BaseSearch(ABC, Generic[C]):
     @abstractmethod
     def expected(self) -> Mapping[Any, float]:
         """What the screen expects of single effects, by key."""
+
+    def keep_best(self) -> None:
+        """What stands when the time is up: the best of all that is fitted."""
+        null = self.begun
+        nearest = sorted(self.fitted.values(), key=lambda rival: rival.fit.cost)[:LOOKED_AT]
+        for rival in nearest:
+            if rival not in self.judged:
+                self.judge(judged_under(rival, [(self.final or null).noise, null.noise]))
+        passing = [rival for rival in nearest if self.gain(rival) > self.bar(rival.n_parameters)]
+        if passing:
+            best = max(passing, key=self.order(passing))
+            stands = (self.final or null).candidate
+            if best is not stands and self.order([best, stands])(best) > self.order([best, stands])(stands):
+                self.judge(estimate_noise(best, self.judged[best].noise, max_iterations=8))
+                self.stand(best)
 
     def settle(self) -> None:
         """What stands, once more, after its rivals are known."""

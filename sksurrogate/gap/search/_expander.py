@@ -22,6 +22,7 @@ from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_pair, nominal
 from sksurrogate.gap.search._stopping import remembers_enough
+from sksurrogate.kernels.clock import check_time, limited
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import Fit
 
@@ -37,6 +38,8 @@ SAME_BASE = 1e-3
 MOST_SCREENS = 4
 #: Effects of which the fits from each start are made apart, where there are no more of them.
 FITTED_APART = 2
+#: Effects that are fitted at once under a time limit.
+PORTION = 4
 #: Effort of the search for a jump, in parameters that are fitted.
 SEARCHED = 12
 #: Other places and variables of the nearest effect that are fitted from its shape.
@@ -218,6 +221,22 @@ class Expander(BaseSearch[OdeCandidate]):
         return [r for keys, r in found if r.keys == keys and r.problem.numerics == problem.numerics]
 
     def fit_all(
+        self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
+    ) -> list[OdeCandidate]:
+        """Fit candidates, best first; under a time limit in portions, each of which is kept."""
+        if not limited():
+            return self.fit_together(problem, base, chosen, best)
+        found: list[OdeCandidate] = []
+        portion = PORTION * max(effective_n_jobs(self.n_jobs), 1)
+        for a in range(0, len(chosen), portion):
+            check_time()
+            new = self.fit_together(problem, base, chosen[a : a + portion], best)
+            self.remember(new)
+            found += new
+            best = min([best, *(rival.fit.cost for rival in new)])
+        return found
+
+    def fit_together(
         self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
     ) -> list[OdeCandidate]:
         """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.

@@ -39,13 +39,13 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
     problem : TrajectoryBackend
     screened_gains : dict
         Key of an effect -> what the screen expects of it.
-    stopped : bool
-        Whether an interrupt came while rivals were fitted.
+    stopped : KeyboardInterrupt or None
+        The interrupt that came while rivals were fitted.
     """
 
     problem: TrajectoryBackend
     screened_gains: dict[Any, float] = field(default_factory=dict)
-    stopped: bool = False
+    stopped: KeyboardInterrupt | None = None
 
     def is_far(self, rival: TrajectoryCandidate) -> bool:
         """Never: the surrogate's noise model holds far from the data too."""
@@ -97,7 +97,8 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
             best = self.stand(new)
             self.report(f"{', '.join(e.name for e in best.effects)}: evidence {self.gain(best):.0f}")
         if self.stopped:
-            raise KeyboardInterrupt
+            stop, self.stopped = self.stopped, None
+            raise stop
 
     def above(self, rival: TrajectoryCandidate, base: TrajectoryCandidate) -> float:
         """How far twice the gain over a base is above the bar of the parameters more."""
@@ -174,10 +175,11 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
             work = Parallel(n_jobs=self.n_jobs, return_as="generator")
             tries = work(delayed(_fit)(self.problem, base, *start) for start in starts)
             found += (rival for rival in tries if rival is not None)
-        except KeyboardInterrupt:  # what is fitted by now is compared before the search stops
-            self.stopped = True
+        except KeyboardInterrupt as stop:  # what is fitted by now is compared before the search stops
+            self.stopped = stop
         if not found:
             return []
+        self.remember(found)
         noise = self.judged[base].noise
         start = estimate_noise(min(found, key=lambda f: f.fit.cost), noise).noise
         looks = sorted((judged_under(rival, [noise, start]) for rival in found), key=lambda e: -e.log_likelihood)

@@ -25,6 +25,7 @@ from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._curve_shapes import Curve
 from sksurrogate.gap.unnamed._law_rival import TURNS, in_all_places, linear_along
 from sksurrogate.gap.unnamed._law_shapes import Form, Law
+from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
@@ -254,6 +255,7 @@ class _Fit:
         k = np.arange(1 + self.J.shape[1])
         best, at = -np.inf, (0, 0)
         for a in range(0, len(self.candidates), BLOCK):
+            check_time()
             part = self.candidates[a : a + BLOCK]
             moved = [curve.moved() for curve, _, _ in part]
             for i, G in enumerate(self.D.gram_each(known, moved, noise)):

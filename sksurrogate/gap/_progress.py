@@ -1,0 +1,105 @@
+"""How far a diagnosis is: stage, share done, estimate of what remains; a bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+__all__ = ["Progress", "progress_shown", "remaining_seconds"]
+
+#: Seconds before which an estimate would say nothing.
+TOO_EARLY = 0.5
+
+
+def remaining_seconds(elapsed: float, done: float) -> float | None:
+    """Estimate of what remains where a share is done; None where it is too early to tell.
+
+    Examples
+    --------
+    >>> remaining_seconds(10.0, 0.25)
+    30.0
+    """
+    return elapsed * (1.0 - done) / done if done > 0.0 and elapsed > TOO_EARLY else None
+
+
+class Progress:
+    """Share of the work that is done, from the usual shares of the stages; each message within a stage is half of its rest.
+
+    Parameters
+    ----------
+    show : callable (message, done, remaining seconds or None) -> None
+        None shows nothing.
+    time_limit : float, optional
+        Seconds after which nothing remains.
+    """
+
+    def __init__(self, show: Callable[[str, float, float | None], None] | None = None, time_limit: float | None = None):
+        self.show, self.time_limit = show, time_limit
+        self.begun = time.perf_counter()
+        self.done, self.end = 0.0, 0.0
+
+    def stage(self, share: float) -> None:
+        """The next stage begins, which takes this share of the whole."""
+        self.done = self.end
+        self.end = min(self.done + share, 1.0)
+
+    def say(self, message: str) -> None:
+        """What is being done."""
+        elapsed = time.perf_counter() - self.begun
+        rest = remaining_seconds(elapsed, self.done)
+        if rest is not None and self.time_limit is not None:
+            rest = max(min(rest, self.time_limit - elapsed), 0.0)
+        if self.show is not None:
+            self.show(message, self.done, rest)
+        self.done += (self.end - self.done) / 2.0
+
+
+class progress_shown:
+    """Where progress is shown while this is entered: a bar of rich on a terminal, else lines on the error stream."""
+
+    def __init__(self, verbose: int):
+        self.verbose = verbose
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Callable[[str, float, float | None], None] | None:
+        if not self.verbose:
+            return None
+        if not getattr(sys.stderr, "isatty", lambda: False)():
+            return _line
+        try:
+            from rich.console import Console
+            from rich.progress import BarColumn, TaskProgressColumn, TextColumn
+            from rich.progress import Progress as Bar
+        except ImportError:
+            return _line
+        columns = TextColumn("[gap]", markup=False), BarColumn(), TaskProgressColumn(), TextColumn("{task.description}")
+        self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
+        self._bar.start()
+        self._task = self._bar.add_task("", total=1.0)
+        return self._draw
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _draw(self, message: str, done: float, remaining: float | None) -> None:
+        """On the bar."""
+        from rich.markup import escape
+
+        self._bar.update(self._task, completed=done, description=escape(_with_rest(message, remaining)))
+
+
+def _line(message: str, done: float, remaining: float | None) -> None:
+    """A line on the error stream."""
+    print(f"[gap] {100 * done:3.0f} % {_with_rest(message, remaining)}", file=sys.stderr, flush=True)
+
+
+def _with_rest(message: str, remaining: float | None) -> str:
+    """A message with the estimate of what remains."""
+    return message if remaining is None else f"{message} (about {remaining:.0f} s left)"

@@ -1,0 +1,44 @@
+"""A stage of a diagnosis as data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sksurrogate._parallel._second import one_thread
+
+__all__ = ["Stage", "quiet"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a diagnosis.
+
+    Attributes
+    ----------
+    name : str
+    ask : callable (pipeline) -> None
+    told : str
+        Progress.
+    share : float
+        Usual share of the time.
+    until : float
+        Share of a time limit at which it must be over; inf where nothing can be said without it.
+    """
+
+    name: str
+    ask: Callable[[Any], None]
+    told: str = ""
+    share: float = 0.0
+    until: float = 0.95
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Linear algebra in one thread; rivals that run away are met everywhere with finite checks."""
+    with np.errstate(all="ignore"), one_thread():
+        yield

@@ -1,0 +1,49 @@
+"""Notes of a report that are about how it came about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sksurrogate.gap.results._table import Table
+
+__all__ = ["at_a_bound", "interruption", "lost_candidates", "of_the_inputs"]
+
+
+def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -> list[str]:
+    """What ended the diagnosis early: a time limit at some stages, or an interrupt."""
+    if cut and time_limit is not None:
+        return [
+            f"The time limit of {time_limit:g} s ended the diagnosis early; not or not fully answered: {', '.join(cut)}. Give it "
+            "more time for the rest."
+        ]
+    return [] if complete else ["The diagnosis was interrupted: questions after that point are not answered."]
+
+
+def at_a_bound(retuned: Table) -> list[str]:
+    """Free parameters that ended at a bound.
+
+    Examples
+    --------
+    >>> at_a_bound(Table(({"parameter": "k", "value": 2.0, "at_bound": True},)))[0][:29]
+    'Re-tuned to a bound: k = 2. T'
+    """
+    held = [f"{row['parameter']} = {row['value']:.4g}" for row in retuned if row["at_bound"]]
+    if not held:
+        return []
+    return [
+        f"Re-tuned to a bound: {', '.join(held)}. The data ask for a value beyond it: the bound is too tight, or the parameter "
+        "makes up for something else."
+    ]
+
+
+def lost_candidates(said: Sequence[str]) -> list[str]:
+    """What the simulator raised."""
+    return [f"The simulator failed with some candidates, which were left out: {'; '.join(said)}."] if said else []
+
+
+def of_the_inputs(names: Sequence[str], u: np.ndarray) -> list[str]:
+    """Inputs (n_inputs, n_samples) that never move."""
+    dead = [name for name, signal in zip(names, u) if np.ptp(signal) == 0]
+    return [f"Input {name!r} never moves: these data say nothing about its effects." for name in dead]
