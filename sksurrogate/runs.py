@@ -113,6 +113,7 @@ def resolve_runs(
     dt: float | None = None,
     allow_uneven: bool = False,
     allow_nan: bool = False,
+    unmeasured: bool = False,
     min_rows: int = 1,
 ) -> Runs:
     """Turn data in the package's convention into runs.
@@ -135,6 +136,8 @@ def resolve_runs(
         Whether uneven sampling is accepted.
     allow_nan : bool, default=False
         Whether missing values are accepted.
+    unmeasured : bool, default=False
+        Whether nan in y is accepted: an output that was not measured in that row.
     min_rows : int, default=1
         Rows that every run needs.
 
@@ -183,8 +186,11 @@ def resolve_runs(
     if not allow_nan:
         _refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
         if outputs is not None:
-            _refuse_missing(outputs, "y", output_names, labels)
+            given = np.where(np.isnan(outputs), 0.0, outputs) if unmeasured else outputs
+            _refuse_missing(given, "y", output_names, labels)
     pieces = _pieces(labels, n_samples, min_rows)
+    if unmeasured and outputs is not None:
+        _refuse_unseen(outputs, output_names, pieces)
     if clock is not None:
         _refuse_missing(clock[:, None], f"time={time!r}", None, labels)
     step, times = _times(clock, pieces, dt, allow_uneven, time)
@@ -332,6 +338,27 @@ def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None
             f"Input {name} contains {what}: row {row}, {where}{of_run}; {int(bad.sum())} values in all. "
             "Remove or interpolate them first (sksurrogate.features.Interpolator does so within a run)."
         )
+
+
+def _refuse_unseen(outputs: np.ndarray, names: Sequence[str] | None, pieces: list[tuple[Any, int, int]]) -> None:
+    """An output that was never measured is an error, and a run without any measured value."""
+    known = ~np.isnan(outputs)
+    if known.all():
+        return
+    inside = np.concatenate([np.arange(a, b) for _, a, b in pieces])
+    never = np.flatnonzero(~known[inside].any(axis=0))
+    if len(never):
+        j = int(never[0])
+        where = f"column {names[j]!r}" if names else f"column {j}"
+        raise DataError(
+            f"y holds no measured value in {where}: NaN in every row. Leave this output out of y and of the simulator's outputs."
+        )
+    for label, a, b in pieces:
+        if not known[a:b].any():
+            of_run = "y" if label is None else f"run {label!r}"
+            raise DataError(
+                f"{of_run} holds no measured value: NaN in rows {a}..{b - 1}. Leave this run out; label its rows -1 in groups."
+            )
 
 
 def _pieces(labels: np.ndarray | None, n_samples: int, min_rows: int) -> list[tuple[Any, int, int]]:

@@ -152,7 +152,7 @@ class AugmentedModel:
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
-        return closing_weight(self.scale, self.record.y, sd, self.plant.output_states)
+        return closing_weight(self.scale, self.record.spread, sd, self.plant.output_states)
 
 
 class BoundModel:
@@ -344,7 +344,9 @@ class BoundModel:
             else:
                 other = raw[a.plant.outputs.index(effect.variable)] if effect.variable else None
                 given = (y[place], other, record.t, self._parameters[i])
-                y[place] = effect.read(*given) if sharp else effect.soft(*given, 1.0 / a.sharpness, record.y[place])
+                y[place] = (
+                    effect.read(*given) if sharp else effect.soft(*given, 1.0 / a.sharpness, record.readings(place))
+                )
         return y
 
     def _path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:

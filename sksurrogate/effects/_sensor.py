@@ -363,11 +363,12 @@ class SensorQuantization(SensorEffect):
         stairs = np.where(step > 0, step * (whole + np.clip((first - whole - 0.5) / width + 0.5, 0.0, 1.0)) + moved, y)
         if readings is None:
             return stairs
+        seen = np.isfinite(readings)
         ratio = y / some
-        level = np.round(readings / some)
+        level = np.round(np.where(seen, readings, 0.0) / some)
         beyond = ratio - level
         soft = EXCESS * width * (np.logaddexp(0.0, (beyond - 0.5) / width) - np.logaddexp(0.0, (-beyond - 0.5) / width))
-        return np.where((step > 0) & shows_steps(readings, some), step * (level + soft), stairs)
+        return np.where((step > 0) & seen & shows_steps(readings[seen], some), step * (level + soft), stairs)
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
         """Steps up to 4 % off."""

@@ -150,7 +150,7 @@ class GapDiagnoser(BaseEstimator):
         X : array-like or frame (n_samples, n_inputs)
             Measured inputs, columns in the order (or with the names) of the simulator's inputs.
         y : array-like (n_samples,) or (n_samples, n_outputs)
-            Measured outputs, likewise.
+            Measured outputs, likewise; nan where an output was not measured (sensors at other rates, dropouts).
         groups : array-like (n_samples,), optional
             Run of every row; one run by default.
 
@@ -180,7 +180,7 @@ class GapDiagnoser(BaseEstimator):
             by_name(X, getattr(self.simulator, "inputs", None)),
             by_name(y, getattr(self.simulator, "outputs", None)),
         )
-        runs = resolve_runs(X, y, groups=groups, dt=getattr(self.simulator, "dt", None), min_rows=8)
+        runs = resolve_runs(X, y, groups=groups, dt=getattr(self.simulator, "dt", None), unmeasured=True, min_rows=8)
         if runs[0].y is None:
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)

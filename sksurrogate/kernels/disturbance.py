@@ -97,11 +97,14 @@ class Disturbance:
         Standard deviation of the initial dx (wide).
     slack : ndarray (n_states,)
         Tiny process noise that keeps the precision finite; far below the sensor noise.
+    known : ndarray of bool (n_outputs, n_samples), optional
+        Which values were measured: the others have no part in any likelihood, whatever a residual holds there.
     """
 
     def __init__(
-        self, A: np.ndarray, B: np.ndarray, C: np.ndarray, starts: np.ndarray, start_sd: np.ndarray, slack: np.ndarray
-    ):
+        self, A: np.ndarray, B: np.ndarray, C: np.ndarray, starts: np.ndarray, start_sd: np.ndarray, slack: np.ndarray,
+        known: np.ndarray | None = None,
+    ):  # fmt: skip
         self.n, self.n_samples = A.shape[0], A.shape[2]
         self.m, self.b = C.shape[0], B.shape[1]
         self.size = self.n + self.b + self.m
@@ -112,6 +115,8 @@ class Disturbance:
         self.later = np.ones(self.n_samples)
         self.later[starts] = 0.0
         self.start_sd, self.slack = start_sd, slack
+        self.known = known
+        C = C if known is None else np.where(known[:, None], C, 0.0)
         self.A, self.B, self.C = A.transpose(2, 0, 1), B.transpose(2, 0, 1), C.transpose(2, 0, 1)
         # States that each output sees; most see one.
         self.seen = [np.flatnonzero(np.any(self.C[:, j] != 0.0, axis=0)) for j in range(self.m)]
@@ -120,6 +125,28 @@ class Disturbance:
         self.G = G
         self.GG = G.transpose(0, 2, 1) @ (G / slack[:, None] ** 2)
         self.constant = self._constant()
+
+    @cached_property
+    def counts(self) -> np.ndarray:
+        """Measured values of every output in every run, (n_runs, n_outputs)."""
+        if self.known is None:
+            return np.repeat((self.ends + 1 - self.starts)[:, None], self.m, axis=1)
+        return np.add.reduceat(self.known, self.starts, axis=1, dtype=int).T
+
+    @cached_property
+    def n_values(self) -> int:
+        """Measured values."""
+        return int(self.counts.sum())
+
+    def at_measured(self, r: np.ndarray) -> np.ndarray:
+        """Columns (n_outputs, ..., n_samples) with 0 where nothing was measured."""
+        if self.known is None:
+            return r
+        return np.where(self.known.reshape(self.m, *(1,) * (r.ndim - 2), self.n_samples), r, 0.0)
+
+    def weight_of(self, j: int) -> np.ndarray:
+        """1 where output j was measured, else 0, (n_samples,)."""
+        return np.ones(self.n_samples) if self.known is None else self.known[j].astype(float)
 
     @cached_property
     def _recursion(self) -> np.ndarray:
@@ -152,7 +179,7 @@ class Disturbance:
         if np.array_equal(starts, self.starts):
             return self
         A, B, C = (part.transpose(1, 2, 0) for part in (self.A, self.B, self.C))
-        return Disturbance(A, B, C, starts, self.start_sd, self.slack)
+        return Disturbance(A, B, C, starts, self.start_sd, self.slack, self.known)
 
     def chains(self, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Size, memory over a sample and precision of the steps of every coloured noise, forces first."""
@@ -174,7 +201,7 @@ class Disturbance:
         band[self.ends, n:, 0] -= q * a**2
         band[:, n:, size] = -q * a
         band[self.ends, n:, size] = 0.0
-        band[:, top:, 0] += noise.sigma**-2
+        band[:, top:, 0] += noise.sigma**-2 if self.known is None else self.known.T * noise.sigma**-2
         for j, seen in enumerate(self.seen):
             for i in seen:
                 weighted = self.C[:, j, i] / noise.sigma[j] ** 2
@@ -208,12 +235,14 @@ class Disturbance:
         posterior = 2.0 * np.add.reduceat(np.log(factor[0]), self.starts * self.size)
         prior = (lengths - 1) * (np.sum(np.log(q)) - 2 * np.sum(np.log(self.slack)))
         prior = prior - 2 * (np.sum(np.log(self.start_sd)) + np.sum(np.log(spread)))
-        return posterior - prior + 2.0 * lengths * np.sum(np.log(noise.sigma))
+        if self.known is None:
+            return posterior - prior + 2.0 * lengths * np.sum(np.log(noise.sigma))
+        return posterior - prior + 2.0 * self.counts @ np.log(noise.sigma)
 
     def gram(self, r: np.ndarray, noise: Noise, factor: np.ndarray | None = None) -> tuple[np.ndarray, float]:
         """``r' S^-1 r`` of columns r (n_outputs, n_columns, n_samples) with S the covariance of the residual, and log det S."""
         factor = self.factor(noise) if factor is None else factor
-        flat, half = self._whitened(factor, r, noise)
+        flat, half = self._whitened(factor, self.at_measured(r), noise)
         return flat @ flat.T - half @ half.T, float(np.sum(self._log_det(factor, noise)))
 
     def gram_each(self, r: np.ndarray, blocks: Iterable[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
@@ -223,10 +252,10 @@ class Disturbance:
         def product(a: tuple[np.ndarray, ...], b: tuple[np.ndarray, ...]) -> np.ndarray:
             return a[0].T @ b[0] - a[1].T @ b[1]
 
-        known = self._abreast(steps, r, noise)
+        known = self._abreast(steps, self.at_measured(r), noise)
         K = product(known, known)
         for some in _together(blocks, MOST_ABREAST):
-            whole = self._abreast(steps, np.concatenate(some, axis=1), noise)
+            whole = self._abreast(steps, self.at_measured(np.concatenate(some, axis=1)), noise)
             cross, b = product(known, whole), 0
             for block in some:
                 a, b = b, b + block.shape[1]
@@ -237,7 +266,8 @@ class Disturbance:
         """The recursion of ``L^-1 H' R^-1/2``."""
         H = np.zeros((self.n_samples, self.size, self.m))
         H[:, : self.n] = self.C.transpose(0, 2, 1) / noise.sigma
-        H[:, self.n + self.b :] = np.diag(1.0 / noise.sigma)
+        white = np.diag(1.0 / noise.sigma)
+        H[:, self.n + self.b :] = white if self.known is None else white * self.known.T[:, None]
         return block_steps(factor, H)
 
     def _abreast(self, steps: np.ndarray, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
@@ -253,7 +283,7 @@ class Disturbance:
 
     def gram_by_run(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
         """The matrix of :meth:`gram` run by run, (n_runs, n_columns, n_columns), and its log determinants; they add up to it."""
-        factor = self.factor(noise)
+        factor, r = self.factor(noise), self.at_measured(r)
         half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
         flat = r / noise.sigma[:, None, None]
         out = []
@@ -271,6 +301,7 @@ class Disturbance:
         Columns (n_columns, n_outputs, n_samples) lie one behind the other here, each over the ``unit`` of its output.
         """
         factor = self.factor(noise)
+        r = r if self.known is None else np.where(self.known, r, 0.0)
         steps, unit = self._steps(factor, noise), np.broadcast_to(unit, self.m)[:, None, None]
         first = r[:n_rows].transpose(1, 0, 2) * unit
         solved, _ = dpbtrs(factor, self._load(first, noise), lower=1)
@@ -288,7 +319,7 @@ class Disturbance:
     def _shown(self, states: np.ndarray) -> np.ndarray:
         """What states and coloured noise (n_columns, n_samples, size) show in the outputs: (n_outputs, n_columns, n_samples)."""
         shown = np.einsum("toi,kti->okt", self.C, states[:, :, : self.n])
-        return shown + states[:, :, self.n + self.b :].transpose(2, 0, 1)
+        return self.at_measured(shown + states[:, :, self.n + self.b :].transpose(2, 0, 1))
 
     def log_likelihood(self, r: np.ndarray, noise: Noise) -> float:
         """Of a residual (n_outputs, n_samples), without the constant."""
@@ -300,7 +331,7 @@ class Disturbance:
 
         The initial dx are left out: they belong to the fit. By the adjoint of the recursion, force by force.
         """
-        n, k = self.n, v.shape[1]
+        n, k, v = self.n, v.shape[1], self.at_measured(v)
         white = np.einsum("okt,olt,o->kl", v, v, noise.sigma**2)
         # Adjoint of dx: p[t] = A[t]' p[t+1] + C[t]' v[t], then the weight of w[t] is B[t]' p[t+1].
         load = np.einsum("toi,okt->ikt", self.C, v)
@@ -329,5 +360,5 @@ class Disturbance:
 
     def mean(self, r: np.ndarray, noise: Noise, factor: np.ndarray) -> np.ndarray:
         """Posterior mean of dx, forces and coloured noise (size, n_samples) given a residual (n_outputs, n_samples)."""
-        solved, _ = dpbtrs(factor, np.asfortranarray(self._load(r[:, None, :], noise)), lower=1)
+        solved, _ = dpbtrs(factor, np.asfortranarray(self._load(self.at_measured(r)[:, None, :], noise)), lower=1)
         return solved[:, 0].reshape(self.n_samples, self.size).T

@@ -160,20 +160,20 @@ def _defects(after: np.ndarray, x: np.ndarray, starts: np.ndarray) -> np.ndarray
     return d
 
 
-def closing_weight(scale: np.ndarray, y: np.ndarray, sd: np.ndarray, measured: Sequence[int] | None) -> np.ndarray:
+def closing_weight(scale: np.ndarray, spread: np.ndarray, sd: np.ndarray, measured: Sequence[int] | None) -> np.ndarray:
     """Size (n_states,) to which every state of a free run is closed: the noise of the measured, that share of the others.
 
     Parameters
     ----------
     scale : ndarray (n_states,)
         Size of every state.
-    y : ndarray (n_outputs, n_samples)
+    spread : ndarray (n_outputs,)
+        Deviation of every output, > 0.
     sd : ndarray (n_outputs,)
         Noise of the sensors.
     measured : sequence of int or None
         Position of the state that each output is; None where outputs are functions of states.
     """
-    spread = np.maximum(np.std(y, axis=1), 1e-300)
     weight = scale * min(float(np.min(sd / spread)), 1.0)
     for j, i in enumerate(measured or ()):
         weight[i] = min(weight[i], sd[j])

@@ -29,7 +29,7 @@ class Linearised:
     Z_theta, Z_x : ndarray (n_states, n_theta | n_states, n_samples)
         Sensitivities to the parameters and to the initial states of the run.
     J_theta, J_x : ndarray (n_outputs, ..., n_samples)
-        The same of the outputs.
+        The same of the outputs, 0 where nothing was measured.
     A : ndarray (n_states, n_states, n_samples)
     band : ndarray
         Band of the recursion.
@@ -76,7 +76,8 @@ def linearise(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, unit: np.nd
     Z_theta, Z_x = Z[:, 1 : 1 + k], Z[:, 1 + k :]
     closed = x + Z[:, 0]
     y, J_theta, J_x = _output_sensitivities(model, theta, closed, Z_theta, Z_x, dtheta)
-    return Linearised(closed, y, Z_theta, Z_x, J_theta, J_x, A, band)
+    seen_of = model.record.seen_of
+    return Linearised(closed, y, Z_theta, Z_x, seen_of(J_theta), seen_of(J_x), A, band)
 
 
 def _start_of_hidden(

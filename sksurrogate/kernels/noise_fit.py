@@ -164,7 +164,7 @@ class _Likelihood:
         square = float(weights @ G @ weights)
         if not square > 0:  # a sum of squares that its roundings have eaten up
             return LOST
-        return _Value(float(value), theta / scale, square / self.columns[:, 0].size, factor)
+        return _Value(float(value), theta / scale, square / self.model.n_values, factor)
 
     def gradient(self, eta: np.ndarray, at: _Value) -> np.ndarray:
         """Slopes with the parameters of the model frozen at their best (envelope theorem); nan where they cannot be had."""

@@ -57,7 +57,7 @@ def noise_slopes(model: Disturbance, r: np.ndarray, noise: Noise, factor: np.nda
     by_a = (a * steps / rest**2 - (between - a * before) / rest) / spread**2 - pairs * a / rest
     tau = np.repeat([noise.tau, noise.tau_sensor], [b, model.m])
     taus = by_a * a / tau
-    white = model.n_samples - _misses(model, r, mean, now) / noise.sigma**2
+    white = model.counts.sum(axis=0) - _misses(model, model.at_measured(r), mean, now) / noise.sigma**2
     return np.r_[white, sizes[:b], np.sum(taus[:b]), sizes[b:], np.sum(taus[b:])]
 
 
@@ -66,7 +66,7 @@ def _misses(model: Disturbance, r: np.ndarray, mean: np.ndarray, now: np.ndarray
     out = np.empty(model.m)
     for j, seen in enumerate(model.seen):
         rows = np.r_[seen, model.n + model.b + j]
-        weights = np.concatenate([model.C[:, j, seen].T, np.ones((1, model.n_samples))])
+        weights = np.concatenate([model.C[:, j, seen].T, model.weight_of(j)[None]])
         e = r[j] - np.einsum("it,it->t", weights, mean[rows])
         out[j] = e @ e + np.einsum("it,ikt,kt->", weights, now[np.ix_(rows, rows)], weights)
     return out

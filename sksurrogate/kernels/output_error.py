@@ -229,14 +229,14 @@ class _OutputError:
 
     def cost(self, y: np.ndarray, theta: np.ndarray) -> float:
         held = np.sum(self.precision * (theta - self.centre) ** 2)
-        value = float(np.sum(((self.record.y - y) / self.sd[:, None]) ** 2) + held)
+        value = float(np.sum((self.record.residual(y) / self.sd[:, None]) ** 2) + held)
         return value if np.isfinite(value) else np.inf
 
     def arrow(self, lin: Linearised, theta: np.ndarray) -> Arrow:
         Jt = np.where(self.fixed[:, None], 0.0, lin.J_theta) if self.fixed.any() else lin.J_theta
         Jx = lin.J_x if self.free.all() else lin.J_x[:, self.free]
         pull = self.precision * (self.centre - theta)
-        return Arrow.build(Jt, Jx, self.record.y - lin.y, self.sd, self.record.starts, self.precision, pull)
+        return Arrow.build(Jt, Jx, self.record.residual(lin.y), self.sd, self.record.starts, self.precision, pull)
 
     def step(self, arrow: Arrow, theta: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
         """A step within the bounds: parameters that would leave stay there, and the others make the best of it."""

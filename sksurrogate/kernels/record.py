@@ -1,13 +1,41 @@
-"""The data of a fit: all runs one behind the other on one time axis."""
+"""The data of a fit: all runs one behind the other on one time axis, and which readings were measured."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-__all__ = ["Record"]
+__all__ = ["Record", "bridged"]
+
+
+def bridged(y: np.ndarray, known: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Signals with what is not known joined linearly within a run, ends held; of a run without any the mean of the others.
+
+    Parameters
+    ----------
+    y : ndarray (n_signals, n_samples)
+    known : ndarray of bool (n_signals, n_samples)
+    starts : ndarray of int (n_runs,)
+
+    Examples
+    --------
+    >>> y = np.array([[1.0, np.nan, 3.0, np.nan]])
+    >>> bridged(y, np.isfinite(y), np.array([0]))
+    array([[1., 2., 3., 3.]])
+    """
+    out = y.copy()
+    edges = np.r_[starts, y.shape[1]]
+    for row, seen in zip(out, known):
+        if seen.all():
+            continue
+        mean = float(row[seen].mean()) if seen.any() else 0.0
+        for a, b in zip(edges[:-1], edges[1:]):
+            rows = a + np.flatnonzero(seen[a:b])
+            row[a:b] = np.interp(np.arange(a, b), rows, row[rows]) if len(rows) else mean
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,10 +46,13 @@ class Record:
     ----------
     u : ndarray (n_inputs, n_samples)
     y : ndarray (n_outputs, n_samples)
+        Finite everywhere: what was not measured is bridged, and no residual is taken of it.
     t : ndarray (n_samples,)
     starts : ndarray of int (n_runs,)
         First row of every run.
     dt : float
+    known : ndarray of bool (n_outputs, n_samples) or None
+        Which values of ``y`` were measured; None where all were.
     """
 
     u: np.ndarray
@@ -29,19 +60,78 @@ class Record:
     t: np.ndarray
     starts: np.ndarray
     dt: float
+    known: np.ndarray | None = None
 
     @classmethod
     def from_runs(cls, U: Sequence[np.ndarray], Y: Sequence[np.ndarray], t: Sequence[np.ndarray], dt: float) -> Record:
-        """From one array (n_samples, n) a run."""
-        starts = np.cumsum([0] + [len(part) for part in U[:-1]])
+        """From one array (n_samples, n) a run; nan in Y was not measured."""
+        starts = np.cumsum([0] + [len(part) for part in U[:-1]]).astype(int)
+        y = np.ascontiguousarray(np.concatenate(Y).T)
+        known = ~np.isnan(y)
+        whole = bool(known.all())
         return cls(
             np.ascontiguousarray(np.concatenate(U).T),
-            np.ascontiguousarray(np.concatenate(Y).T),
+            y if whole else bridged(y, known, starts),
             np.concatenate(t),
-            starts.astype(int),
+            starts,
             float(dt),
+            None if whole else known,
         )
 
+    # ---- what was measured ------------------------------------------------------------------------------------------
+    def seen(self, values: np.ndarray) -> np.ndarray:
+        """Outputs (..., n_outputs, n_samples) with 0 where nothing was measured."""
+        return values if self.known is None else np.where(self.known, values, 0.0)
+
+    def seen_of(self, values: np.ndarray) -> np.ndarray:
+        """The same of outputs that come first, (n_outputs, ..., n_samples)."""
+        if self.known is None:
+            return values
+        shape = (len(self.known), *(1,) * (values.ndim - 2), self.known.shape[1])
+        return np.where(self.known.reshape(shape), values, 0.0)
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """Measured less predicted (n_outputs, n_samples), 0 where nothing was measured."""
+        return self.seen(self.y - y)
+
+    @cached_property
+    def counts(self) -> np.ndarray:
+        """Measured values of every output in every run, (n_runs, n_outputs)."""
+        if self.known is None:
+            return np.repeat(self.lengths[:, None], len(self.y), axis=1)
+        return np.add.reduceat(self.known, self.starts, axis=1, dtype=int).T
+
+    @cached_property
+    def n_values(self) -> int:
+        """Measured values."""
+        return self.y.size if self.known is None else int(self.known.sum())
+
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """Standard deviation of the measured values of every output, > 0, (n_outputs,)."""
+        some = self.counts.any(axis=0)
+        return np.maximum([np.std(self.measured(j)) if some[j] else 0.0 for j in range(len(self.y))], 1e-300)
+
+    @cached_property
+    def level(self) -> np.ndarray:
+        """Mean of the measured values of every output (n_outputs,)."""
+        return np.array([np.mean(self.measured(j)) if self.counts[:, j].any() else 0.0 for j in range(len(self.y))])
+
+    def measured(self, j: int) -> np.ndarray:
+        """The measured values of output j, in order of time."""
+        return self.y[j] if self.known is None else self.y[j, self.known[j]]
+
+    def readings(self, j: int) -> np.ndarray:
+        """Output j, nan where it was not measured (n_samples,)."""
+        return self.y[j] if self.known is None else np.where(self.known[j], self.y[j], np.nan)
+
+    def rms(self, residual: np.ndarray) -> np.ndarray:
+        """Root mean square of a :meth:`residual` over the measured values, (n_outputs,)."""
+        if self.known is None:
+            return np.sqrt(np.mean(residual**2, axis=1))
+        return np.sqrt(np.sum(residual**2, axis=1) / np.maximum(self.known.sum(axis=1), 1))
+
+    # ---- rows -------------------------------------------------------------------------------------------------------
     @property
     def n_samples(self) -> int:
         """Rows of all runs together."""
@@ -61,11 +151,14 @@ class Record:
         """Row k samples before each, or the first of its run."""
         return np.maximum(np.arange(self.n_samples) - k, self.starts[self.run_of_row])
 
+    def rows(self, rows: np.ndarray, starts: np.ndarray) -> Record:
+        """Some rows, cut into runs that begin at ``starts`` of them."""
+        known = None if self.known is None else self.known[:, rows]
+        return Record(self.u[:, rows], self.y[:, rows], self.t[rows], starts, self.dt, known)
+
     def select(self, runs: Sequence[int]) -> Record:
         """Some of the runs."""
         bounds = np.r_[self.starts, self.n_samples]
         rows = np.concatenate([np.arange(bounds[r], bounds[r + 1]) for r in runs])
         lengths = self.lengths[list(runs)]
-        return Record(
-            self.u[:, rows], self.y[:, rows], self.t[rows], np.r_[0, np.cumsum(lengths[:-1])].astype(int), self.dt
-        )
+        return self.rows(rows, np.r_[0, np.cumsum(lengths[:-1])].astype(int))

@@ -18,14 +18,24 @@ from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one, state_ja
 __all__ = ["Smoothed", "drawn", "noise_of_differences", "smooth"]
 
 
-def noise_of_differences(y: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def noise_of_differences(
+    y: np.ndarray, starts: np.ndarray, known: np.ndarray | None = None, t: np.ndarray | None = None
+) -> np.ndarray:
     """Standard deviation of white sensor noise: MAD of third differences / 0.6745 / sqrt(20), (n_outputs,).
 
     Parameters
     ----------
     y : ndarray (n_outputs, n_samples)
     starts : ndarray of int (n_runs,)
+    known : ndarray of bool (n_outputs, n_samples), optional
+        Which values were measured: differences are then divided ones, of four measured values in a row.
+    t : ndarray (n_samples,), optional
+        Time of every sample, for these.
     """
+    if known is not None:
+        t = np.arange(y.shape[1], dtype=float) if t is None else t
+        run = np.searchsorted(starts, np.arange(y.shape[1]), side="right")
+        return np.array([_noise_of_measured(row[seen], t[seen], run[seen]) for row, seen in zip(y, known)])
     spread = np.std(y, axis=1)
     floor = np.maximum(1e-4 * spread, 1e-12)
     within = np.ones(y.shape[1], bool)  # whether the row and the three that follow it are of one run
@@ -39,6 +49,21 @@ def noise_of_differences(y: np.ndarray, starts: np.ndarray) -> np.ndarray:
     if len(rows) < third.shape[1]:
         third = third[:, rows]
     return np.maximum(np.median(np.abs(third), axis=1) / 0.6745 / np.sqrt(20.0), floor)
+
+
+def _noise_of_measured(y: np.ndarray, t: np.ndarray, run: np.ndarray) -> float:
+    """The same of readings (n,) at uneven times: third divided differences over the root of the squares of their weights."""
+    spread = float(np.std(y)) if len(y) else 0.0
+    floor = max(1e-4 * spread, 1e-12)
+    first = np.flatnonzero(run[3:] == run[:-3])
+    if not len(first):
+        return max(0.01 * spread, floor)
+    four = first[:, None] + np.arange(4)
+    apart = t[four][:, :, None] - t[four][:, None]
+    apart[:, np.arange(4), np.arange(4)] = 1.0
+    weights = 1.0 / np.prod(apart, axis=2)
+    third = np.sum(weights * y[four], axis=1) / np.sqrt(np.sum(weights**2, axis=1))
+    return max(float(np.median(np.abs(third))) / 0.6745, floor)
 
 
 #: What ties a trajectory to its guess where nothing else does, over the squared sizes of the states: in all samples, and in the
@@ -94,6 +119,7 @@ def smooth(
     *,
     rigid: np.ndarray | None = None,
     share: np.ndarray | None = None,
+    known: np.ndarray | None = None,
     max_iterations: int = 12,
     floor: float = 1e-4,
 ) -> Smoothed:
@@ -114,6 +140,8 @@ def smooth(
         Rows that are known to hold (dq/dt = v): their allowance stays at the floor.
     share : ndarray (n_states, n_samples), optional
         What the allowance of a balance is multiplied by in a sample; 1 by default.
+    known : ndarray of bool (n_outputs, n_samples), optional
+        Which values of y were measured.
     floor : float
         Smallest allowance, in units of ``scale``.
 
@@ -139,9 +167,8 @@ def smooth(
         best = Smoothed(x, d, np.sqrt(np.sum((d / part) ** 2, axis=1) / n_inner), A)
         if iteration == max_iterations - 1:
             break
-        step = _step(
-            A, C / sd[:, None, None], (y - g) / sd[:, None], d, 1.0 / (q[:, None] * part) ** 2, anchor - x, scale, ends
-        )
+        allowed = 1.0 / (q[:, None] * part) ** 2
+        step = _step(A, *_misses(C, y - g, sd, known), d, allowed, anchor - x, scale, ends)
         if step is None:
             break
         x = x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])
@@ -159,9 +186,16 @@ def smooth(
     return best
 
 
+def _misses(C: np.ndarray, r: np.ndarray, sd: np.ndarray, known: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Output Jacobians and misses over the noise; 0 where nothing was measured."""
+    C, r = C / sd[:, None, None], r / sd[:, None]
+    return (C, r) if known is None else (np.where(known[:, None], C, 0.0), np.where(known, r, 0.0))
+
+
 def drawn(
-    bound: ObservedStepper, y: np.ndarray, starts: np.ndarray, sd: np.ndarray, x: np.ndarray, scale: np.ndarray
-) -> np.ndarray | None:
+    bound: ObservedStepper, y: np.ndarray, starts: np.ndarray, sd: np.ndarray, x: np.ndarray, scale: np.ndarray,
+    known: np.ndarray | None = None,
+) -> np.ndarray | None:  # fmt: skip
     """A trajectory (n_states, n_samples) drawn to the measurements by the first step of :func:`smooth`; None where it is not finite."""
     after, A = state_jacobian(bound, x, scale)
     g, C = output_jacobian(bound, x, scale)
@@ -170,7 +204,7 @@ def drawn(
     if not (np.all(np.isfinite(d)) and np.all(np.isfinite(A)) and np.all(np.isfinite(g))):
         return None
     allowed = np.broadcast_to(1.0 / (_ALLOWANCE * scale[:, None]) ** 2, x.shape)
-    step = _step(A, C / sd[:, None, None], (y - g) / sd[:, None], d, allowed, np.zeros_like(x), scale, ends)
+    step = _step(A, *_misses(C, y - g, sd, known), d, allowed, np.zeros_like(x), scale, ends)
     if step is None or not np.all(np.isfinite(step)):
         return None
     return x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])

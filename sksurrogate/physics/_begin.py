@@ -35,7 +35,8 @@ def thinned(record: Record, every: int, held: bool) -> Record:
     """One row of ``every`` of each run; inputs that are held are averaged over the rows that follow it."""
     rows, counts = _kept(record, every), record.lengths // every
     u = np.mean([record.u[:, rows + k] for k in range(every)], axis=0) if held else record.u[:, rows]
-    return Record(u, record.y[:, rows], record.t[rows], np.cumsum(counts) - counts, every * record.dt)
+    few = record.rows(rows, np.cumsum(counts) - counts)
+    return replace(few, u=u, dt=every * record.dt)
 
 
 def _kept(record: Record, every: int) -> np.ndarray:
@@ -46,10 +47,10 @@ def _kept(record: Record, every: int) -> np.ndarray:
 def _telling_rows(record: Record, sd: np.ndarray, held: bool) -> tuple[Record, int] | None:
     """The record thinned to one row of how many: third differences stay small, so that these tell what the others do."""
     every = min(record.n_samples // _ROWS, int(record.lengths.min()) // _ROWS_OF_A_RUN, _MOST)
-    small = np.maximum(2.0 * sd, _ROUGH * np.std(record.y, axis=1))
+    small = np.maximum(2.0 * sd, _ROUGH * record.spread)
     while every >= _LEAST:
         few = thinned(record, every, held)
-        if np.all(noise_of_differences(few.y, few.starts) < small):
+        if np.all(noise_of_differences(few.y, few.starts, few.known, few.t) < small):
             return few, every
         every //= 2
     return None

@@ -148,6 +148,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         ----------
         X : array-like (n_samples, n_inputs)
         y : array-like (n_samples,) or (n_samples, n_outputs)
+            Measured outputs; nan where an output was not measured (sensors at other rates, dropouts).
         groups : array-like (n_samples,), optional
         x0 : array-like (n_states,) or (n_runs, n_states), optional
             Known initial states (``fit_x0=False``), or where the fit starts.
@@ -186,7 +187,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         unit = np.where(theta != 0, np.abs(theta), 1.0)
         keep_freed_memory()
         with np.errstate(all="ignore"):
-            sd = noise_of_differences(record.y, record.starts)
+            sd = noise_of_differences(record.y, record.starts, record.known, record.t)
             model, fit, self.method_ = self._fitted(
                 PlantModel(plant), record, sd, names, theta, unit, (low, high), starts, x0 is not None, prior
             )
@@ -200,19 +201,31 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             lin = fit.linearised or linearise(model, fit.theta, fit.x, unit)
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
         self.x0_ = fit.x[:, record.starts].T.copy()
-        residual = record.y - fit.y
-        if names and np.sum((residual.T / sd) ** 2) > 2 * np.sum(((record.y.T - record.y.mean(axis=1)) / sd) ** 2):
+        residual = record.residual(fit.y)
+        constant = record.residual(np.repeat(record.level[:, None], record.n_samples, axis=1))
+        if names and np.sum((residual.T / sd) ** 2) > 2 * np.sum((constant.T / sd) ** 2):
             warnings.warn(
                 "the fitted free run is much farther from y than a constant: give starting values nearer to the plant, bounds, or x0.",
                 ConvergenceWarning,
                 stacklevel=2,
             )
-        self.noise_ = np.sqrt(np.mean(residual**2, axis=1))
+        self.noise_ = record.rms(residual)
         self.n_iter_, self.converged_ = fit.n_iterations, fit.converged
         at_bound = ((fit.theta <= low) | (fit.theta >= high)) & (low < high)
         self.at_bound_ = {name: bool(flag) for name, flag in zip(names, at_bound)}
         J_x = lin.J_x if self.fit_x0 else lin.J_x[:, :0]
-        what = known(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound, prior.precision)
+        what = known(
+            lin.J_theta,
+            J_x,
+            residual,
+            sd,
+            record.starts,
+            unit,
+            self.confidence,
+            at_bound,
+            prior.precision,
+            record.known,
+        )
         self.covariance_ = what.covariance
         ends = np.clip(fit.theta - what.width, low, high), np.clip(fit.theta + what.width, low, high)
         self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(names, *ends)}
@@ -261,9 +274,10 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         held = replace_params(self, self.simulator_).fit(X, y, groups=groups)
         truth = runs.stack([run.y for run in runs])
         predicted = self.predict(X, groups=groups, x0=held.x0_).reshape(truth.shape)
-        keep = np.isfinite(truth).all(axis=1)
-        weight = None if sample_weight is None else np.asarray(sample_weight)[keep]
-        return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
+        weight = np.ones(len(truth)) if sample_weight is None else np.asarray(sample_weight)
+        known = np.isfinite(truth)
+        each = [r2_score(y[k], f[k], sample_weight=weight[k]) for y, f, k in zip(truth.T, predicted.T, known.T)]
+        return float(np.mean(each))
 
     # ---- parts ------------------------------------------------------------------------------------------------------
     def __sklearn_tags__(self) -> Any:
@@ -289,12 +303,14 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             )
         else:
             try:
-                X, y = validate_data(
-                    self, X, y, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest
+                whole = _without_nan(y)
+                X, checked = validate_data(
+                    self, X, whole, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest
                 )
+                y = checked if whole is y else y
             except ValueError as error:
                 if "NaN" in str(error) or "infinity" in str(error):
-                    resolve_runs(X, y, run=self.run)  # names the row
+                    resolve_runs(X, y, run=self.run, unmeasured=True)  # names the row
                 raise
         return resolve_runs(
             X,
@@ -302,6 +318,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             groups=groups,
             run=self.run,
             dt=getattr(self.simulator, "dt", None),
+            unmeasured=True,
             min_rows=2 if y is not None else 1,
         )
 
@@ -326,13 +343,13 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         if begun is not None:
             model, near, x = begun
             fit = output_error(model, near, x, sd, open_steps=6, **options)
-            if fit is not None and fit.converged and fit.cost < _POOR * record.y.size:
+            if fit is not None and fit.converged and fit.cost < _POOR * record.n_values:
                 return model, fit, "lifted"
         model, x = prepared(inner, record, sd, names, theta, starts, given, self.fit_x0)
         if model.stiff:  # a parameter that nothing fixes must not carry a stiff plant off
             options["reach"] = 0.7
         fit = output_error(model, theta, x, sd, open_steps=0 if model.stiff else 6, **options)
-        if fit is not None and fit.converged and fit.cost < _POOR * record.y.size:
+        if fit is not None and fit.converged and fit.cost < _POOR * record.n_values:
             return model, fit, "lifted"
         shot = free_run(model, theta, starts.T)
         other = output_error(model, theta, shot, sd, open_steps=0, **options) if np.all(np.isfinite(shot)) else None
@@ -351,6 +368,14 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
     def _warn(self, what: str) -> None:
         """A warning that points to the line that called ``fit``."""
         warnings.warn(what, ConvergenceWarning, stacklevel=5)
+
+
+def _without_nan(y: Any) -> Any:
+    """y as scikit-learn's checks want it: 0 in the place of what was not measured; y itself where all was."""
+    values = y.to_numpy() if hasattr(y, "to_numpy") else np.asarray(y)
+    if values.dtype.kind != "f" or not np.isnan(values).any():
+        return y
+    return np.where(np.isnan(values), 0.0, values)
 
 
 def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:

@@ -76,7 +76,7 @@ class FitModel:
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
-        return closing_weight(self.scale, self.record.y, sd, self.plain_outputs)
+        return closing_weight(self.scale, self.record.spread, sd, self.plain_outputs)
 
     @cached_property
     def held(self) -> tuple[np.ndarray, np.ndarray | None]:

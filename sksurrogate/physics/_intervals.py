@@ -38,7 +38,7 @@ class Knowledge:
 
 def known(
     J_theta: np.ndarray, J_x: np.ndarray, residual: np.ndarray, sd: np.ndarray, starts: np.ndarray, unit: np.ndarray,
-    confidence: float, fixed: np.ndarray, precision: np.ndarray | None = None,
+    confidence: float, fixed: np.ndarray, precision: np.ndarray | None = None, measured: np.ndarray | None = None,
 ) -> Knowledge:  # fmt: skip
     """Linearised, initial states projected out run by run, a memory of the residual taken into account.
 
@@ -58,7 +58,10 @@ def known(
         Parameters at a bound: the others are judged as if these were known.
     precision : ndarray (k,), optional
         Of a prior, which counts like a measured value with the noise that is left.
+    measured : ndarray of bool (n_outputs, n_samples), optional
+        Which values were measured; J_theta, J_x and residual are 0 elsewhere.
     """
+    count = residual.size if measured is None else int(measured.sum())
     k, n_outputs = J_theta.shape[1], len(residual)
     size = np.maximum(sd, 1e-300)
     J_theta = np.where(fixed[:, None], 0.0, J_theta * unit[:, None])
@@ -86,10 +89,10 @@ def known(
     null = Vt[weak]
     null = null[~np.any(np.abs(null[:, fixed]) > 0.5, axis=1)] if len(null) else null
     loose = np.sqrt(np.sum(null**2, axis=0)) > 1e-3 if len(null) else np.zeros(k, bool)
-    freedom = max(residual.size - used - int(np.sum(~weak)), 1)
+    freedom = max(count - used - int(np.sum(~weak)), 1)
     inverse = Vt.T / np.where(weak, np.inf, s)
     middle, slowest = _remembered(
-        blocks, residual / size[:, None], edges, inverse[:, ~weak], owns, residual.size / freedom
+        blocks, residual / size[:, None], edges, inverse[:, ~weak], owns, count / freedom, measured
     )
     middle = middle + np.diag(held) * residual.size / freedom * float(np.mean((residual / size[:, None]) ** 2))
     covariance = inverse @ (inverse.T @ middle @ inverse) @ inverse.T * np.outer(unit, unit)
@@ -102,25 +105,35 @@ def known(
     )
 
 
+def _mean_square(pieces: list[np.ndarray]) -> float:
+    """Of all values of a residual in pieces; 0 of none."""
+    whole = np.concatenate(pieces)
+    return float(np.mean(whole**2)) if len(whole) else 0.0
+
+
 def _remembered(
-    blocks: list[np.ndarray], residual: np.ndarray, edges: np.ndarray, fixed: np.ndarray, own: list[np.ndarray], spread: float
+    blocks: list[np.ndarray], residual: np.ndarray, edges: np.ndarray, fixed: np.ndarray, own: list[np.ndarray], spread: float,
+    measured: np.ndarray | None = None,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """``J' R J`` with R the covariance of the noise: its size and its memory in time, output by output.
 
     Also by how many samples, at most, one independent sample is worth. ``fixed`` (k, n_known): the directions of the
     parameters that the data fix; ``own``: bases of what every run's initial state does to all outputs; ``spread``:
-    residual size over degrees of freedom.
+    residual size over degrees of freedom. Memory counts from one measured value to the next.
     """
     total = np.zeros((blocks[0].shape[2],) * 2)
     slowest = 1.0
     for j, left in enumerate(residual):
         pieces = [left[a:b] for a, b in zip(edges[:-1], edges[1:])]
         starts = [U.reshape(len(residual), len(block[j]), U.shape[1])[j] for U, block in zip(own, blocks)]
-        cov = memory(pieces, [block[j] @ fixed for block in blocks], starts)
-        cov = np.array([spread * float(np.mean(left**2))]) if cov is None else cov
+        mine = [block[j] for block in blocks]
+        if measured is not None:
+            rows = [measured[j, a:b] for a, b in zip(edges[:-1], edges[1:])]
+            pieces, starts, mine = ([part[row] for part, row in zip(parts, rows)] for parts in (pieces, starts, mine))
+        cov = memory(pieces, [J @ fixed for J in mine], starts)
+        cov = np.array([spread * _mean_square(pieces)]) if cov is None else cov
         slowest = max(slowest, 2.0 * float(np.sum(cov)) / max(float(cov[0]), 1e-300) - 1.0)
-        for block in blocks:
-            J = block[j]
+        for J in mine:
             total += cov[0] * (J.T @ J)
             for lag in range(1, min(len(cov), len(J) - 1)):
                 cross = J[lag:].T @ J[:-lag]

@@ -80,7 +80,7 @@ def smoothed_run(
         guess[places] = record.y
     size = np.maximum(np.std(guess, axis=1), 0.02 * np.sqrt(np.mean(guess**2, axis=1)))
     model = replace(model, scale=np.where(size > 0, size, 1.0))
-    closer = drawn(model.bind(theta[:, None]), record.y, record.starts, sd, guess, model.scale)
+    closer = drawn(model.bind(theta[:, None]), record.y, record.starts, sd, guess, model.scale, record.known)
     guess = np.where(np.isfinite(run), run, guess) if closer is None else closer
     if not fit_x0:
         guess[:, record.starts] = starts.T

@@ -63,7 +63,8 @@ def weighed(
 ) -> tuple[Fit, Prior]:
     """The fit with the prior beside the noise that is left, and that prior; as it is without a prior."""
     for _ in range(ROUNDS if prior.options else 0):
-        left = float(np.sqrt(np.mean(((model.record.y - fit.y) / sd[:, None]) ** 2)))
+        record = model.record
+        left = float(np.sqrt(np.sum((record.residual(fit.y) / sd[:, None]) ** 2) / record.n_values))
         left = max(left, 1e-12)  # data without noise: the prior says nothing beside them
         if max(left / prior.noise, prior.noise / left) < SAME_NOISE:
             break

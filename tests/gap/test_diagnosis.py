@@ -168,8 +168,8 @@ def test_bad_input_says_where_and_what_to_do():
     with pytest.raises(RunError, match=r"run 0 is in two pieces: rows 0\.\.39 and again from row 60"):
         GapDiagnoser(plant).fit(X, y, groups=np.r_[runs[:60], np.zeros(20, int)])
     bad = y.copy()
-    bad[7] = np.nan
-    with pytest.raises(DataError, match="Input y contains NaN: row 7"):
+    bad[7] = np.inf
+    with pytest.raises(DataError, match="Input y contains infinity: row 7"):
         GapDiagnoser(plant).fit(X, bad, groups=runs)
     with pytest.raises(SimulatorError, match="no parameter 'mass'"):
         GapDiagnoser(plant, free_params=["mass"]).fit(X, y, groups=runs)

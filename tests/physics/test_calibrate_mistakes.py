@@ -69,7 +69,10 @@ def test_simulators(simulator, message):
 @pytest.mark.parametrize(
     ("data", "error", "message"),
     [
-        ({"X": U, "y": np.r_[Y[:30], np.nan, Y[31:]], "groups": RUNS}, DataError, r"y contains NaN: row 30, column 0 \(run 1\)"),
+        ({"X": U, "y": np.r_[Y[:30], np.inf, Y[31:]], "groups": RUNS}, DataError, r"y contains infinity: row 30, column 0 \(run 1\)"),
+        ({"X": np.vstack([U[:30], np.nan * U[30:31], U[31:]]), "y": Y, "groups": RUNS}, DataError, r"X contains NaN: row 30, column 0 \(run 1\).*Interpolator"),
+        ({"X": U, "y": np.full(40, np.nan)}, DataError, "no measured value in column 0"),
+        ({"X": U, "y": np.r_[Y[:20], np.full(20, np.nan)], "groups": RUNS}, DataError, "run 1 holds no measured value"),
         ({"X": U, "y": np.c_[Y, Y]}, SimulatorError, r"y has 2 columns, but the simulator has 1 outputs \['x'\]"),
         ({"X": np.c_[U, U], "y": Y}, SimulatorError, r"X has 2 columns, but the simulator has 1 inputs \['u'\]"),
         ({"X": U, "y": Y, "groups": RUNS[:-1]}, DataError, r"groups has shape \(39,\), but X has 40 rows"),

@@ -97,7 +97,7 @@ def chosen_without(
     rivals : sequence of ByRun
     fold : ndarray of int (n_runs,)
     lengths : ndarray of int (n_runs,)
-        Values (samples times outputs) of every run.
+        Measured values of every run.
     n_candidates : int
         Effects that were compared.
     by_size : bool
@@ -140,7 +140,7 @@ def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slo
     own = by_run(named, [final.noise], starts, by_size, search.prior_cost(named))
     known = [[noise for noise in (search.noise_of(rival), final.noise) if noise is not None] for rival in others]
     against = [by_run(r, noises, starts, by_size, search.prior_cost(r)) for r, noises in zip(others, known)]
-    picks = chosen_without(own, against, fold, record.lengths * len(record.y), len(search.candidates), by_size)
+    picks = chosen_without(own, against, fold, record.counts.sum(axis=1), len(search.candidates), by_size)
     return [named if pick is None else others[pick] for pick in picks]
 
 

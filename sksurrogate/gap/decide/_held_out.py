@@ -58,7 +58,7 @@ def without_names(null: BaseCandidate) -> HeldOut:
     nominal, tuned = null.baselines(record)
     before = _by_fold(record, [nominal] * n_folds)
     lost = ~np.isfinite(before)
-    before[lost] = np.repeat(record.y.mean(axis=1, keepdims=True), record.n_samples, axis=1)[lost]
+    before[lost] = np.repeat(record.level[:, None], record.n_samples, axis=1)[lost]
     retuned = _or_else(_by_fold(record, [tuned] * n_folds), before)
     return HeldOut(record, before, before, retuned, np.full_like(before, np.nan))
 
@@ -98,57 +98,64 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         Sensor noise.
     """
     record = held.record
-    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
+    spread, n_runs = record.spread, len(record.starts)
     normal = (floor / spread) ** 2
 
     def power(predicted: np.ndarray) -> np.ndarray:
-        """Mean square error of every run and output, in units of the output's variance: (n_runs, n_outputs)."""
-        square = ((record.y - predicted) / spread[:, None]) ** 2
-        return np.add.reduceat(square, record.starts, axis=1).T / record.lengths[:, None]
+        """Squared error of every run and output, in units of the output's variance: (n_runs, n_outputs)."""
+        square = (record.residual(predicted) / spread[:, None]) ** 2
+        return np.add.reduceat(square, record.starts, axis=1).T
 
     powers = {name: power(getattr(held, name)) for name in ("before", "after", "retuned", "corrected")}
-    weight = record.lengths / record.lengths.sum()
+    once = np.ones(n_runs)
 
-    def gap(name: str, w: np.ndarray) -> float:
-        mean = float(np.mean(w @ powers[name]))
+    def mean_square(name: str, drawn: np.ndarray) -> np.ndarray:
+        """Of every output over its measured values, every run as many times as it was drawn; nan without any."""
+        count = drawn @ record.counts
+        return (drawn @ powers[name]) / np.where(count > 0, count, np.nan)
+
+    def gap(name: str, drawn: np.ndarray) -> float:
+        mean = _mean_of_known(mean_square(name, drawn), drawn @ record.counts)
         return np.sqrt(max(mean - float(np.mean(normal)), 0.0)) if np.isfinite(mean) else np.nan
 
-    def fraction(name: str, w: np.ndarray) -> float:
-        before = gap("before", w)
-        return 1.0 - gap(name, w) / before if before > 0 else np.nan
+    def fraction(name: str, drawn: np.ndarray) -> float:
+        before = gap("before", drawn)
+        return 1.0 - gap(name, drawn) / before if before > 0 else np.nan
 
     rng = np.random.default_rng(random_state)
-    draws = rng.integers(0, len(weight), size=(400, len(weight)))
-    samples = []
-    for draw in draws:
-        w = np.bincount(draw, record.lengths[draw], len(weight))
-        samples.append(fraction("after", w / w.sum()))
+    draws = rng.integers(0, n_runs, size=(400, n_runs))
+    samples = [fraction("after", np.bincount(draw, minlength=n_runs).astype(float)) for draw in draws]
     finite = np.array([value for value in samples if np.isfinite(value)])
     interval = (
         (float(np.quantile(finite, 0.05)), float(np.quantile(finite, 0.95))) if len(finite) > 20 else (np.nan, np.nan)
     )
-    rmse = {name: float(np.sqrt(np.mean(weight @ values))) for name, values in powers.items()}
-    excess = (powers["before"] - normal).mean(axis=1)
+    squares = {name: mean_square(name, once) for name in powers}
+    rmse = {name: np.sqrt(_mean_of_known(values, once @ record.counts)) for name, values in squares.items()}
     # A mean square of n white values has the variance 2 sigma^4 / n.
-    spread_of_noise = float(np.mean(normal)) * np.sqrt(2.0 / record.y.size)
-    before, after = gap("before", weight), gap("after", weight)
+    spread_of_noise = float(np.mean(normal)) * np.sqrt(2.0 / record.n_values)
+    excess = _mean_of_known(squares["before"] - normal, once @ record.counts)
+    before, after = gap("before", once), gap("after", once)
     return Shrink(
         before=rmse["before"],
         after=rmse["after"],
         floor=float(np.sqrt(np.mean(normal))),
-        fraction=fraction("after", weight),
+        fraction=fraction("after", once),
         interval=interval,
-        by_output=_by_output(
-            outputs, np.sqrt(weight @ powers["before"]) * spread, np.sqrt(weight @ powers["after"]) * spread, floor
-        ),
+        by_output=_by_output(outputs, np.sqrt(squares["before"]) * spread, np.sqrt(squares["after"]) * spread, floor),
         after_retuning=rmse["retuned"],
-        fraction_retuning=fraction("retuned", weight),
+        fraction_retuning=fraction("retuned", once),
         after_correction=rmse["corrected"],
-        fraction_correction=fraction("corrected", weight),
+        fraction_correction=fraction("corrected", once),
         fraction_power=1.0 - (after / before) ** 2 if before > 0 else np.nan,
-        measurable=bool(excess @ weight > 3.0 * spread_of_noise),
+        measurable=bool(excess > 3.0 * spread_of_noise),
         same_names=held.same_names,
     )
+
+
+def _mean_of_known(values: np.ndarray, counts: np.ndarray) -> float:
+    """Mean over the outputs of which anything was measured; nan without any."""
+    known = counts > 0
+    return float(np.mean(values[known])) if known.any() else float("nan")
 
 
 def shares(final: BaseCandidate, total: float) -> tuple[list[float], float]:
@@ -179,8 +186,9 @@ def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
         return ()
     record = held.record
     bounds = np.r_[record.starts, record.n_samples]
+    measured = np.stack([record.readings(j) for j in range(len(record.y))])
     return tuple(
-        Trace(label, record.t[a:b], record.y[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T, record.u[:, a:b].T)
+        Trace(label, record.t[a:b], measured[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T, record.u[:, a:b].T)
         for label, a, b in zip(pieces(record, labels), bounds[:-1], bounds[1:])
     )
 

@@ -60,9 +60,13 @@ class RecordBook:
         rows : ndarray of int
             Rows of the record that it was fitted to.
         """
-        spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
-        fitted = null.problem.record.y - null.residual
-        power = [float(np.sum(((version.y[:, rows] - fitted) / spread[:, None]) ** 2)) for version in self.versions]
+        spread, own = self.record.spread, null.problem.record
+        fitted = own.y - null.residual
+        fitted = fitted if own.known is None else np.where(own.known, fitted, null.fit.y)
+        power = []
+        for version in self.versions:
+            part = version.rows(rows, own.starts)
+            power.append(float(np.sum((part.residual(fitted) / spread[:, None]) ** 2)))
         gap = power[0] - len(rows) * float(np.sum((null.problem.sd / spread) ** 2))
         shares = [float(np.clip(drop / gap, 0.0, 1.0)) if gap > 0 else np.nan for drop in -np.diff(power)]
         return DataFaults(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.gap.results._data_faults import DataFault
-from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.record import Record, bridged
 
 __all__ = ["BaseFault", "Names", "WrongReadings", "masked"]
 
@@ -105,12 +105,6 @@ class WrongReadings(BaseFault):
 
 
 def masked(record: Record, wrong: np.ndarray) -> Record:
-    """A record some of whose readings (n_outputs, n_samples) were not measured: they are bridged by their neighbours."""
-    y, edges = record.y.copy(), np.r_[record.starts, record.n_samples]
-    for row, lost in zip(y, wrong):
-        for a, b in zip(edges[:-1], edges[1:]):
-            out = np.flatnonzero(lost[a:b])
-            kept = np.flatnonzero(~lost[a:b])
-            if len(out) and len(kept):
-                row[a + out] = np.interp(out, kept, row[a + kept])
-    return replace(record, y=y)
+    """A record some of whose readings (n_outputs, n_samples) were not measured: they take no part in any comparison."""
+    known = ~wrong if record.known is None else record.known & ~wrong
+    return replace(record, y=bridged(record.y, known, record.starts), known=known)

@@ -32,22 +32,28 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
     -------
     list of WrongReadings
     """
-    sd = noise_of_differences(record.y, record.starts)
+    sd = noise_of_differences(record.y, record.starts, record.known, record.t)
     edges = np.r_[record.starts, record.n_samples]
     found: list[tuple[int, str, Stretch]] = []
     for j, y in enumerate(record.y):
-        least = 1.001e-4 * float(np.std(y))  # the noise is not seen: nothing can be judged by it
+        least = 1.001e-4 * float(record.spread[j])  # the noise is not seen: nothing can be judged by it
         if not sd[j] > max(least, 1e-12):
             continue
         for a, b in zip(edges[:-1], edges[1:]):
-            flat = flat_stretches(y[a:b], sd[j])
-            found += [(j, "stuck", Stretch(a + s.start, a + s.stop, s.size)) for s in flat]
-            short = spikes(_without(y[a:b], flat), sd[j])
-            found += [(j, "spikes", Stretch(a + s.start, a + s.stop, s.size)) for s in short]
+            rows = np.arange(a, b) if record.known is None else a + np.flatnonzero(record.known[j, a:b])
+            flat = flat_stretches(y[rows], sd[j])
+            found += [(j, "stuck", _in_rows(s, rows)) for s in flat]
+            short = spikes(_without(y[rows], flat), sd[j])
+            found += [(j, "spikes", _in_rows(s, rows)) for s in short]
     model = expected() if found else None
     if model is not None:
         found = [(j, kind, s) for j, kind, s in found if not _is_expected(record.y[j], model[j], s)]
     return _faults(record, found)
+
+
+def _in_rows(s: Stretch, rows: np.ndarray) -> Stretch:
+    """A stretch of measured readings as rows of the record."""
+    return Stretch(int(rows[s.start]), int(rows[s.stop - 1]) + 1, s.size)
 
 
 def _without(y: np.ndarray, flat: list[Stretch]) -> np.ndarray:

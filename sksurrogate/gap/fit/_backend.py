@@ -92,8 +92,8 @@ class BaseCandidate(ABC):
 
     @property
     def residual(self) -> np.ndarray:
-        """Measured less simulated (n_outputs, n_samples)."""
-        return self.problem.record.y - self.fit.y
+        """Measured less simulated (n_outputs, n_samples), 0 where nothing was measured."""
+        return self.problem.record.residual(self.fit.y)
 
     @property
     @abstractmethod

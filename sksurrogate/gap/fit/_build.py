@@ -90,7 +90,7 @@ def build_problem(
     problem : OdeBackend
     smoothed : Smoothed
     """
-    sd = noise_of_differences(record.y, record.starts)
+    sd = noise_of_differences(record.y, record.starts, record.known, record.t)
     with np.errstate(all="ignore"):
         run = run_from_readings(plant, model, record)
         guess = measured_guess(plant, record, run)
@@ -131,7 +131,7 @@ def _caps(problem: OdeBackend, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarr
     band = recursion_band(smoothed.A, record.starts)
     rng = np.random.default_rng(0)
     force = np.empty(len(problem.balances))
-    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
+    spread = record.spread
     for k, name in enumerate(problem.balances):
         a = np.exp(-1 / 10.0)
         w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=record.n_samples), record.starts)
@@ -165,7 +165,8 @@ def build_trajectory(
     own, x0 = getattr(plant.simulator, "x0", None), None
     if own is not None and np.size(own):
         x0 = np.repeat(np.asarray(own, dtype=float).reshape(1, -1), len(record.starts), axis=0)
-    sd, surrogate = noise_of_differences(record.y, record.starts), learn(record, nominal)
+    sd = noise_of_differences(record.y, record.starts, record.known, record.t)
+    surrogate = learn(record, nominal)
     none = np.zeros((len(sd), 0, record.n_samples))
     problem = TrajectoryBackend(
         simulations, labels, sd, nominal, surrogate, free, none, x0 is not None, x0, known=known or KnownParameters()

@@ -43,8 +43,10 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
     """
     age = np.arange(record.n_samples) - record.starts[record.run_of_row]
     inside = np.flatnonzero(age >= OWN + 1)
-    r = record.y - y
+    r = record.residual(y)
     quick = np.diff(r, axis=1, prepend=r[:, :1])  # what is slow in a residual may come from the input itself
+    if record.known is not None:  # a value that was not measured says nothing of a move
+        quick[:, 1:] *= record.known[:, 1:] & record.known[:, :-1]
     for u, name in zip(record.u, names):
         moved = np.abs(u[inside] - u[inside - 1]) > 1e-9 * max(float(np.ptp(u)), 1e-300)
         rows = inside[moved]  # where an input stands still nothing drives it
@@ -84,7 +86,7 @@ def may_follow_noise(rival: OdeCandidate, base: OdeCandidate) -> bool:
     """
     added = {e.location for e in rival.effects if e.kind == "input" and e.key not in base.keys}
     problem = rival.problem
-    if not added or base.fit.cost - rival.fit.cost > problem.record.y.size:
+    if not added or base.fit.cost - rival.fit.cost > problem.record.n_values:
         return False
     looped = closed_loop(problem.record, rival.fit.y, problem.plant.inputs)
     return looped in added and shown_at_once(rival, str(looped))

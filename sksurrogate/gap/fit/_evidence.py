@@ -77,9 +77,9 @@ class Evidence(Generic[C]):
 
     def left_within(self, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
         """The same with the sensor noise within limits."""
-        r = self.candidate.residual
+        rms = self.candidate.problem.record.rms(self.candidate.residual)
         sigma = np.maximum(np.minimum(self.noise.sigma, most), least)
-        return float(np.max(np.sqrt(np.mean(r**2, axis=1)) / sigma))
+        return float(np.max(rms / sigma))
 
 
 def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:

@@ -62,7 +62,7 @@ def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
             total += b - a
     rows = np.concatenate([np.arange(a, b) for a, b in bounds])
     starts = np.cumsum([0] + [b - a for a, b in bounds[:-1]])
-    return Record(record.u[:, rows], record.y[:, rows], record.t[rows], starts, record.dt), rows
+    return record.rows(rows, starts), rows
 
 
 def _cut(a: int, b: int, n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -64,7 +64,9 @@ class LinearSurrogate:
             b[i, i, self.starts] = self.scale[i]
         return np.einsum("oi,ikt->okt", self.C, solve_recursion(self.band, b))
 
-    def disturbance(self, free_starts: bool, push: np.ndarray | None = None) -> Disturbance:
+    def disturbance(
+        self, free_starts: bool, push: np.ndarray | None = None, known: np.ndarray | None = None
+    ) -> Disturbance:
         """Noise model with a force on every state, or on the columns of ``push`` (n_states, n_forces)."""
         N = self.n_samples
         push = np.diag(self.scale) if push is None else push
@@ -75,11 +77,11 @@ class LinearSurrogate:
             self.starts,
             (3.0 if free_starts else 1e-3) * self.scale,
             1e-5 * self.scale,
+            known,
         )
 
-    def caps(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces on every state and coloured sensor noise that count as a disturbance."""
-        spread = np.maximum(np.std(y, axis=1), 1e-300)
+    def caps(self, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces on every state and coloured sensor noise that count as a disturbance, of outputs of a ``spread`` (n_outputs,)."""
         rng = np.random.default_rng(0)
         a = np.exp(-0.1)
         w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=self.n_samples), self.starts)

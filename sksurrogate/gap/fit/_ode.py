@@ -116,7 +116,7 @@ class OdeCandidate(BaseCandidate):
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
         """Forces of three sizes beside quiet sensors, white noise near the data."""
-        problem, rms = self.problem, np.sqrt(np.mean(self.residual**2, axis=1))
+        problem, rms = self.problem, self.problem.record.rms(self.residual)
         quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
         forces = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
         near = np.all(rms < NEARLY_WHITE * problem.sd)
@@ -126,7 +126,11 @@ class OdeCandidate(BaseCandidate):
         """Columns (n_columns, n_outputs, n_samples) in units of the noise, initial states of the runs at ``starts`` taken out."""
         white = 1.0 / self.problem.sd[:, None, None]
         J_x = self.linearised.J_x[:, self.model.free_states] * white
-        return project_starts(columns * white[:, 0], J_x, self.problem.record.starts if starts is None else starts)
+        return project_starts(
+            self.problem.record.seen(columns) * white[:, 0],
+            J_x,
+            self.problem.record.starts if starts is None else starts,
+        )
 
     def frozen(self, theta: np.ndarray, *, near: bool = False) -> OdeCandidate | None:
         """Free run at fixed parameters with the initial states fitted; ``near`` this one, to which it falls back."""
@@ -270,9 +274,9 @@ class OdeBackend:
         """Smoothed trajectory of a model, from a guess of all its states."""
         rigid = np.r_[self.rigid, np.ones(model.n_states - model.n_nominal, bool)]
         with np.errstate(all="ignore"):
-            return smooth(
-                model.bind(theta[:, None]), self.record.y, self.record.starts, self.sd, x, model.scale, rigid=rigid
-            )
+            record = self.record
+            bound = model.bind(theta[:, None])
+            return smooth(bound, record.y, record.starts, self.sd, x, model.scale, rigid=rigid, known=record.known)
 
     def fit(
         self,
@@ -365,7 +369,8 @@ class OdeBackend:
         with np.errstate(all="ignore"):
             _, C = output_jacobian(model.bind(theta[:, None]), x, model.scale)
         start_sd = np.where(model.free_states, 3.0 * model.scale, 1e-3 * model.scale)
-        return Disturbance(A, B, C, self.record.starts, start_sd, 1e-3 * model.closing_weight(self.sd))
+        slack = 1e-3 * model.closing_weight(self.sd)
+        return Disturbance(A, B, C, self.record.starts, start_sd, slack, self.record.known)
 
     def first_noise(self) -> Noise:
         """Where the noise parameters start."""
@@ -381,8 +386,9 @@ class OdeBackend:
         unit = self.force_unit()
         if self.caps is None:
             return QUIET_FORCE * unit
-        spread = np.maximum(np.std(self.record.y, axis=1), 1e-300)
-        return np.minimum(QUIET * self.caps[0] * np.min(self.sd / spread) / LARGEST_DISTURBANCE, QUIET_FORCE * unit)
+        return np.minimum(
+            QUIET * self.caps[0] * np.min(self.sd / self.record.spread) / LARGEST_DISTURBANCE, QUIET_FORCE * unit
+        )
 
     def quiet(self, noise: Noise) -> Noise:
         """A noise with quiet forces and sensors as white as differences of the outputs show them."""

@@ -38,7 +38,7 @@ def retuning_cost(rival: OdeCandidate) -> float:
 
 def step_cost(rival: OdeCandidate) -> float:
     """Of a step of quantisation how many can be told apart down to it, beyond what ``k ln N`` counts."""
-    problem, counted = rival.problem, np.log(rival.fit.y.size)
+    problem, counted = rival.problem, np.log(rival.problem.record.n_values)
     apart = [
         told_apart(problem.plant, problem.record, effect, rival.theta_of(i)) for i, effect in enumerate(rival.effects)
     ]

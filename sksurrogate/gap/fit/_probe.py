@@ -31,7 +31,7 @@ def probe_of(
             return x[plant.states.index(name)]
         if name in plant.inputs:
             return record.u[plant.inputs.index(name)]
-        return record.y[plant.outputs.index(name)]
+        return record.measured(plant.outputs.index(name))
 
     v: np.ndarray | None = None
     factors: tuple[np.ndarray, ...] = ()

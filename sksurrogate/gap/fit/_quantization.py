@@ -17,10 +17,10 @@ MORE = 2
 
 
 def rounded(plant: Plant, record: Record, effect: BaseEffect) -> np.ndarray:
-    """The signal that a quantisation rounds, as it was recorded (n_samples,)."""
+    """The signal that a quantisation rounds, as it was recorded (n_values,)."""
     if effect.kind == "input":
         return record.u[plant.inputs.index(str(effect.location))]
-    return record.y[plant.outputs.index(str(effect.location))]
+    return record.measured(plant.outputs.index(str(effect.location)))
 
 
 def told_apart(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float] | np.ndarray) -> float:

@@ -44,10 +44,10 @@ class Rounding:
 
 def names_steps(rival: OdeCandidate) -> bool:
     """Whether an effect of a rival is a rounding whose steps the readings show."""
-    outputs = rival.problem.plant.outputs
+    outputs, record = rival.problem.plant.outputs, rival.problem.record
     return any(
         effect.name == "sensor_quantization"
-        and bool(shows_steps(rival.problem.record.y[outputs.index(str(effect.location))], rival.theta_of(i)[0])[0])
+        and bool(shows_steps(record.measured(outputs.index(str(effect.location))), rival.theta_of(i)[0])[0])
         for i, effect in enumerate(rival.effects)
     )
 
@@ -55,9 +55,13 @@ def names_steps(rival: OdeCandidate) -> bool:
 def unnamed_rounding(rival: OdeCandidate) -> Rounding | None:
     """The coarsest grid that rounds the free run of a rival to the readings, where nothing named does; None without one."""
     rounded = {effect.location for effect in rival.effects if effect.name == "sensor_quantization"}
+    record = rival.problem.record
     found = [
         Rounding(name, step, step / 12**0.5 / max(float(np.std(y)), 1e-300))
-        for name, y, fitted in zip(rival.problem.plant.outputs, rival.problem.record.y, rival.fit.y)
+        for j, name in enumerate(rival.problem.plant.outputs)
+        for y, fitted in [
+            (record.measured(j), rival.fit.y[j] if record.known is None else rival.fit.y[j, record.known[j]])
+        ]
         if name not in rounded
         for step in lattice_steps(y)
         if shows_steps(y, step)[0] and is_rounded(y, fitted, step)

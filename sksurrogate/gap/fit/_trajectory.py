@@ -68,7 +68,7 @@ class TrajectoryCandidate(BaseCandidate):
     @cached_property
     def residual(self) -> np.ndarray:
         """Measured less simulated, initial states fitted where they are free."""
-        return self.problem.record.y - self.problem.settled(self.fit.y)
+        return self.problem.record.residual(self.problem.settled(self.fit.y))
 
     @property
     def sensitivities(self) -> np.ndarray:
@@ -97,7 +97,7 @@ class TrajectoryCandidate(BaseCandidate):
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
         """White noise near the data: a fit does not find out of a colour."""
-        rms = np.sqrt(np.mean(self.residual**2, axis=1))
+        rms = self.problem.record.rms(self.residual)
         near = np.all(rms < NEARLY_WHITE * self.problem.sd)
         return [], [as_white(start, rms, 1e-3 * self.problem.first_noise().force)] if near else []
 
@@ -142,7 +142,9 @@ class TrajectoryCandidate(BaseCandidate):
         rows, learnt = np.isin(record.run_of_row, test), np.isin(record.run_of_row, train)
         if not len(fit.theta):
             return problem.settled(fit.y)[:, rows]
-        columns = problem.without_starts(np.concatenate([(problem.record.y - fit.y)[None], fit.J.transpose(1, 0, 2)]))
+        columns = problem.without_starts(
+            np.concatenate([problem.record.residual(fit.y)[None], fit.J.transpose(1, 0, 2)])
+        )
         flat = (columns[:, :, learnt] if learnt.any() else columns).reshape(len(columns), -1)
         precision, moved = self.precision, fit.theta - problem.prior_mean(self.effects, fit.theta)
         step = solve(flat[1:] @ flat[1:].T + np.diag(precision), flat[1:] @ flat[0] - precision * moved)
@@ -249,8 +251,8 @@ class TrajectoryBackend:
         if self.x0 is None or self.transients.shape[1] != self.x0.shape[1]:
             return self
         y = self.outputs(effects, theta)
-        r = (self.record.y - y) / self.sd[:, None]
-        J = self.transients / self.sd[:, None, None]
+        r = self.record.residual(y) / self.sd[:, None]
+        J = self.record.seen_of(self.transients) / self.sd[:, None, None]
         bounds = np.r_[self.record.starts, self.record.n_samples]
         size = np.maximum(np.max(np.abs(self.x0), axis=0), 1.0)
         moved = self.x0.copy()
@@ -265,31 +267,32 @@ class TrajectoryBackend:
 
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
         """Columns (n_columns, n_outputs, n_samples) in units of the noise, free initial states taken out."""
-        white = columns / self.sd[:, None]
+        white = self.record.seen(columns) / self.sd[:, None]
         if not self.free_starts or not self.transients.shape[1]:
             return white
-        return project_starts(
-            white, self.transients / self.sd[:, None, None], self.record.starts if starts is None else starts
-        )
+        transients = self.record.seen_of(self.transients) / self.sd[:, None, None]
+        return project_starts(white, transients, self.record.starts if starts is None else starts)
 
     def settled(self, y: np.ndarray) -> np.ndarray:
         """Outputs with the initial states fitted to the measurements where they are free."""
         if not self.free_starts:
             return y
-        return self.record.y - self.without_starts((self.record.y - y)[None])[0] * self.sd[:, None]
+        found = self.record.y - self.without_starts(self.record.residual(y)[None])[0] * self.sd[:, None]
+        return found if self.record.known is None else np.where(self.record.known, found, y)
 
     # ---- noise ------------------------------------------------------------------------------------------------------
     @property
     def disturbance(self) -> Disturbance:
         """A force on every state of the linear surrogate, coloured sensor noise, white noise."""
         if self.free_starts not in self.disturbances:
-            self.disturbances[self.free_starts] = self.surrogate.disturbance(self.free_starts)
+            known = self.record.known
+            self.disturbances[self.free_starts] = self.surrogate.disturbance(self.free_starts, known=known)
         return self.disturbances[self.free_starts]
 
     @cached_property
     def caps(self) -> tuple[np.ndarray, np.ndarray]:
         """Forces on every state and coloured sensor noise that count as a disturbance."""
-        return self.surrogate.caps(self.record.y)
+        return self.surrogate.caps(self.record.spread)
 
     def force_unit(self) -> np.ndarray:
         """Forces are in units of the size of their states."""
@@ -322,7 +325,7 @@ class TrajectoryBackend:
         """Sum of squares in units of the noise; inf where the simulator failed."""
         if not np.all(np.isfinite(y)):
             return np.inf
-        r = self.record.y - y
+        r = self.record.residual(y)
         white = self.without_starts(r[None])[0] if projected else r / self.sd[:, None]
         return float(np.sum(white**2))
 
@@ -401,7 +404,7 @@ class TrajectoryBackend:
         self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray, J: np.ndarray, damping: float
     ) -> np.ndarray:
         """One damped Gauss-Newton step."""
-        columns = self.without_starts(np.concatenate([(self.record.y - y)[None], J]))
+        columns = self.without_starts(np.concatenate([self.record.residual(y)[None], J]))
         flat = columns[1:].reshape(len(theta), -1)
         precision, moved = self.precision(effects, theta), theta - self.prior_mean(effects, theta)
         return solve(flat @ flat.T + np.diag(precision), flat @ columns[0].ravel() - precision * moved, damping)

@@ -175,12 +175,14 @@ class GapDisplay:
 
     def _trace(self, ax: Any) -> None:
         trace, j = self._worst_trace(), self._worst()
-        measured = trace.measured[:, j]
-        ax.plot(trace.t, measured, color="#8a8a8a", lw=3, label="measured")
+        known = np.isfinite(trace.measured[:, j])
+        measured = trace.measured[known, j]
+        ax.plot(trace.t[known], measured, color="#8a8a8a", lw=3, label="measured")
         ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label="simulator")
         ax.plot(trace.t, trace.after[:, j], color="#000000", lw=1, label="with the effects")
         low, high = ax.get_ylim()
-        room = 0.6 * float(np.ptp(measured))  # a simulator that runs away must not flatten the measurement
+        # A simulator that runs away must not flatten the measurement.
+        room = 0.6 * float(np.ptp(measured)) if len(measured) else 0.0
         if room > 0:
             ax.set_ylim(max(low, float(measured.min()) - room), min(high, float(measured.max()) + room))
         ax.set(xlabel=self._time_axis(trace.label), ylabel=axis(self.report.outputs[j], self.report.units))

@@ -274,12 +274,15 @@ def _traces(report: ReportData) -> list[str]:
 
 def _trace(trace: Trace, j: int, name: str) -> str:
     """A run: measured, simulator, simulator with the effects."""
-    measured, before, after = trace.measured[:, j], trace.before[:, j], trace.after[:, j]
+    known = np.isfinite(trace.measured[:, j])
+    measured, before, after = trace.measured[known, j], trace.before[:, j], trace.after[:, j]
     low, high = limits([measured, before, after])
-    room = 0.6 * float(np.ptp(measured)) + 1e-12  # a simulator that runs away must not flatten the measurement
-    ylim = (max(low, float(measured.min()) - room), min(high, float(measured.max()) + room))
+    room = (
+        0.6 * float(np.ptp(measured)) + 1e-12 if known.any() else np.inf
+    )  # a run-away must not flatten the measurement
+    ylim = (max(low, float(min(measured, default=low)) - room), min(high, float(max(measured, default=high)) + room))
     lines = [
-        Line("measured", trace.t, measured, GREY, width=4.0),
+        Line("measured", trace.t[known], measured, GREY, width=4.0),
         Line("simulator", trace.t, before, ORANGE, "6 4", 1.8),
         Line("with the effects", trace.t, after, BLACK, width=1.3),
     ]

@@ -51,13 +51,14 @@ class Responses:
             self.lin = linearise(base.model, theta, x, problem.units(base.effects, theta))
             self.bound = base.model.bind(theta[:, None])
             self.after = self.bound(x[:, None])
-            _, self.C = output_jacobian(self.bound, x, base.model.scale)
+            _, C = output_jacobian(self.bound, x, base.model.scale)
+            self.C = problem.record.seen_of(C)
             self.y = self.bound.outputs(self.lin.x[:, None])
         self.n_effect = sum(len(e.parameters) for e in base.effects)
         self.pushes: dict[str, np.ndarray] = {}
 
     def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Change of the outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
+        """Change of the measured outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
         problem, base = self.problem, self.base
         n, x = base.model.n_states, self.smoothed.x
         model = problem.augmented((*base.effects, effect))
@@ -95,7 +96,7 @@ class Responses:
             out[:, stuck] = np.einsum("oit,ist->ost", self.C, moved)
         if direct and bound is not None:
             out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
-        return out, paths
+        return problem.record.seen_of(out), paths
 
     def acted(self, change: np.ndarray) -> np.ndarray:
         """Change of the outputs by a change of the next states (n_states, n_starts, n_samples)."""

@@ -204,7 +204,7 @@ def _joined(found: Screen, other: Screen, k: int) -> Screen:
 
 def _known(s: Responses) -> np.ndarray:
     """Residual and sensitivities of the fitted parameters over the noise, (1 + n_theta, n_outputs, n_samples)."""
-    r = (s.problem.record.y - s.lin.y)[None]
+    r = s.problem.record.residual(s.lin.y)[None]
     return np.concatenate([r, s.lin.J_theta.transpose(1, 0, 2)]) / s.problem.sd[None, :, None]
 
 

@@ -52,7 +52,7 @@ def shortlist(
     if not (np.isfinite(lin.J_theta).all() and np.isfinite(lin.J_x).all() and np.isfinite(lin.y).all()):
         return {}
     sd = problem.sd[None, :, None]
-    r = (problem.record.y - lin.y)[None]
+    r = problem.record.residual(lin.y)[None]
     P = lin.J_theta.transpose(1, 0, 2)
     J_x = lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
     few = project_starts(np.concatenate([r, P]) / sd, J_x, problem.record.starts).reshape(1 + len(P), -1)

@@ -30,7 +30,7 @@ class Slopes:
         s, problem, base = responses, responses.problem, responses.base
         sd = problem.sd[None, :, None]
         with np.errstate(all="ignore"):
-            known = np.concatenate([(problem.record.y - s.lin.y)[None], s.lin.J_theta.transpose(1, 0, 2)]) / sd
+            known = np.concatenate([problem.record.residual(s.lin.y)[None], s.lin.J_theta.transpose(1, 0, 2)]) / sd
             J_x = s.lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
             self.finite = bool(np.isfinite(known).all() and np.isfinite(J_x).all())
         if self.finite:

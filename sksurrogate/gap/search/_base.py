@@ -110,7 +110,7 @@ class BaseSearch(ABC, Generic[C]):
     @property
     def n_values(self) -> int:
         """Measured numbers."""
-        return self.problem.record.y.size
+        return self.problem.record.n_values
 
     @property
     def begun(self) -> Evidence[C]:

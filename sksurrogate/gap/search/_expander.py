@@ -99,7 +99,7 @@ class Expander(BaseSearch[OdeCandidate]):
             base = problem.candidate(base.effects, base.fit)
         starts = self.screened(problem, candidates, base, noise, guess, among is None, thorough)
         starts = [start for start in starts if start.evident or max(start.white, start.forced) >= least]
-        chosen = best_starts(starts, n_white, n_forced, self.problem.record.y.size)
+        chosen = best_starts(starts, n_white, n_forced, self.n_values)
         self.report(f"fitting {len(chosen)} rivals")
         again = self.known(problem, base, [c[0].effect for c in chosen])
         have = {rival.effects[-1].key for rival in again}

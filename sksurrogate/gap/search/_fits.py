@@ -127,7 +127,7 @@ def fit_limit(
     """
     found = problem.fit(effects, theta, x, best=best, fallback=base.x[: len(problem.plant.states)])
     model = problem.augmented(effects)
-    near = min(base.cost, np.inf if found is None else found.fit.cost) < FAR_BY_COST * base.y.size
+    near = min(base.cost, np.inf if found is None else found.fit.cost) < FAR_BY_COST * problem.record.n_values
     if near or problem.run is None or model.n_states > len(problem.run):
         return found
     with np.errstate(all="ignore"):
@@ -212,8 +212,9 @@ def mean_start(x: np.ndarray, starts: np.ndarray, n: int) -> np.ndarray:
 
 def open_null(problem: OdeBackend, theta: np.ndarray, x: np.ndarray) -> OdeCandidate:
     """A null that has no finite free run: the output stays at its mean, so that anything finite is better."""
-    y = np.repeat(problem.record.y.mean(axis=1, keepdims=True), problem.record.n_samples, axis=1)
-    cost = float(np.sum(((problem.record.y - y) / problem.sd[:, None]) ** 2))
+    record = problem.record
+    y = np.repeat(record.level[:, None], record.n_samples, axis=1)
+    cost = float(np.sum((record.residual(y) / problem.sd[:, None]) ** 2))
     return problem.candidate((), Fit(theta, x, y, cost, 0, False, None))
 
 
@@ -239,5 +240,5 @@ def numerics_matter(finer: OdeBackend, rival: OdeCandidate) -> bool:
     if shifted is None:
         return False
     change = np.sqrt(np.mean(((shifted.fit.y - rival.fit.y) / finer.sd[:, None]) ** 2))
-    error = np.sqrt(rival.fit.cost / rival.fit.y.size)
+    error = np.sqrt(rival.fit.cost / finer.record.n_values)
     return bool(change > (MOVED_BY_NUMERICS if error < NEAR else MOVED_OF_ERROR * error))

@@ -55,7 +55,8 @@ def promising(rival: OdeCandidate, i: int = -1) -> list[np.ndarray]:
         y = bound.outputs(x + solve_recursion(lin.band, b))
     others = np.delete(np.arange(len(fit.theta)), place)
     sd = problem.sd[None, :, None]
-    white = np.concatenate([(record.y[:, None] - y).transpose(1, 0, 2), lin.J_theta[:, others].transpose(1, 0, 2)]) / sd
+    left = record.seen((record.y[:, None] - y).transpose(1, 0, 2))
+    white = np.concatenate([left, lin.J_theta[:, others].transpose(1, 0, 2)]) / sd
     J_x = lin.J_x[:, model.free_states] / problem.sd[:, None, None]
     if not (np.isfinite(white).all() and np.isfinite(J_x).all()):
         return []

@@ -248,7 +248,7 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
         self, base: TrajectoryCandidate, effects: Sequence[BaseEffect], columns: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Drop of the sum of squares by every column, and its amplitude."""
-        r, J = (self.problem.record.y - base.fit.y)[None], base.fit.J.transpose(1, 0, 2)
+        r, J = self.problem.record.residual(base.fit.y)[None], base.fit.J.transpose(1, 0, 2)
         white = self.problem.without_starts(np.concatenate([r, J, columns]))
         flat = white.reshape(len(white), -1)
         k = 1 + len(J)
@@ -272,7 +272,7 @@ def _probe(problem: TrajectoryBackend, effect: BaseEffect) -> Probe:
     def signal(name: str) -> np.ndarray:
         if name in plant.inputs:
             return record.u[plant.inputs.index(name)]
-        return record.y[plant.outputs.index(name)]
+        return record.measured(plant.outputs.index(name))
 
     where = signal(str(effect.location)) if effect.kind in ("input", "output") else np.zeros(record.n_samples)
     v = signal(effect.variable) if effect.variable else where

@@ -114,9 +114,9 @@ def _about(
         B, unit = input_push(problem, null, x, i), max(float(np.std(record.u[i])), 1e-12)
     else:
         B, unit = B[:, :1], float(problem.rate[problem.plant.states.index(soft[0])])
-    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack)
+    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
     m = len(record.y)
-    r = record.y - lin.y
+    r = record.residual(lin.y)
     held = np.zeros(2 * m + 3, bool)
     held[m + 2 :] = True
     starts = [Noise(problem.sd.copy(), np.array([0.1 * unit]), t, 1e-2 * problem.sd, 10.0) for t in STARTS]
@@ -132,14 +132,14 @@ def _sensor(problem: OdeBackend, null: OdeCandidate, j: int) -> Channel:
     whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances[:1])
     B, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
     unit = float(problem.force_unit()[0])
-    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack)
+    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
     m = len(record.y)
     held = np.zeros(2 * m + 3, bool)
     held[m : m + 2] = True
     held[m + 2 : 2 * m + 2] = np.arange(m) != j
     coloured = 1e-2 * problem.sd
-    coloured[j] = 0.1 * float(np.std(record.y[j])) + 1e-12
-    r = record.y - lin.y
+    coloured[j] = 0.1 * float(record.spread[j]) + 1e-12
+    r = record.residual(lin.y)
     starts = [Noise(problem.sd.copy(), np.array([1e-4 * unit]), 10.0, coloured, t) for t in STARTS]
     noise = _fitted(D, r, starts, unit, held)
     Z, names = features(problem, x)

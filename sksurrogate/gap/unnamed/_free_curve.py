@@ -99,7 +99,7 @@ class _CurveFit:
         quiet = self.problem.quiet(noise)
         own = self.best(noise)
         again = [own.k] if own.gain > SUSPICIOUS else []
-        if np.max(np.sqrt(np.mean(self.r**2, axis=1)) / self.problem.sd) > CLOSED:
+        if np.max(self.problem.record.rms(self.r) / self.problem.sd) > CLOSED:
             again.append(self.best(quiet).k)
         if not again:
             return [own]
@@ -123,7 +123,7 @@ class _CurveFit:
 
     def candidate(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Tried:
         """A curve of n parameters that explains so much, among all that were tried."""
-        gain = drop - n * np.log(self.r.size) - 2.0 * np.log(len(self.curves))
+        gain = drop - n * np.log(self.D.n_values) - 2.0 * np.log(len(self.curves))
         return _Tried(k, float(gain), theta - np.r_[alone, np.zeros(len(theta) - len(alone))])
 
     def fitted(self, starts: Sequence[Noise], F: np.ndarray | None = None) -> tuple[float, np.ndarray]:
@@ -144,6 +144,7 @@ class _CurveFit:
         """Residual without and with a curve, and their difference, initial states having followed; over the noise."""
         sd, F = self.problem.sd[:, None], self.curves[one.k].moved()
         moved = np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), one.theta) / sd
+        moved = self.problem.record.seen(moved)
         J_x = self.rival.linearised.J_x[:, self.rival.model.free_states] / sd[:, None]
         return project_starts(np.stack([self.r / sd, self.r / sd - moved, moved]), J_x, self.problem.record.starts)
 
@@ -154,8 +155,8 @@ class _CurveFit:
 
     def told(self, one: _Tried) -> FreeCurve:
         """A curve with its name, and what it moves."""
-        rms = np.sqrt(np.mean(self.moved(one)[2] ** 2, axis=1))
-        spread = np.maximum(np.std(self.problem.record.y, axis=1), 1e-300) / self.problem.sd
+        record = self.problem.record
+        rms, spread = record.rms(self.moved(one)[2]), record.spread / self.problem.sd
         location, variable, *_ = self.curves[one.k]
         return FreeCurve(location, variable, one.gain, float(np.sqrt(np.mean(rms**2))), float(np.max(rms / spread)))
 

@@ -80,7 +80,7 @@ def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
     force = np.zeros((len(nothing), problem.record.n_samples))
     n = rival.model.n_states
     A = np.zeros((n, n, problem.record.n_samples))
-    return LatentForce(rival.fit.x, force, found.noise, nothing, A, problem.record.y - rival.fit.y)
+    return LatentForce(rival.fit.x, force, found.noise, nothing, A, problem.record.residual(rival.fit.y))
 
 
 def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
@@ -89,7 +89,7 @@ def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentF
     problem, theta = rival.problem, rival.fit.theta
     lin = linearise(rival.model, theta, x, problem.units(rival.effects, theta))
     D = problem.disturbance_along(rival.model, theta, x, lin.A, problem.balances)
-    r = problem.record.y - lin.y
+    r = problem.record.residual(lin.y)
     held = None
     if quiet_sensors:
         m = len(r)
@@ -206,14 +206,14 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
         smoothed = problem.smooth(model, theta, null.fit.x)
         lin = linearise(model, theta, smoothed.x, problem.units((), theta))
         whole = problem.disturbance_along(model, theta, smoothed.x, lin.A, problem.balances)
-        r = record.y - lin.y
+        r = record.residual(lin.y)
         m = len(record.y)
         C = whole.C.transpose(1, 2, 0)
         tiny = 1e-2 * problem.sd
         found = []
 
         def evidence(B: np.ndarray, unit: float, sensor: int | None) -> float:
-            D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack)
+            D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
             coloured = np.maximum(tiny, 1e-12)
             held = np.zeros(2 * m + 3, bool)
             held[m + 2 : 2 * m + 2] = True
@@ -224,7 +224,7 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
                 held[m] = True
                 force = 1e-4 * unit
                 coloured = coloured.copy()
-                coloured[sensor] = np.std(record.y[sensor]) * 0.1
+                coloured[sensor] = record.spread[sensor] * 0.1
             for tau in starts:
                 start = Noise(problem.sd.copy(), np.array([force]), tau, coloured, tau)
                 try:

@@ -195,7 +195,7 @@ def as_regressors(
     found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))
     own = (found[:, 1:] - found[:, :1]) / steps[:, None] if n else found[:, :0]
     held = np.r_[np.where(theta[:n] != 0, np.abs(theta[:n]), np.inf) ** -2.0, precision]
-    r = problem.record.y - none.fit.y - found[:, 0]
+    r = problem.record.seen(problem.record.y - none.fit.y - found[:, 0])
     return none, r, np.concatenate([own, J], axis=1), held, np.r_[np.zeros(n), pull]
 
 
@@ -272,7 +272,8 @@ class _Fit:
         """Sensitivities of the parameters over white noise, initial states projected out (n_theta, ...); those of the starts."""
         sd = self.problem.sd[:, None]
         J_x = self.base.linearised.J_x[:, self.base.model.free_states] / sd[:, None]
-        J = project_starts(self.J.transpose(1, 0, 2) / sd, J_x, self.problem.record.starts) if self.J.size else self.J
+        record = self.problem.record
+        J = project_starts(record.seen(self.J.transpose(1, 0, 2)) / sd, J_x, record.starts) if self.J.size else self.J
         return J.reshape(self.J.shape[1], self.r.size), J_x
 
     def metric(self, F: np.ndarray) -> np.ndarray:
@@ -281,12 +282,13 @@ class _Fit:
         Initial states and parameters follow.
         """
         J, J_x = self._known
-        moved = project_starts(F.transpose(1, 0, 2) / self.problem.sd[:, None], J_x, self.problem.record.starts)
+        record = self.problem.record
+        moved = project_starts(record.seen(F.transpose(1, 0, 2)) / self.problem.sd[:, None], J_x, record.starts)
         moved = moved.reshape(len(moved), -1)
         if len(J):
             q, _ = np.linalg.qr((J / np.maximum(np.linalg.norm(J, axis=1, keepdims=True), 1e-300)).T)
             moved = moved - (moved @ q) @ q.T
-        return moved @ moved.T / moved.shape[1]
+        return moved @ moved.T / record.n_values
 
     def roots_of(self, k: int, F: np.ndarray) -> list[list[np.ndarray]]:
         """Of every form of law k, whose functions move the outputs by F; they are made once."""

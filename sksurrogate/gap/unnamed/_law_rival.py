@@ -98,7 +98,7 @@ def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | No
     if not candidates:
         return None
     chosen_from = sum(len(law.forms) for _, law, _ in candidates)
-    cost = 0.5 * rival.n_parameters * np.log(r.size) + bool(rival.effects) * np.log(n_rivals)
+    cost = 0.5 * rival.n_parameters * np.log(D.n_values) + bool(rival.effects) * np.log(n_rivals)
 
     def judged(k: int, law: _Found, level: float) -> LawRival:
         gain = 2.0 * (law.value - np.log(chosen_from) + cost - level)
@@ -134,9 +134,9 @@ def without_names(rival: OdeCandidate, x: np.ndarray) -> tuple[OdeCandidate, np.
         D, now = rival.disturbance, x[:, None]
         alone, named = model.bind(theta[:, None]), rival.model.bind(rival.fit.theta[:, None])
         moved = D.moved(alone(now) - named(now)) + alone.outputs(now) - named.outputs(now)
-        return rival, record.y - rival.fit.y - moved[:, 0]
+        return rival, record.seen(record.y - rival.fit.y - moved[:, 0])
     base = linear_along(problem.candidate((), replace(rival.fit, theta=theta), model), x)
-    return base, record.y - base.fit.y
+    return base, record.residual(base.fit.y)
 
 
 def linear_along(rival: OdeCandidate, x: np.ndarray) -> OdeCandidate:
@@ -278,6 +278,6 @@ class _Fit:
         theta = inverse @ g
         explained = theta @ g - 0.5 * np.einsum("wi,ij,wj->w", theta, H, theta)
         parameters = np.einsum("wij,ji->w", inverse[:, k:], H[:, k:])
-        value = -0.5 * (G[0, 0] + logdet + self.prior_square) + explained - 0.5 * parameters * np.log(self.r.size)
+        value = -0.5 * (G[0, 0] + logdet + self.prior_square) + explained - 0.5 * parameters * np.log(self.D.n_values)
         best = int(np.argmax(value))
         return _Found(float(value[best]), float(parameters[best]), float(weights[best]), theta[best], noise)

@@ -240,7 +240,7 @@ def evidence_of_law(channel: Channel) -> float:
         noise = channel.settled(J[:, chosen])
         G, logdet = channel.D.gram(np.concatenate([channel.r[:, None], J[:, chosen]], axis=1), noise)
         fitted = G[1:, 0] @ np.linalg.lstsq(G[1:, 1:], G[1:, 0], rcond=1e-12)[0] if chosen else 0.0
-        price = len(chosen) * (0.5 * np.log(channel.r.size) + np.log(len(shapes.terms)))
+        price = len(chosen) * (0.5 * np.log(channel.D.n_values) + np.log(len(shapes.terms)))
         best = max(best, float(-0.5 * (G[0, 0] - fitted + logdet) - price))
     return best
 

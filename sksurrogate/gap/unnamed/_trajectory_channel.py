@@ -39,7 +39,7 @@ def channel_of(rival: TrajectoryCandidate, location: str | None) -> Channel:
         if not np.any(push):
             push = np.ones((len(surrogate.A), 1))
     b = push.shape[1]
-    D = surrogate.disturbance(problem.free_starts, push)
+    D = surrogate.disturbance(problem.free_starts, push, record.known)
     held = np.zeros(2 * m + b + 2, bool)
     held[m + b + 1 :] = True
     coloured, force = 1e-2 * problem.sd, np.full(b, 0.1 * unit)
@@ -48,7 +48,7 @@ def channel_of(rival: TrajectoryCandidate, location: str | None) -> Channel:
         held[m : m + b + 1] = True
         force = np.full(b, 1e-4)
         coloured = coloured.copy()
-        coloured[sensor] = max(0.1 * float(np.std(record.y[sensor])), 1e-12)
+        coloured[sensor] = max(0.1 * float(record.spread[sensor]), 1e-12)
     noise, best = Noise(problem.sd.copy(), force, 10.0, coloured, 10.0), -np.inf
     for tau in STARTS:
         start = replace(noise, tau=tau, tau_sensor=tau if sensor is not None else 10.0)

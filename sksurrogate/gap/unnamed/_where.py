@@ -13,7 +13,7 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.unnamed._latent_force import Place
-from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.record import Record, bridged
 
 __all__ = ["by_frequency", "by_location", "by_output", "named_places", "regions", "times"]
 
@@ -246,8 +246,10 @@ def _change(mean: np.ndarray, level: np.ndarray) -> tuple[str, int, bool]:
 
 def by_frequency(record: Record, before: np.ndarray, floor: np.ndarray, n_bands: int = 6) -> Table:
     """Power of the free-run error in bands of frequency, beside that of the sensor noise."""
-    spread = np.maximum(np.std(record.y, axis=1), 1e-300)
-    error = (record.y - before) / spread[:, None]
+    spread = record.spread
+    error = record.residual(before) / spread[:, None]
+    if record.known is not None:
+        error = bridged(error, record.known, record.starts)
     longest = int(min(256, record.lengths.min()))
     if longest < 16:
         return Table()
