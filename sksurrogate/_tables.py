@@ -1,7 +1,8 @@
-"""What users give as X and y, read as arrays of numbers: arrays, lists, frames."""
+"""What users give as X and y, read as arrays of numbers: arrays, lists, frames; what cannot be read is said."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from sksurrogate.exceptions import DataError
 
 __all__ = [
-    "as_labels", "as_table", "column_number", "floats", "labels_from_index", "outputs_of", "raw_column", "unmasked",
+    "as_labels", "as_table", "column_number", "floats", "labels_from_index", "outputs_of", "raw_column", "refuse_missing",
+    "refuse_unlabelled", "refuse_unseen", "unmasked", "without_nan",
 ]  # fmt: skip
 
 #: Rows with this label (the gaps that :func:`~sksurrogate.runs.cut_runs` leaves) belong to no run.
@@ -134,3 +136,62 @@ def outputs_of(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | N
     if len(values) != n_samples:
         raise DataError(f"X has {n_samples} rows and y has {len(values)}: both need one row a sample.")
     return values.reshape(n_samples, -1), names, values.ndim == 1
+
+
+def without_nan(y: Any) -> Any:
+    """y as scikit-learn's checks want it: 0 in the place of what was not measured; y itself where all was."""
+    values = y.to_numpy() if hasattr(y, "to_numpy") else np.asarray(y)
+    if values.dtype.kind != "f" or not np.isnan(values).any():
+        return y
+    return np.where(np.isnan(values), 0.0, values)
+
+
+def refuse_unlabelled(labels: np.ndarray | None, name: str) -> None:
+    """A label that is missing is an error, not a run of its own."""
+    if labels is None or labels.dtype.kind not in "fO":
+        return
+    missing = np.isnan(labels) if labels.dtype.kind == "f" else np.array([v is None or v != v for v in labels])
+    if missing.any():
+        raise DataError(
+            f"{name} contains NaN: row {int(np.argmax(missing))}. Every row needs the label of its run; -1 leaves a row out."
+        )
+
+
+def refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None, labels: np.ndarray | None) -> None:
+    """nan or inf is an error that names row, column and run."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(np.sum(values)):
+            return
+    bad = ~np.isfinite(values)
+    if labels is not None and labels.dtype.kind in "iufO":
+        bad[labels == LEFT_OUT] = False
+    if bad.any():
+        row, column = (int(i) for i in np.argwhere(bad)[0])
+        what = "NaN" if np.isnan(values[row, column]) else "infinity"
+        where = f"column {columns[column]!r}" if columns else f"column {column}"
+        of_run = "" if labels is None else f" (run {labels[row : row + 1].tolist()[0]!r})"
+        raise DataError(
+            f"Input {name} contains {what}: row {row}, {where}{of_run}; {int(bad.sum())} values in all. "
+            "Remove or interpolate them first (sksurrogate.features.Interpolator does so within a run)."
+        )
+
+
+def refuse_unseen(outputs: np.ndarray, names: Sequence[str] | None, pieces: list[tuple[Any, int, int]]) -> None:
+    """An output that was never measured is an error, and a run without any measured value."""
+    known = ~np.isnan(outputs)
+    if known.all():
+        return
+    inside = np.concatenate([np.arange(a, b) for _, a, b in pieces])
+    never = np.flatnonzero(~known[inside].any(axis=0))
+    if len(never):
+        j = int(never[0])
+        where = f"column {names[j]!r}" if names else f"column {j}"
+        raise DataError(
+            f"y holds no measured value in {where}: NaN in every row. Leave this output out of y and of the simulator's outputs."
+        )
+    for label, a, b in pieces:
+        if not known[a:b].any():
+            of_run = "y" if label is None else f"run {label!r}"
+            raise DataError(
+                f"{of_run} holds no measured value: NaN in rows {a}..{b - 1}. Leave this run out; label its rows -1 in groups."
+            )

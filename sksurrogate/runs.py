@@ -17,6 +17,9 @@ from sksurrogate._tables import (
     labels_from_index,
     outputs_of,
     raw_column,
+    refuse_missing,
+    refuse_unlabelled,
+    refuse_unseen,
     unmasked,
 )
 from sksurrogate.exceptions import DataError, RunError
@@ -180,19 +183,19 @@ def resolve_runs(
                 f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
             )
     keep = [j for j in range(table.shape[1]) if j not in drop]
-    _refuse_unlabelled(labels, "groups" if groups is not None else f"run={run!r}")
+    refuse_unlabelled(labels, "groups" if groups is not None else f"run={run!r}")
     inputs = floats(table[:, keep] if drop else table, "X", [names[j] for j in keep] if names else None)
     outputs, output_names, is_1d = outputs_of(y, n_samples)
     if not allow_nan:
-        _refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
+        refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
         if outputs is not None:
             given = np.where(np.isnan(outputs), 0.0, outputs) if unmeasured else outputs
-            _refuse_missing(given, "y", output_names, labels)
+            refuse_missing(given, "y", output_names, labels)
     pieces = _pieces(labels, n_samples, min_rows)
     if unmeasured and outputs is not None:
-        _refuse_unseen(outputs, output_names, pieces)
+        refuse_unseen(outputs, output_names, pieces)
     if clock is not None:
-        _refuse_missing(clock[:, None], f"time={time!r}", None, labels)
+        refuse_missing(clock[:, None], f"time={time!r}", None, labels)
     step, times = _times(clock, pieces, dt, allow_uneven, time)
     runs = tuple(
         Run(label, a, b, inputs[a:b], None if outputs is None else outputs[a:b], t)
@@ -308,57 +311,6 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
             out[edges[k] + k * gap : edges[k + 1] + k * gap] = count
             count += 1
     return out
-
-
-def _refuse_unlabelled(labels: np.ndarray | None, name: str) -> None:
-    """A label that is missing is an error, not a run of its own."""
-    if labels is None or labels.dtype.kind not in "fO":
-        return
-    missing = np.isnan(labels) if labels.dtype.kind == "f" else np.array([v is None or v != v for v in labels])
-    if missing.any():
-        raise DataError(
-            f"{name} contains NaN: row {int(np.argmax(missing))}. Every row needs the label of its run; -1 leaves a row out."
-        )
-
-
-def _refuse_missing(values: np.ndarray, name: str, columns: Sequence[str] | None, labels: np.ndarray | None) -> None:
-    """nan or inf is an error that names row, column and run."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(np.sum(values)):
-            return
-    bad = ~np.isfinite(values)
-    if labels is not None and labels.dtype.kind in "iufO":
-        bad[labels == LEFT_OUT] = False
-    if bad.any():
-        row, column = (int(i) for i in np.argwhere(bad)[0])
-        what = "NaN" if np.isnan(values[row, column]) else "infinity"
-        where = f"column {columns[column]!r}" if columns else f"column {column}"
-        of_run = "" if labels is None else f" (run {labels[row : row + 1].tolist()[0]!r})"
-        raise DataError(
-            f"Input {name} contains {what}: row {row}, {where}{of_run}; {int(bad.sum())} values in all. "
-            "Remove or interpolate them first (sksurrogate.features.Interpolator does so within a run)."
-        )
-
-
-def _refuse_unseen(outputs: np.ndarray, names: Sequence[str] | None, pieces: list[tuple[Any, int, int]]) -> None:
-    """An output that was never measured is an error, and a run without any measured value."""
-    known = ~np.isnan(outputs)
-    if known.all():
-        return
-    inside = np.concatenate([np.arange(a, b) for _, a, b in pieces])
-    never = np.flatnonzero(~known[inside].any(axis=0))
-    if len(never):
-        j = int(never[0])
-        where = f"column {names[j]!r}" if names else f"column {j}"
-        raise DataError(
-            f"y holds no measured value in {where}: NaN in every row. Leave this output out of y and of the simulator's outputs."
-        )
-    for label, a, b in pieces:
-        if not known[a:b].any():
-            of_run = "y" if label is None else f"run {label!r}"
-            raise DataError(
-                f"{of_run} holds no measured value: NaN in rows {a}..{b - 1}. Leave this run out; label its rows -1 in groups."
-            )
 
 
 def _pieces(labels: np.ndarray | None, n_samples: int, min_rows: int) -> list[tuple[Any, int, int]]:

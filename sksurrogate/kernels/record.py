@@ -109,8 +109,8 @@ class Record:
     @cached_property
     def spread(self) -> np.ndarray:
         """Standard deviation of the measured values of every output, > 0, (n_outputs,)."""
-        some = self.counts.any(axis=0)
-        return np.maximum([np.std(self.measured(j)) if some[j] else 0.0 for j in range(len(self.y))], 1e-300)
+        rows = [self.measured(j) for j in range(len(self.y))]
+        return np.maximum([np.std(row) if len(row) else 0.0 for row in rows], 1e-300)
 
     @cached_property
     def level(self) -> np.ndarray:

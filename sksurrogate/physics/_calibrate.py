@@ -15,6 +15,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
 from sksurrogate._columns import by_name
+from sksurrogate._tables import without_nan
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
@@ -202,8 +203,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
         self.x0_ = fit.x[:, record.starts].T.copy()
         residual = record.residual(fit.y)
-        constant = record.residual(np.repeat(record.level[:, None], record.n_samples, axis=1))
-        if names and np.sum((residual.T / sd) ** 2) > 2 * np.sum((constant.T / sd) ** 2):
+        if names and _worse_than_constant(record, residual, sd):
             warnings.warn(
                 "the fitted free run is much farther from y than a constant: give starting values nearer to the plant, bounds, or x0.",
                 ConvergenceWarning,
@@ -214,18 +214,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         at_bound = ((fit.theta <= low) | (fit.theta >= high)) & (low < high)
         self.at_bound_ = {name: bool(flag) for name, flag in zip(names, at_bound)}
         J_x = lin.J_x if self.fit_x0 else lin.J_x[:, :0]
-        what = known(
-            lin.J_theta,
-            J_x,
-            residual,
-            sd,
-            record.starts,
-            unit,
-            self.confidence,
-            at_bound,
-            prior.precision,
-            record.known,
-        )
+        held = prior.precision, record.known
+        what = known(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound, *held)
         self.covariance_ = what.covariance
         ends = np.clip(fit.theta - what.width, low, high), np.clip(fit.theta + what.width, low, high)
         self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(names, *ends)}
@@ -303,7 +293,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             )
         else:
             try:
-                whole = _without_nan(y)
+                whole = without_nan(y)
                 X, checked = validate_data(
                     self, X, whole, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest
                 )
@@ -370,12 +360,10 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         warnings.warn(what, ConvergenceWarning, stacklevel=5)
 
 
-def _without_nan(y: Any) -> Any:
-    """y as scikit-learn's checks want it: 0 in the place of what was not measured; y itself where all was."""
-    values = y.to_numpy() if hasattr(y, "to_numpy") else np.asarray(y)
-    if values.dtype.kind != "f" or not np.isnan(values).any():
-        return y
-    return np.where(np.isnan(values), 0.0, values)
+def _worse_than_constant(record: Record, residual: np.ndarray, sd: np.ndarray) -> bool:
+    """Whether a free run leaves more than twice the squares that the mean of every output leaves."""
+    constant = record.residual(np.repeat(record.level[:, None], record.n_samples, axis=1))
+    return bool(np.sum((residual.T / sd) ** 2) > 2 * np.sum((constant.T / sd) ** 2))
 
 
 def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:
