@@ -173,7 +173,8 @@ class BoundModel:
         wires = augmented.wires
         laws = [i for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)]
         self._balances = [i for i in laws if wires[i].port < 0]
-        self._at_ports = [i for i in laws if wires[i].port >= 0]
+        self._at_ports = [i for i in laws if wires[i].port >= 0 and wires[i].parameter is None]
+        self._as_parameters = [i for i in laws if wires[i].parameter is not None]
         self.held = held_for(augmented.plant, self.record.dt, self.h) if self._at_ports else self.h
         self._widths = [
             kink_width(effect, wire, values, self.held if wire.port >= 0 else self.h)
@@ -200,6 +201,9 @@ class BoundModel:
                 varied[effect.location] = effect.value(
                     varied.get(effect.location, params[effect.location]), t, values, self.h
                 )
+        for i in self._as_parameters:
+            name, value = self.a.wires[i].parameter or ("", 0.0)
+            varied[name] = varied.get(name, value) + self._parameters[i][0]
         return varied
 
     # ---- inputs -----------------------------------------------------------------------------------------------------

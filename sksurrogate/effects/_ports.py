@@ -74,7 +74,10 @@ class Places:
 
     def instances(self, kind: type[BaseEffect], plant: Plant) -> Iterator[BaseEffect]:
         """All places and variables of a plant where a kind of effect makes sense."""
-        yield from kind.instances(plant, self.balances)
+        absent = set(getattr(plant.simulator, "absent_params", None) or ())
+        yield from (
+            e for e in kind.instances(plant, self.balances) if e.kind != "parameter" or e.location not in absent
+        )
         if issubclass(kind, BalanceEffect):
             for port in self.ports:
                 for variable in port.drivers(kind):

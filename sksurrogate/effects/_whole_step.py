@@ -56,19 +56,20 @@ def whole_step(
         Whether effects act on balances or have states of their own, and whether they act at ports.
     """
     a = bound.a
-    parts = max(1, round(a.record.dt / bound.held)) if has_ports else 1
-    h, u = a.record.dt / parts, np.mean(mean, axis=0)
-    first, last = (u, u) if parts > 1 else (mean[0], mean[-1])
-    own = bool(getattr(a.plant.simulator, "timestep", None))
-    for part in range(parts):
-        now = t + part * h
-        drift = _drift(bound, now, x, u, h, varied) if has_rates else None
-        if drift is not None:
-            x = _kick(bound, now, x, first, h / 2, drift)
-        x = _moved(bound, now, x, u, h, varied, has_ports, own)
-        if drift is not None:
-            x = _kick(bound, now + h, x, last, h / 2, drift)
-    return x
+    own = has_ports and bool(getattr(a.plant.simulator, "timestep", None))
+    u = np.mean(mean, axis=0)
+    if own:
+        parts = max(1, round(a.record.dt / bound.held))
+        h = a.record.dt / parts
+        for part in range(parts):
+            x = _own_step(bound, t + part * h, x, u, h, varied, has_rates)
+        return x
+    dt = a.record.dt
+    drift = _drift(bound, t, x, u, dt, varied) if has_rates else None
+    if drift is not None:
+        x = _kick(bound, t, x, mean[0], dt / 2, drift)
+    x = _mean_step(bound, t, x, u, dt, varied, has_ports)
+    return x if drift is None else _kick(bound, t + dt, x, mean[-1], dt / 2, drift)
 
 
 def _drift(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any) -> np.ndarray:
@@ -86,19 +87,37 @@ def _kick(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float,
     return x + h * (bound.rates_of_effects(t, x + (h / 2) * rate, u, drift.copy()) - drift)
 
 
-def _moved(
-    bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any, has_ports: bool, own: bool
+def _own_step(
+    bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any, has_rates: bool
 ) -> np.ndarray:
-    """One step of the simulator.
+    """One of the simulator's own steps, laws at ports held over it; then the effects' own terms over the same time.
 
-    A law at a port is held over a step that is the simulator's own; over any other it is the mean of its values before and
-    after (Heun).
+    These see the states amid the step and the rates that it had: a spring yields as the joint has just moved, as in the
+    semi-implicit steps of the simulators that say what their own step is.
     """
+    a, n = bound.a, bound.a.n_nominal
+    after = x.copy()
+    after[:n] = a.model.step(t, x[:n], bound.entering(t, x, u), h, varied)
+    if not has_rates:
+        return after
+    drift = np.zeros_like(x)
+    drift[:n] = (after[:n] - x[:n]) / h
+    amid = after.copy()
+    amid[:n] = 0.5 * (x[:n] + after[:n])
+    rate = bound.rates_of_effects(t, amid, u, drift.copy()) - drift
+    amid += (h / 2) * rate
+    return after + h * (bound.rates_of_effects(t + h / 2, amid, u, drift.copy()) - drift)
+
+
+def _mean_step(
+    bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any, has_ports: bool
+) -> np.ndarray:
+    """One step of the simulator; a law at a port counts as the mean of its values before and after (Heun)."""
     a, n = bound.a, bound.a.n_nominal
     enters = bound.entering(t, x, u) if has_ports else u
     after = x.copy()
     after[:n] = a.model.step(t, x[:n], enters, h, varied)
-    if has_ports and not own:
+    if has_ports:
         later = bound.entering(t + h, after, u)
         after[:n] = a.model.step(t, x[:n], 0.5 * (enters + later), h, varied)
     return after

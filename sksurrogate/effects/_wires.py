@@ -32,6 +32,8 @@ class Wire:
         Width over which kinks are smoothed, in units of the variable (None: of time).
     port : int
         Port at which a law adds to what enters; -1: none.
+    parameter : (str, float) or None
+        Parameter of the simulator, and its value, to which the law's magnitude adds in place of a force (``law_parameters``).
     feedback : float
         What a unit of the effect's force changes in the rate of its own variable: 1 in the balance of that variable, at most
         the port's gain at a port, else 0.
@@ -42,6 +44,7 @@ class Wire:
     width: float | None
     port: int = -1
     feedback: float = 0.0
+    parameter: tuple[str, float] | None = None
 
 
 def factors(effect: BaseEffect) -> list[str]:
@@ -61,7 +64,8 @@ def wire_of(effect: BaseEffect, model: PlantModel, width: Callable[[BaseEffect],
         own = isinstance(effect, BalanceEffect) and effect.variable == effect.location
         return Wire(states.index(str(effect.location)), drivers, smoothed, feedback=float(own))
     port = plant.ports.index(str(effect.location))
-    return Wire(-1, drivers, smoothed, port, feedback_of(model, port, drivers))
+    own_parameters = getattr(plant.simulator, "law_parameters", None) or {}
+    return Wire(-1, drivers, smoothed, port, feedback_of(model, port, drivers), own_parameters.get(effect.key))
 
 
 def feedback_of(model: PlantModel, port: int, drivers: Sequence[tuple[bool, int]]) -> float:

@@ -5,16 +5,41 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from sksurrogate.exceptions import require
 from sksurrogate.physics._mujoco_engine import Engine
+from sksurrogate.physics._mujoco_layout import Layout
+from sksurrogate.physics._mujoco_params import ModelParameter
 
-__all__ = ["as_parameters"]
+__all__ = ["as_parameters", "law_of"]
 
-#: Laws at a port driven by the joint's own velocity or position, which add to a parameter of the joint.
+#: Parameters of a joint that are laws at its port, driven by its own velocity or position.
 _LAWS = {
-    "linear_loss": ("vel", "damping"),
-    "coulomb_friction": ("vel", "frictionloss"),
+    "damping": ("linear_loss", "vel"),
+    "frictionloss": ("coulomb_friction", "vel"),
+    "stiffness": ("linear_loss", "pos"),
 }
+
+
+def law_of(model: Any, layout: Layout, parameter: ModelParameter) -> list[tuple[str, str, str]]:
+    """The law at a port that a parameter is, as the key of an effect; none where it is no law of one degree of freedom.
+
+    Parameters
+    ----------
+    model : ``mujoco.MjModel``
+    layout : Layout
+    parameter : ModelParameter
+    """
+    if parameter.element != "joint" or parameter.quantity not in _LAWS:
+        return []
+    first, place = int(model.jnt_dofadr[parameter.index]), int(model.jnt_qposadr[parameter.index])
+    if np.sum(model.dof_jntid == parameter.index) != 1:  # a free or a ball joint
+        return []
+    if parameter.quantity == "stiffness" and model.qpos_spring[place] != 0:  # its spring pulls elsewhere
+        return []
+    name, driver = _LAWS[parameter.quantity]
+    return [(name, layout.ports[first], layout.velocities[first] if driver == "vel" else layout.positions[place])]
 
 
 def as_parameters(
@@ -38,11 +63,12 @@ def as_parameters(
     left : list of int
     """
     now = {name: one.value for name, one in engine.parameters.items()} | dict(own)
+    laws = {law: name for name, one in engine.parameters.items() for law in law_of(engine.origin, engine.layout, one)}
     changed: dict[str, float] = {}
     left: list[int] = []
     for i, (effect, given) in enumerate(zip(effects, values)):
         size = next(iter(given.values()), 0.0)
-        found = _as_parameter(engine, effect, size, now)
+        found = _as_parameter(engine, effect, size, now, laws)
         plain = not any(getattr(effect, name, None) is not None for name in ("onset", "end", "runs"))
         if found is None or not plain:
             left.append(i)
@@ -51,20 +77,17 @@ def as_parameters(
     return changed, left
 
 
-def _as_parameter(engine: Engine, effect: Any, size: float, now: Mapping[str, float]) -> tuple[str, float] | None:
+def _as_parameter(
+    engine: Engine, effect: Any, size: float, now: Mapping[str, float], laws: Mapping[Any, str]
+) -> tuple[str, float] | None:
     """Name and value of the parameter that says what an effect says."""
     place = str(effect.location)
     if effect.name == "parameter_error" and place in now:
         return place, now[place] * (1.0 + size) if now[place] != 0 else size
     if effect.name == "input_gain" and f"{place}.gear" in now and _is_linear(engine, place):
         return f"{place}.gear", now[f"{place}.gear"] * (1.0 + size)
-    if effect.name in _LAWS and place in engine.layout.ports:
-        part, quantity = _LAWS[effect.name]
-        state = engine.layout.velocities[engine.layout.ports.index(place)]
-        name = f"{state.removesuffix(f'.{part}')}.{quantity}"
-        if effect.variable == state and name in now:  # a joint of one degree of freedom
-            return name, now[name] + size
-    return None
+    name = laws.get(effect.key)
+    return None if name is None else (name, now[name] + size)
 
 
 def _is_linear(engine: Engine, actuator: str) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._mujoco_layout import read_layout
-from sksurrogate.physics._mujoco_params import assign, read_parameters
+from sksurrogate.physics._mujoco_params import assign, colliding, read_parameters
 
 __all__ = ["Engine", "Points"]
 
@@ -287,7 +287,7 @@ def _lean(model: Any) -> Any:
     without = [flags.mjDSBL_AUTORESET]
     if model.nsensor == 0:
         without.append(flags.mjDSBL_SENSOR)
-    if model.npair == 0 and model.nflex == 0 and not (np.any(model.geom_contype) and np.any(model.geom_conaffinity)):
+    if model.npair == 0 and model.nflex == 0 and not np.any(colliding(model)):
         without.append(flags.mjDSBL_CONTACT)
     if model.ntree == 1 and hasattr(flags, "mjDSBL_ISLAND"):  # one tree is one island
         without.append(flags.mjDSBL_ISLAND)

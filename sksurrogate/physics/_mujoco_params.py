@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.exceptions import require
 from sksurrogate.physics._mujoco_layout import name_of
 
-__all__ = ["ModelParameter", "assign", "read_parameters"]
+__all__ = ["ModelParameter", "assign", "colliding", "read_parameters"]
 
 #: Friction of a geom: its three columns.
 _FRICTION = ("friction", "torsional_friction", "rolling_friction")
@@ -62,13 +62,33 @@ def read_parameters(model: Any) -> dict[str, ModelParameter]:
             found.append(("body", i, "mass", float(model.body_mass[i])))
     for i in range(len(model.actuator_trntype)):
         found += [("actuator", i, *item) for item in _of_actuator(model, i)]
+    touching = colliding(model)
     for i in range(model.ngeom):
-        if model.geom_contype[i] or model.geom_conaffinity[i]:
+        if touching[i]:
             found += [("geom", i, name, float(model.geom_friction[i, k])) for k, name in enumerate(_FRICTION)]
     out: dict[str, ModelParameter] = {}
     for element, i, quantity, value in found:
         out.setdefault(f"{name_of(model, element, i)}.{quantity}", ModelParameter(element, i, quantity, value))
     return out
+
+
+def colliding(model: Any) -> np.ndarray:
+    """Which geoms may touch another one, bool (n_geoms,): by their masks, and by bodies that MuJoCo lets collide.
+
+    Geoms of one body, of bodies welded together, and of a body and its parent (the world apart) never do, unless a pair
+    names them.
+    """
+    mujoco = require("mujoco", "mujoco")
+    body = model.body_weldid[model.geom_bodyid]
+    parent = model.body_weldid[model.body_parentid[body]]
+    masks = (model.geom_contype[:, None] & model.geom_conaffinity[None]) != 0
+    able = (masks | masks.T) & (body[:, None] != body[None])
+    if not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
+        child = (parent[:, None] == body[None]) & (body[None] != 0)
+        able &= ~(child | child.T)
+    found = able.any(axis=1)
+    found[np.unique(np.r_[model.pair_geom1, model.pair_geom2]).astype(int)] = True
+    return found
 
 
 def _of_actuator(model: Any, i: int) -> list[tuple[str, float]]:

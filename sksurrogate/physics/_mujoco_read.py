@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._mujoco_effects import law_of
 from sksurrogate.physics._mujoco_engine import Engine
 from sksurrogate.physics._mujoco_source import identity, read_model
 from sksurrogate.physics._params import ParametricSimulator
@@ -142,6 +143,28 @@ class NamedModel(ParametricSimulator):
     def kinematic(self) -> list[str]:
         """States that are integrals of others."""
         return list(self._engine().layout.positions)
+
+    @property
+    def law_parameters(self) -> dict[tuple[str, str, str], tuple[str, float]]:
+        """Laws at joints that are parameters of the model: damping, dry friction (a constraint), a spring that rests at 0."""
+        engine, given = self._engine(), self.params
+        found = {}
+        for name, own in engine.parameters.items():
+            laws = law_of(engine.origin, engine.layout, own)
+            found.update({law: (name, float(given.get(name, own.value))) for law in laws})
+        return found
+
+    @property
+    def absent_params(self) -> list[str]:
+        """Parameters of the value 0 that a law at a joint says in its own name: a diagnosis tries that law instead.
+
+        A damping (``linear_loss`` in the joint's velocity), a dry friction (``coulomb_friction``), a spring (``linear_loss`` in
+        its position) that the model does not have. None where ``params`` names a choice: what is chosen is tried.
+        """
+        params = self.params
+        if set(params) != set(self._engine().parameters):
+            return []
+        return [name for name, value in self.law_parameters.values() if value == 0 and name in params]
 
     @property
     def timestep(self) -> float:

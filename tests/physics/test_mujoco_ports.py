@@ -59,6 +59,7 @@ def by_mujoco(U, force, x0):
         ("quadratic_drag", "elbow.vel", {"coefficient": 0.2}, lambda d: -0.2 * d.qvel[1] * abs(d.qvel[1])),
         ("cubic_stiffness", "elbow.pos", {"coefficient": 0.8}, lambda d: -0.8 * d.qpos[1] ** 3),
         ("linear_loss", "shoulder.vel", {"coefficient": 0.3}, lambda d: -0.3 * d.qvel[0]),
+        ("gravity_tilt", "elbow.pos", {"level": 0.3}, lambda d: -0.3 * np.sin(d.qpos[1])),
     ],
 )
 def test_a_law_at_a_joint_is_a_force_that_mujoco_applies_at_each_of_its_steps(name, variable, values, force):
@@ -68,10 +69,31 @@ def test_a_law_at_a_joint_is_a_force_that_mujoco_applies_at_each_of_its_steps(na
     assert np.ptp(there.simulate(inputs(), x0) - arm().simulate(inputs(), x0)) > 1e-3
 
 
-def test_dry_friction_at_a_joint_is_near_the_constraint_that_mujoco_solves():
+@pytest.mark.parametrize(
+    ("name", "variable", "parameter"),
+    [
+        ("coulomb_friction", "elbow.vel", "elbow.frictionloss"),
+        ("linear_loss", "elbow.vel", "elbow.damping"),
+        ("linear_loss", "elbow.pos", "elbow.stiffness"),
+    ],
+)
+def test_a_law_that_is_a_parameter_of_the_joint_acts_as_that_parameter(name, variable, parameter):
     x0, U = np.array([0.3, -0.5, 0.5, -1.0]), inputs(200)
-    friction = CATALOGUE["coulomb_friction"]("elbow", "elbow.vel")
-    law = AugmentedSimulator(arm(), [friction], [{"level": 0.15}]).simulate(U, x0)
+    law = AugmentedSimulator(arm(), [CATALOGUE[name]("elbow", variable)], [(0.15,)])
+    own = arm().params[parameter]
+    as_parameter = arm().set_params(**{f"params__{parameter}": own + 0.15})
+    assert np.allclose(law.simulate(U, x0), as_parameter.simulate(U, x0), rtol=0, atol=1e-12)
+    assert arm().as_parameters(law.effects, [{"level": 0.15}])[0].params[parameter] == own + 0.15
+    twice = AugmentedSimulator(
+        as_parameter, law.effects, law.values, retuned={parameter: own}
+    )  # on top of what is re-tuned
+    assert np.allclose(twice.simulate(U, x0), law.simulate(U, x0), rtol=0, atol=1e-12)
+
+
+def test_dry_friction_as_a_force_is_near_the_constraint_that_mujoco_solves():
+    x0, U = np.array([0.3, -0.5, 0.5, -1.0]), inputs(200)
+    friction = CATALOGUE["asymmetric_friction"]("elbow", "elbow.vel")
+    law = AugmentedSimulator(arm(), [friction], [{"level": 0.15, "offset": 0.0}]).simulate(U, x0)
     constraint = arm().set_params(**{"params__elbow.frictionloss": 0.15}).simulate(U, x0)
     # at rest, which a servo makes frequent, both creep, each in its own way
     assert np.sqrt(np.mean((law - constraint) ** 2)) < 0.1 * np.std(constraint - arm().simulate(U, x0))
@@ -100,3 +122,17 @@ def test_sensors_show_what_enters_at_a_joint():
     u[3, 1] = 1.0  # a force in the elbow, behind two inputs and the shoulder
     read = model.output(np.zeros(2), x, u)
     assert abs(read[0, 1] - read[0, 0]) > 0.1 and read[1, 1] == read[1, 0]
+
+
+def test_a_parameter_that_the_model_does_not_have_is_tried_as_a_law():
+    whole = {e.key for e in build_effects(describe(arm()), [], ["parameter_error", "linear_loss", "coulomb_friction"])}
+    assert ("parameter_error", "elbow.damping", None) in whole and ("linear_loss", "elbow", "elbow.pos") in whole
+    assert not {e for e in whole if e[1] in ("elbow.frictionloss", "elbow.stiffness")}
+    chosen = build_effects(describe(arm(params=["elbow.frictionloss"])), [], "parameter_error")
+    assert [effect.location for effect in chosen] == ["elbow.frictionloss"]
+
+
+def test_geoms_that_cannot_touch_have_no_friction_to_be_tried():
+    assert not any(name.endswith("friction") for name in arm().params)
+    floor = MuJoCoSimulator(ARM.replace("<worldbody>", '<worldbody><geom name="floor" type="plane" size="1 1 1"/>'))
+    assert {"floor.friction", "geom1.friction", "geom2.friction"} < set(floor.params)

@@ -26,7 +26,10 @@ def sticks(effect: BaseEffect, theta: np.ndarray, wire: Wire, h: float) -> np.nd
 def sticks_in(problem: OdeBackend, effects: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:
     """Whether one of several effects with their parameters does so in the steps of a problem."""
     h, wires = problem.record.dt / problem.numerics.n_sub, problem.augmented(effects).wires
-    return any(bool(sticks(effect, theta, wire, h)) for effect, theta, wire in zip(effects, values, wires))
+    return any(
+        wire.parameter is None and bool(sticks(effect, theta, wire, h))
+        for effect, theta, wire in zip(effects, values, wires)
+    )
 
 
 def slowed(
