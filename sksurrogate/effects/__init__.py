@@ -13,7 +13,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
-from sksurrogate.effects._law import LawEffect
+from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._store import load_augmented, save_augmented
 
@@ -24,12 +24,15 @@ __all__ = [
     "BaseEffect",
     "HiddenEffect",
     "InputEffect",
+    "InputLawEffect",
     "LawEffect",
     "LimitEffect",
+    "MemoryLawEffect",
     "Parameter",
     "ParameterEffect",
     "Probe",
     "SensorEffect",
+    "SensorLawEffect",
     "SensorPath",
     "build_effects",
     "load_augmented",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._law import SHAPES, Term
+from sksurrogate.effects._formula import SHAPES, Factor, Term
 from sksurrogate.exceptions import DataError
 
 __all__ = ["as_arguments", "as_text"]
@@ -81,8 +81,8 @@ def _read(value: Any) -> Any:
     raise ValueError(f"an argument has the tag {tag!r}, expected tuple, dict or term")
 
 
-def _factor(shape: Any, name: Any, constant: Any, width: Any) -> tuple[str, str, float, float]:
+def _factor(shape: Any, name: Any, constant: Any, width: Any, *more: Any) -> Factor:
     """A factor of a term."""
     if shape not in SHAPES:
         raise ValueError(f"a term has the shape {shape!r}, expected one of {list(SHAPES)}")
-    return str(shape), str(name), float(constant), float(width)
+    return (str(shape), str(name), float(constant), float(width), *map(float, more))

@@ -1,117 +1,151 @@
-"""Laws found in data: sums of simple physical shapes of states and inputs, as effects that can be fitted and added."""
+"""Laws found in data: sums of products of simple shapes, as effects in a balance, on an input or on a sensor."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, Parameter
-from sksurrogate.effects._smooth import TINY, after, magnitude, sign
+from sksurrogate.effects._effect import BalanceEffect, HiddenEffect, InputEffect, Parameter, SensorEffect
+from sksurrogate.effects._formula import SHAPES, Term, equation_of
+from sksurrogate.effects._smooth import TINY, follow, stable
+from sksurrogate.kernels.signals import Signal, lag
 
-__all__ = ["SHAPES", "LawEffect", "Term"]
+__all__ = ["SHAPES", "InputLawEffect", "LawEffect", "MemoryLawEffect", "SensorLawEffect", "Term", "law_effect"]
 
-
-def _above(v: Any, c: float, w: float) -> Any:
-    """max(v - c, 0), rounded over w."""
-    z = v - c
-    return 0.5 * (z + np.sqrt(z**2 + w**2))
-
-
-def _root(v: Any, w: float) -> Any:
-    """sign(v) sqrt(|v|), with a finite slope at 0."""
-    return v / np.sqrt(np.sqrt(v**2 + w**2) + TINY)
+#: Laws act after the effects of the catalogue on the same input or sensor.
+LAST = 99
 
 
-#: Shape -> (value of v with its constant c and the width w of kinks, text with {v} and {c}).
-SHAPES: dict[str, tuple[Callable[[Any, float, float], Any], str]] = {
-    "v": (lambda v, c, w: v, "{v}"),
-    "square": (lambda v, c, w: v**2, "{v}^2"),
-    "cube": (lambda v, c, w: v**3, "{v}^3"),
-    "drag": (lambda v, c, w: v * np.abs(v), "{v}*abs({v})"),
-    "size": (lambda v, c, w: magnitude(v, w), "abs({v})"),
-    "sign": (lambda v, c, w: sign(v, w), "sign({v})"),
-    "root": (lambda v, c, w: _root(v, w), "sign({v})*sqrt(abs({v}))"),
-    "flow": (lambda v, c, w: _root(np.maximum(v, 0.0), w), "sqrt({v})"),
-    "fourth": (lambda v, c, w: v**4, "{v}^4"),
-    "sine": (lambda v, c, w: np.sin(v), "sin({v})"),
-    "cosine": (lambda v, c, w: np.cos(v), "cos({v})"),
-    "wave": (lambda v, c, w: np.sin(c * v), "sin({c}*{v})"),
-    "above": (lambda v, c, w: _above(v, c, w), "max({v} - {c}, 0)"),
-    "below": (lambda v, c, w: _above(-v, -c, w), "max({c} - {v}, 0)"),
-    "beyond": (lambda v, c, w: 0.5 * (1.0 + sign(v - c, w)), "({v} > {c})"),
-    "saturating": (lambda v, c, w: v / (c + v), "{v}/({c} + {v})"),
-    "fading": (lambda v, c, w: v / (1.0 + (v / c) ** 2), "{v}/(1 + ({v}/{c})^2)"),
-    "inverse": (lambda v, c, w: 1.0 / v, "1/{v}"),
-    "activated": (lambda v, c, w: np.exp(-c / v), "exp(-{c}/{v})"),
-    "after": (lambda v, c, w: after(v, c, w), "(t > {c})"),
-}
-
-
-@dataclass(frozen=True)
-class Term:
-    """A product of shapes.
-
-    Attributes
-    ----------
-    factors : tuple of (shape, variable, constant, width)
-        Shape of :data:`SHAPES`; name of a state or input ("t" for the time since the start); constant of the shape;
-        width over which its kink is rounded.
-    """
-
-    factors: tuple[tuple[str, str, float, float], ...] = ()
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of its signals, sorted; without time."""
-        return tuple(sorted({name for _, name, _, _ in self.factors if name != "t"}))
-
-    @property
-    def text(self) -> str:
-        """As one writes it; "1" for the constant."""
-        return "*".join(SHAPES[s][1].format(v=v, c=f"{c:.4g}") for s, v, c, _ in self.factors) or "1"
-
-    def value(self, signals: Mapping[str, Any], t: Any = 0.0) -> Any:
-        """Of arrays by name.
-
-        Examples
-        --------
-        >>> drag = Term((("drag", "speed", 0.0, 0.0),))
-        >>> drag.text, float(drag.value({"speed": -2.0}))
-        ('speed*abs(speed)', -4.0)
-        """
-        out: Any = 1.0
-        for shape, name, constant, width in self.factors:
-            out = out * SHAPES[shape][0](t if name == "t" else signals[name], constant, width)
-        return out
-
-
-class LawEffect(BalanceEffect):
-    """A sum of simple shapes is missing in a balance or at a port; made by ``report.missing_term.effects``.
+class _Formula:
+    """What laws at all places share: a formula whose coefficients, and constants where they are free, are the parameters.
 
     Parameters
     ----------
     location : str
-        State in whose balance the law stands, or the input (or further port) to which it adds.
+        State in whose balance the law stands.
     variable : str, optional
         Its signals joined by ``*``, names sorted.
     terms : tuple of Term
     values : tuple of float, optional
-        Coefficients found; where a fit starts.
+        Parameters found; where a fit starts.
+    free : bool, default=False
+        Whether the constants inside the shapes are parameters too, behind the coefficients.
+    """
+
+    location: str | None
+    variable: str | None
+    terms: Sequence[Term]
+    values: Sequence[float] | None
+    free: bool
+    #: Unit of a coefficient's numerator.
+    unit = "dx/dt"
+
+    def _set(self, terms: Sequence[Term], values: Sequence[float] | None, free: bool) -> None:
+        """Constructor arguments beside the place."""
+        self.terms = terms
+        self.values = values
+        self.free = free
+
+    @property
+    def name(self) -> str:
+        """The form, without its coefficients; the number of its pieces for a curve."""
+        return "law: " + _form(self.terms)
+
+    @property
+    def equation(self) -> str:
+        """The form."""
+        return _form(self.terms)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """A coefficient for every term, then every constant that is free."""
+        return (*self._coefficients(), *self._constants())
+
+    def _coefficients(self) -> tuple[Parameter, ...]:
+        return tuple(Parameter(f"c{k}", unit=f"{self.unit} over {term.text}") for k, term in enumerate(self.terms))
+
+    def _constants(self) -> tuple[Parameter, ...]:
+        if not self.free:
+            return ()
+        known = [(c, bounds) for term in self.terms for c, bounds in zip(term.constants, term.bounds)]
+        return tuple(Parameter(f"k{k}", c, low, high) for k, (c, (low, high)) in enumerate(known))
+
+    @property
+    def linear(self) -> bool:
+        """One coefficient scales the whole."""
+        return len(self.terms) == 1 and len(self.parameters) == 1
+
+    def filled(self, theta: Sequence[Any]) -> list[tuple[Any, Term]]:
+        """Coefficients and terms at parameters theta."""
+        n = len(self.terms)
+        constants, out = list(theta[n:]), []
+        for coefficient, term in zip(theta[:n], self.terms):
+            k = len(term.constants) if self.free else 0
+            out.append((coefficient, term.at(constants[:k]) if k else term))
+            constants = constants[k:]
+        return out
+
+    def value(self, signals: dict[str, Any], t: Any, theta: Sequence[Any], width: float = 0.0) -> Any:
+        """``sum of c f(v, w)``; kinks are rounded over ``width`` at least."""
+        out: Any = 0.0
+        for coefficient, term in self.filled(theta):
+            if np.ndim(width) or width > 0:
+                factors = (
+                    (f[0], f[1], f[2], np.maximum(f[3], width), *f[4:]) if f[0] == "sign" else f for f in term.factors
+                )
+                term = Term(tuple(factors))
+            out = out + coefficient * term.value(signals, t)
+        return out
+
+    def starts(self, probe: Any) -> list[tuple[float, ...]]:
+        """The parameters that were found."""
+        if self.values is not None:
+            return [tuple(self.values)]
+        return [(*(1.0 for _ in self.terms), *(p.null for p in self.parameters[len(self.terms) :]))]
+
+    def text(self, theta: Sequence[float] | None = None, latex: bool = False) -> str:
+        """The formula with its numbers."""
+        filled = self.filled(self.starts(None)[0] if theta is None else theta)
+        return equation_of([term for _, term in filled], [float(c) for c, _ in filled], latex)
+
+
+def _form(terms: Sequence[Term]) -> str:
+    """Sum of the terms without coefficients."""
+    pieces = [term for term in terms if term.factors and term.factors[0][0] == "spline"]
+    if len(pieces) > 1:
+        return f"curve of {' and '.join(pieces[0].variables)} ({len(pieces)} pieces)"
+    return " + ".join(term.text for term in terms)
+
+
+class LawEffect(_Formula, BalanceEffect):
+    """A sum of simple shapes is missing in a balance; made by ``report.missing_term``.
+
+    Parameters
+    ----------
+    location : str
+        State in whose balance the law stands.
+    variable : str, optional
+        Its signals joined by ``*``, names sorted.
+    terms : tuple of Term
+    values : tuple of float, optional
+        Parameters found; where a fit starts.
+    free : bool, default=False
+        Whether the constants inside the shapes are parameters too, behind the coefficients.
 
     Examples
     --------
     >>> law = LawEffect("v", "v", (Term((("drag", "v", 0.0, 0.0),)),), (-0.3,))
     >>> law.name, law.starts(None)
     ('law: v*abs(v)', [(-0.3,)])
+    >>> soft = LawEffect("v", "v", (Term((("tanh", "v", 0.5, 0.0),)),), (-0.3, 0.4), free=True)
+    >>> [parameter.name for parameter in soft.parameters], soft.text()
+    (['c0', 'k0'], '-0.3*tanh(v/0.4)')
     """
 
-    equation = "c0 f0(v, w) + c1 f1(v, w) + ..."
     signature = "whatever no named effect explains"
     drivers = ("state", "input")
-    at_port = ()
 
     def __init__(
         self,
@@ -119,35 +153,202 @@ class LawEffect(BalanceEffect):
         variable: str | None = None,
         terms: Sequence[Term] = (),
         values: Sequence[float] | None = None,
+        free: bool = False,
     ):
         super().__init__(location, variable)
-        self.terms = terms
-        self.values = values
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """The form, without its coefficients."""
-        return "law: " + " + ".join(term.text for term in self.terms)
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """A coefficient for every term."""
-        return tuple(Parameter(f"c{k}", unit=f"dx/dt over {term.text}") for k, term in enumerate(self.terms))
-
-    @property
-    def linear(self) -> bool:  # type: ignore[override]
-        """One coefficient scales the whole."""
-        return len(self.terms) == 1
+        self._set(terms, values, free)
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``sum of c f(v, w)``."""
         names = self.variable.split("*") if self.variable else []
         signals = dict(zip(names, v if len(names) > 1 else (v,)))
-        out: Any = np.zeros_like(x)
-        for coefficient, term in zip(theta, self.terms):
-            out = out + coefficient * term.value(signals, t)
-        return out
+        return np.zeros_like(x) + self.value(signals, t, theta, width if self._jumps() else 0.0)
 
-    def starts(self, probe: Any) -> list[tuple[float, ...]]:
-        """The coefficients that were found."""
-        return [tuple(self.values) if self.values is not None else (1.0,) * len(self.terms)]
+    def _jumps(self) -> list[int]:
+        """Terms that jump where the balance's own state changes its sign."""
+        own = self.variable == self.location
+        return [k for k, term in enumerate(self.terms) if own and any(f[0] == "sign" for f in term.factors)]
+
+    def jump(self, theta: Sequence[Any]) -> Any:
+        """The coefficients of its signs."""
+        found = [np.abs(theta[k]) for k in self._jumps() if len(self.terms[k].factors) == 1]
+        return sum(found) if found else 0.0
+
+    def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
+        """A jump is smoothed as far as steps can follow it; other kinks have widths of their own."""
+        return stable(0.0, self.jump(theta), h) if self.free and self._jumps() else 0.0
+
+
+class MemoryLawEffect(_Formula, HiddenEffect):
+    """A law of the recent past of one signal is missing in a balance: of ``w``, ``c dw/dt + w = v``, and of v itself.
+
+    Parameters
+    ----------
+    location, variable, terms, values, free
+        As :class:`LawEffect`; the recent past of v is named "lag(v)". The time constant is the last parameter.
+
+    Examples
+    --------
+    >>> law = MemoryLawEffect("x", "v", (Term((("square", "lag(v)", 0.0, 0.0),)),), (-0.3, 2.0))
+    >>> [parameter.name for parameter in law.parameters]
+    ['c0', 'time_constant']
+    """
+
+    signature = "whatever no named effect explains, later than what drives it"
+    drivers = ("state", "input")
+    free_start = False
+
+    def __init__(
+        self,
+        location: str | None = None,
+        variable: str | None = None,
+        terms: Sequence[Term] = (),
+        values: Sequence[float] | None = None,
+        free: bool = False,
+    ):
+        super().__init__(location, variable)
+        self._set(terms, values, free)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Coefficients, free constants, the time constant."""
+        return (*self._coefficients(), *self._constants(), Parameter("time_constant", 0.0, TINY, unit="time"))
+
+    def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
+        """The filter has settled at the first value."""
+        return [v]
+
+    def rates(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
+    ) -> Sequence[Any]:
+        """``(v - w) / c``."""
+        return [(v - z[0]) / np.maximum(theta[-1], TINY)]
+
+    def rates_within(
+        self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float, h: float
+    ) -> Sequence[Any]:
+        """:meth:`rates` that a step can follow."""
+        c = np.maximum(theta[-1], TINY)
+        return [follow(h / c) * (v - z[0]) / c]
+
+    def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
+        """``sum of c f(w, v)``."""
+        signals = {f"lag({self.variable})": z[0], str(self.variable): v}
+        return np.zeros_like(z[0]) + self.value(signals, 0.0, theta[:-1])
+
+
+class InputLawEffect(_Formula, InputEffect):
+    """A law is added to an input: ``u + f(u, v)``, v another input; of the recent past of u where it is named "lag(u)".
+
+    Parameters
+    ----------
+    location, variable, terms, values, free
+        As :class:`LawEffect`; ``variable`` is another input, or None. With a "lag(u)" the time constant is the last parameter.
+
+    Examples
+    --------
+    >>> law = InputLawEffect("u", None, (Term((("square", "u", 0.0, 0.0),)),), (0.1,))
+    >>> law.kind, law.equation
+    ('input', 'u^2')
+    """
+
+    signature = "whatever no named effect explains, along the path of an input"
+    order = LAST
+    unit = "u"
+
+    def __init__(
+        self,
+        location: str | None = None,
+        variable: str | None = None,
+        terms: Sequence[Term] = (),
+        values: Sequence[float] | None = None,
+        free: bool = False,
+    ):
+        super().__init__(location, variable)
+        self._set(terms, values, free)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it holds the recent past."""
+        return any(f[1].startswith("lag(") for term in self.terms for f in term.factors)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Coefficients, free constants, the time constant where there is one."""
+        late = (Parameter("time_constant", 0.0, TINY, unit="time"),) if self.remembers else ()
+        return (*self._coefficients(), *self._constants(), *late)
+
+    def transform(
+        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
+    ) -> Signal:
+        """``u + f``; exact for held inputs, Simpson's rule within a substep otherwise."""
+        given = {str(self.location): u, **({str(self.variable): v} if v is not None else {})}
+        if self.remembers:
+            given[f"lag({self.location})"] = lag(u, theta[-1], h, starts)
+            theta = theta[:-1]
+
+        def acting(part: Any) -> np.ndarray:
+            signals = {name: part(signal) for name, signal in given.items()}
+            found = signals[str(self.location)] + self.value(signals, 0.0, theta)
+            return np.asarray(found)
+
+        if all(signal.half is None for signal in given.values()):
+            return Signal(acting(lambda s: s.mean))
+        first, middle, last = (acting(part) for part in (Signal.start, lambda s: s.mean, Signal.end))
+        return Signal((first + 4 * middle + last) / 6, (last - first) / 2, acting(Signal.at_samples))
+
+
+class SensorLawEffect(_Formula, SensorEffect):
+    """A law is added to a reading: ``y + f(y, v)``, v another output.
+
+    Parameters
+    ----------
+    location, variable, terms, values, free
+        As :class:`LawEffect`; ``variable`` is another output, or None.
+
+    Examples
+    --------
+    >>> law = SensorLawEffect("y", None, (Term((("square", "y", 0.0, 0.0),)),), (0.1,))
+    >>> law.read(np.array([2.0]), None, np.zeros(1), (0.1,)).round(3)
+    array([2.4])
+    """
+
+    signature = "whatever no named effect explains, at rest and in motion alike"
+    order = LAST
+    unit = "y"
+
+    def __init__(
+        self,
+        location: str | None = None,
+        variable: str | None = None,
+        terms: Sequence[Term] = (),
+        values: Sequence[float] | None = None,
+        free: bool = False,
+    ):
+        super().__init__(location, variable)
+        self._set(terms, values, free)
+
+    def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
+        """``y + f(y, v)``."""
+        signals = {str(self.location): y, **({str(self.variable): v} if v is not None else {})}
+        return np.asarray(y + self.value(signals, t, theta))
+
+
+def law_effect(
+    kind: str, location: str, terms: Sequence[Term], values: Sequence[float] | None = None, free: bool = True
+) -> LawEffect | MemoryLawEffect | InputLawEffect | SensorLawEffect:
+    """A law at a place: in the balance of a state, on an input ("input"), on a sensor ("output").
+
+    Examples
+    --------
+    >>> law_effect("output", "y", (Term((("square", "y", 0.0, 0.0),)),), (0.1,)).kind
+    'output'
+    """
+    names = sorted({name for term in terms for name in term.variables})
+    late = any(f[1].startswith("lag(") for term in terms for f in term.factors)
+    if kind == "state":
+        made = MemoryLawEffect if late else LawEffect
+        return made(location, "*".join(names) or None, tuple(terms), values, free)
+    others = [name for name in names if name != location]
+    by_place = InputLawEffect if kind == "input" else SensorLawEffect
+    return by_place(location, others[0] if others else None, tuple(terms), values, free)

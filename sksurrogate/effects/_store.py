@@ -14,7 +14,7 @@ from sksurrogate._files import write_text
 from sksurrogate.effects._arguments import as_arguments, as_text
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._law import LawEffect
+from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
 from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError
@@ -246,7 +246,7 @@ def _built(entry: Any, own: list[tuple[type[BaseEffect], dict[str, Any]]], file:
     """An effect of the file: of the class that wrote it, else one of the same name."""
     name, written = entry["name"], entry.get("class")
     alike = [(kind, lent) for kind, lent in own if kind.name == name]
-    packaged = [CATALOGUE.get(name), LawEffect]
+    packaged = [CATALOGUE.get(name), LawEffect, MemoryLawEffect, InputLawEffect, SensorLawEffect]
     known = [(kind, lent) for kind, lent in own if kind.__name__ == written]
     known += [(kind, {}) for kind in packaged if kind is not None and kind.__name__ == written]
     known += alike

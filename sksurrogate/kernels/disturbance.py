@@ -316,6 +316,13 @@ class Disturbance:
             diagonal[a : a + MOST_ABREAST] = white - solved_squares(steps, whitened)
         return rows, diagonal
 
+    def weighted(self, r: np.ndarray, noise: Noise, factor: np.ndarray | None = None) -> np.ndarray:
+        """``S^-1 r`` of columns r (n_outputs, n_columns, n_samples): ``S^-1 = R^-1 - R^-1 H P^-1 H' R^-1``."""
+        factor = self.factor(noise) if factor is None else factor
+        solved, _ = dpbtrs(factor, self._load(r, noise), lower=1)
+        shown = self._shown(solved.T.reshape(r.shape[1], self.n_samples, self.size))
+        return (r - shown) / noise.sigma[:, None, None] ** 2
+
     def _shown(self, states: np.ndarray) -> np.ndarray:
         """What states and coloured noise (n_columns, n_samples, size) show in the outputs: (n_outputs, n_columns, n_samples)."""
         shown = np.einsum("toi,kti->okt", self.C, states[:, :, : self.n])

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from sksurrogate.datasets import make_reactor
-from sksurrogate.effects import CATALOGUE, AugmentedSimulator, BalanceEffect, Parameter, load_augmented, save_augmented
-from sksurrogate.effects._law import LawEffect, Term
+from sksurrogate.effects import (
+    CATALOGUE,
+    AugmentedSimulator,
+    BalanceEffect,
+    LawEffect,
+    Parameter,
+    load_augmented,
+    save_augmented,
+)
+from sksurrogate.effects._formula import Term
 from sksurrogate.exceptions import DataError
 
 U = np.linspace(0.1, 0.2, 30)[:, None]

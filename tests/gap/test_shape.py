@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import LawEffect
-from sksurrogate.effects._law import SHAPES, Term
+from sksurrogate.effects._formula import SHAPES, Term, _spline
 from sksurrogate.gap.fit._closed_loop import closed_loop
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.unnamed._shape import Channel, shape_of
@@ -90,15 +90,22 @@ def test_sparse_laws_find_the_columns_that_made_the_signal():
 def test_what_a_term_says_is_what_it_gives(shape):
     """Its text, read as a formula, has its value, off the kinks."""
     z, name = np.linspace(-1.9, 1.9, 40), "t" if shape == "after" else "z"
-    known = {name: z, "max": np.maximum, **{f: getattr(np, f) for f in ("abs", "sign", "sqrt", "sin", "cos", "exp")}}
+    known = {
+        name: z,
+        "max": np.maximum,
+        "min": np.minimum,
+        "spline": _spline,
+        **{f: getattr(np, f) for f in ("abs", "sign", "sqrt", "sin", "cos", "exp", "tanh", "log")},
+    }
     for constant in (0.7, 1.3):
-        term = Term(((shape, name, constant, 1e-9),))
+        more = (1.4,) if "{d}" in SHAPES[shape].text else ()
+        term = Term(((shape, name, constant, 1e-9, *more),))
         with np.errstate(all="ignore"):
             written = np.broadcast_to(eval(term.text.replace("^", "**"), {}, known), z.shape)
         there = np.isfinite(written)
         assert there.sum() >= 20 and term.variables == (() if name == "t" else ("z",))
         np.testing.assert_allclose(term.value({"z": z}, z)[there], written[there], rtol=1e-6, atol=1e-8)
-    both = Term(((shape, name, 0.7, 1e-9), ("size", "w", 0.0, 0.0)))
+    both = Term(((shape, name, 0.7, 1e-9, *more), ("size", "w", 0.0, 0.0)))
     assert both.text == f"{Term(both.factors[:1]).text}*abs(w)"
 
 

@@ -20,6 +20,7 @@ from sksurrogate.kernels.record import Record
 __all__ = [
     "HeldOut",
     "held_out",
+    "law_held_out",
     "measure",
     "notes_on_names",
     "same_names",
@@ -41,6 +42,8 @@ class HeldOut:
         Free runs of the simulator, with the effects, with parameters re-tuned only, with the generic correction; nan without.
     same_names : float
         Share of the folds whose other runs choose the effects that all runs choose.
+    law : ndarray (n_outputs, n_samples), optional
+        With a law without a name.
     """
 
     record: Record
@@ -49,6 +52,7 @@ class HeldOut:
     retuned: np.ndarray
     corrected: np.ndarray
     same_names: float = float("nan")
+    law: np.ndarray | None = None
 
 
 def without_names(null: BaseCandidate) -> HeldOut:
@@ -70,6 +74,11 @@ def held_out(finals: Sequence[BaseCandidate], without: HeldOut, same_names: floa
     """
     after = _or_else(_by_fold(without.record, finals), without.before)
     return replace(without, after=after, same_names=same_names)
+
+
+def law_held_out(finals: Sequence[BaseCandidate], held: HeldOut) -> HeldOut:
+    """The same with a law: refitted on all runs but those of one fold, free run there; every fold in turn."""
+    return replace(held, law=_or_else(_by_fold(held.record, finals), held.before))
 
 
 def _by_fold(record: Record, rivals: Sequence[BaseCandidate | None]) -> np.ndarray:
@@ -106,7 +115,8 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         square = (record.residual(predicted) / spread[:, None]) ** 2
         return np.add.reduceat(square, record.starts, axis=1).T
 
-    powers = {name: power(getattr(held, name)) for name in ("before", "after", "retuned", "corrected")}
+    named = ("before", "after", "retuned", "corrected", *(("law",) if held.law is not None else ()))
+    powers = {name: power(getattr(held, name)) for name in named}
     once = np.ones(n_runs)
 
     def mean_square(name: str, drawn: np.ndarray) -> np.ndarray:
@@ -135,6 +145,7 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     spread_of_noise = float(np.mean(normal)) * np.sqrt(2.0 / record.n_values)
     excess = _mean_of_known(squares["before"] - normal, once @ record.counts)
     before, after = gap("before", once), gap("after", once)
+    law = gap("law", once) if held.law is not None else np.nan
     return Shrink(
         before=rmse["before"],
         after=rmse["after"],
@@ -149,6 +160,9 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         fraction_power=1.0 - (after / before) ** 2 if before > 0 else np.nan,
         measurable=bool(excess > 3.0 * spread_of_noise),
         same_names=held.same_names,
+        after_law=rmse.get("law", np.nan),
+        fraction_law=1.0 - law / before if before > 0 else np.nan,
+        fraction_power_law=1.0 - (law / before) ** 2 if before > 0 else np.nan,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._shrink import Shrink
 
@@ -32,3 +33,5 @@ class PartialResults:
     probabilities: list[float] = field(default_factory=list)
     fitted: Evidence | None = None
     bounds: tuple[np.ndarray, np.ndarray] | None = None
+    law: Law | None = None
+    lawful: Evidence | None = None

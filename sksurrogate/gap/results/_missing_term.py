@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.gap.results._law import Law
+
 __all__ = ["Curve", "MissingTerm"]
 
 
@@ -47,6 +49,8 @@ class MissingTerm:
         left out.
     effects : tuple of LawEffect
         The same as effects, ready for ``GapDiagnoser(effects=[...])``; empty where the term sits in an input or sensor.
+    law : Law or None
+        The simplest formula that does as well as a free curve, fitted in the free run; None where none was found.
     """
 
     location: str
@@ -54,3 +58,4 @@ class MissingTerm:
     curves: tuple[Curve, ...]
     candidates: tuple[str, ...] = ()
     effects: tuple[Any, ...] = ()
+    law: Law | None = None

@@ -40,6 +40,9 @@ class Shrink:
     same_names : float
         Share of the folds whose other runs choose the same effects, up to those that no data here tell apart; nan where
         nothing is named.
+    after_law, fraction_law, fraction_power_law : float
+        The same with the law without a name of ``missing_term.law`` beside what is named, or in the place of what is not
+        certain; nan where none was looked for.
     """
 
     before: float
@@ -55,6 +58,9 @@ class Shrink:
     fraction_power: float = float("nan")
     measurable: bool = True
     same_names: float = float("nan")
+    after_law: float = float("nan")
+    fraction_law: float = float("nan")
+    fraction_power_law: float = float("nan")
 
 
 _NAN = float("nan")

@@ -16,7 +16,7 @@ from sksurrogate.gap.unnamed._shape import Channel, evidence_of_law, shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
-from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.output_error import Linearised, linearise
 from sksurrogate.kernels.record import Record
 
 __all__ = ["Channels", "channel_of", "missing_term", "places_by_law", "where_and_when"]
@@ -56,14 +56,14 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
         problem = null.problem
     channel, closed = _about(problem, null, x, location, kind, soft)
     again = closed + channel.D.states(channel.r, channel.noise)[0]
-    if np.all(np.isfinite(again)) and np.max(np.abs(again - x) / problem.scale[:, None]) < 3.0:
+    if np.all(np.isfinite(again)) and np.max(np.abs(again - x) / null.model.scale[:, None]) < 3.0:
         channel, _ = _about(problem, null, again, location, kind, soft, channel.noise)
     return channel
 
 
 def on_record(null: OdeCandidate, record: Record) -> OdeCandidate:
     """The null over the same samples in other runs."""
-    return replace(null.problem, record=record).candidate((), null.fit)
+    return replace(null.problem, record=record).candidate(null.effects, null.fit)
 
 
 def _pieces(record: Record, A: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> 
         return (location,)
     if kind == "input" and location in problem.plant.inputs:
         push = input_push(problem, null, null.fit.x, problem.plant.inputs.index(location))
-        size = np.sqrt(np.mean(push[:, 0] ** 2, axis=1)) / problem.scale
+        size = np.sqrt(np.mean(push[: len(problem.scale), 0] ** 2, axis=1)) / problem.scale
         moved = [s for s, v in zip(problem.plant.states, size) if v > 0.1 * size.max() and s in problem.balances]
         return tuple(moved) or problem.balances
     return problem.balances
@@ -106,7 +106,7 @@ def _about(
     Its noise is fitted from one that is known, that of a path nearby, else from several starts.
     """
     model, theta, record = null.model, null.fit.theta, problem.record
-    lin = linearise(model, theta, x, problem.units((), theta))
+    lin = linearise(model, theta, x, problem.units(null.effects, theta))
     whole = problem.disturbance_along(model, theta, x, lin.A, soft)
     B, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
     if kind == "input" and location in problem.plant.inputs:
@@ -122,13 +122,28 @@ def _about(
     starts = [Noise(problem.sd.copy(), np.array([0.1 * unit]), t, 1e-2 * problem.sd, 10.0) for t in STARTS]
     noise = _fitted(D, r, starts if known is None else [known], unit, held)
     Z, names = features(problem, x)
-    return Channel(record, D, noise, r, B[:, 0], None, unit, held, Z, names), lin.x
+    return Channel(record, D, noise, r, B[:, 0], None, unit, held, Z, names, followers=followers(null, lin), x=x), lin.x
+
+
+def followers(null: OdeCandidate, lin: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sensitivities of the parameters along a path, and what holds them."""
+    J = lin.J_theta.copy()
+    for i, effect in enumerate(null.effects):
+        if effect.scan(tuple(null.theta_of(i))):  # a prediction that jumps has no slope
+            J[:, null.slice_of(i)] = 0.0
+    return J, *held_by(null)
+
+
+def held_by(null: OdeCandidate) -> tuple[np.ndarray, np.ndarray]:
+    """Precision and pull of the parameters."""
+    _, _, precision, pull = null.columns()
+    return precision, pull
 
 
 def _sensor(problem: OdeBackend, null: OdeCandidate, j: int) -> Channel:
     """The channel of a sensor: what it adds to its output."""
     model, theta, record, x = null.model, null.fit.theta, problem.record, null.fit.x
-    lin = linearise(model, theta, x, problem.units((), theta))
+    lin = linearise(model, theta, x, problem.units(null.effects, theta))
     whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances[:1])
     B, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
     unit = float(problem.force_unit()[0])
@@ -143,7 +158,7 @@ def _sensor(problem: OdeBackend, null: OdeCandidate, j: int) -> Channel:
     starts = [Noise(problem.sd.copy(), np.array([1e-4 * unit]), 10.0, coloured, t) for t in STARTS]
     noise = _fitted(D, r, starts, unit, held)
     Z, names = features(problem, x)
-    return Channel(record, D, noise, r, None, j, unit, held, Z, names)
+    return Channel(record, D, noise, r, None, j, unit, held, Z, names, followers=followers(null, lin), x=x)
 
 
 def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float, held: np.ndarray) -> Noise:

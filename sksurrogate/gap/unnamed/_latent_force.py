@@ -266,6 +266,6 @@ def input_push(problem: OdeBackend, null: OdeCandidate, x: np.ndarray, i: int) -
     size = max(float(np.std(record.u[i])), 1e-9)
     u = record.u.copy()
     u[i] += 1e-4 * size
-    shifted = replace(problem, record=replace(record, u=u)).augmented(())
+    shifted = replace(problem, record=replace(record, u=u)).augmented(null.effects)
     theta = null.fit.theta[:, None]
     return (shifted.bind(theta)(x[:, None]) - null.model.bind(theta)(x[:, None])) / (1e-4 * size)

@@ -58,6 +58,10 @@ class Channel:
     names : list of str
     log_likelihood : float
         Of the residual with the free signal.
+    followers : (ndarray (n_outputs, n_theta, n_samples), ndarray (n_theta,), ndarray (n_theta,)), optional
+        Sensitivities of the parameters that follow, and what holds them: precision and pull.
+    x : ndarray (n_states, n_samples), optional
+        The path.
     """
 
     record: Record
@@ -71,6 +75,23 @@ class Channel:
     Z: np.ndarray
     names: list[str]
     log_likelihood: float = -np.inf
+    followers: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    x: np.ndarray | None = None
+
+    @property
+    def known(self) -> np.ndarray:
+        """Sensitivities of the parameters that follow (n_outputs, n_theta, n_samples)."""
+        return np.zeros((len(self.r), 0, self.r.shape[1])) if self.followers is None else self.followers[0]
+
+    @property
+    def precision(self) -> np.ndarray:
+        """What holds them (n_theta,)."""
+        return np.zeros(0) if self.followers is None else self.followers[1]
+
+    @property
+    def pull(self) -> np.ndarray:
+        """What pulls them (n_theta,)."""
+        return np.zeros(0) if self.followers is None else self.followers[2]
 
     def respond(self, signal: np.ndarray) -> np.ndarray:
         """Outputs (n_outputs, n_columns, n_samples) that signals (n_columns, n_samples) cause."""

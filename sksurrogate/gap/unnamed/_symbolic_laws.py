@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.effects._law import Term
+from sksurrogate.effects._formula import Term
 
 __all__ = ["Library", "Sparse", "library", "sparse_laws"]
 

@@ -1,0 +1,118 @@
+"""The certificate of a law without a name: chosen among the formulae and fitted on some runs, simulated on the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sksurrogate.effects._formula import signal_names
+from sksurrogate.gap.decide._choice_by_fold import by_run, chosen_without
+from sksurrogate.gap.decide._features import CERTIFICATE
+from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
+from sksurrogate.gap.decide._intervals import intervals
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._folds import blocked, run_folds
+from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.results._interval import BAND
+from sksurrogate.gap.results._law import Law
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.unnamed._formula_fit import FittedLaw
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["certified_law", "held_out_law", "law_of"]
+
+#: Formulae that stand for election again in every fold.
+MOST_FORMULAE = 3
+
+
+def held_out_law(search: Search, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
+    """Beside the free runs of what is named those with the law that the runs outside each fold choose."""
+    first, *others = laws[:MOST_FORMULAE]
+    record = blocked(search.problem.record)
+    fold = run_folds(record)
+    picks: list[int | None] = [None] * len(np.unique(fold))
+    if others and len(picks) > 1:
+        candidates = [law.found.candidate for law in (first, *others)]
+        by_size = all(search.is_far(candidate) for candidate in candidates)
+        runs = [
+            by_run(c, [law.found.noise], record.starts, by_size, search.prior_cost(c) + 2.0 * law.price)
+            for c, law in zip(candidates, (first, *others))
+        ]
+        lengths = record.lengths * len(record.y)
+        picks = chosen_without(runs[0], runs[1:], fold, lengths, len(search.candidates), by_size)
+    finals = [(first if pick is None else others[pick]).found.candidate for pick in picks]
+    return law_held_out(finals, held)
+
+
+def certified_law(shrink: Shrink) -> bool:
+    """Whether a law closes a practical share of what is left on runs left out."""
+    if not np.isfinite(shrink.fraction_law):
+        return False
+    named = shrink.fraction if np.isfinite(shrink.fraction) else 0.0
+    return bool(shrink.fraction_law > named + CERTIFICATE * (1.0 - named))
+
+
+def law_of(fitted: FittedLaw, final: Evidence[OdeCandidate], plant: Plant, shrink: Shrink, base: float) -> Law:
+    """The law as a result.
+
+    Parameters
+    ----------
+    fitted : FittedLaw
+    final : Evidence
+        The same on more of a long record.
+    plant : Plant
+    shrink : Shrink
+    base : float
+        Score of the base without the law.
+    """
+    candidate = final.candidate
+    i = len(candidate.effects) - 1
+    effect = replace(fitted, found=final).effect
+    low, high = (ends[candidate.slice_of(i)] for ends in intervals(final))
+    theta = candidate.theta_of(i)
+    spread = np.maximum(high - theta, theta - low) / BAND
+    names = [p.name for p in effect.parameters]
+    signals = signals_of(candidate, plant, fitted.kind)
+    drivers = sorted({n for term in effect.terms for f in term.factors for n in signal_names(f[1])} & set(signals))
+    closed = shrink.fraction_power_law - (shrink.fraction_power if np.isfinite(shrink.fraction_power) else 0.0)
+    return Law(
+        fitted.location,
+        fitted.kind,
+        tuple(drivers),
+        effect,
+        dict(zip(names, map(float, theta))),
+        dict(zip(names, (float(s) if np.isfinite(s) else float("nan") for s in spread))),
+        units_of(effect, plant),
+        float(np.clip(closed, 0.0, 1.0)) if np.isfinite(closed) else float("nan"),
+        {name: (float(np.min(signals[name])), float(np.max(signals[name]))) for name in drivers},
+        fitted.curve,
+        certified_law(shrink),
+        float(base),
+    )
+
+
+def signals_of(candidate: OdeCandidate, plant: Plant, kind: str) -> dict[str, np.ndarray]:
+    """Signals that a law at a kind of place may see, along the free run."""
+    record = candidate.problem.record
+    if kind == "output":
+        return dict(zip(plant.outputs, candidate.fit.y))
+    return dict(zip([*plant.states, *plant.inputs], [*candidate.fit.x[: len(plant.states)], *record.u]))
+
+
+def units_of(effect: object, plant: Plant) -> dict[str, str]:
+    """Units of the parameters; names of states and inputs give way to the units that the simulator states."""
+    given = dict(getattr(plant.simulator, "units", None) or {})
+    location = str(effect.location)  # type: ignore[attr-defined]
+    out = {}
+    for p in effect.parameters:  # type: ignore[attr-defined]
+        text = p.unit
+        if given:
+            own = given.get(location, location)
+            text = text.replace("dx/dt", f"{own}/time") if text.startswith("dx/dt") else text
+            if p.name.startswith("c") and location in given and text[:2] in ("u ", "y "):
+                text = own + text[1:]
+        out[p.name] = text
+    return out

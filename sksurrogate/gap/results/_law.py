@@ -1,0 +1,106 @@
+"""The missing term as a formula at a place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import require
+
+__all__ = ["Law"]
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """The missing term as a formula at a place, or as a free curve where no formula is good enough.
+
+    Attributes
+    ----------
+    location, kind : str
+        State in whose balance it stands ("state"), input or output to which it is added.
+    variables : tuple of str
+        Signals that drive it.
+    effect : LawEffect
+        The law with the parameters found; :meth:`to_effect` gives a copy.
+    params, standard_errors : dict of float
+        Coefficients ``c0, c1, ...``, constants ``k0, k1, ...`` in the order of the formula, ``time_constant`` of a recent past;
+        nan where the data do not show one.
+    units : dict of str
+        Of the parameters, in words; made of the simulator's units where it has any.
+    share : float
+        Share of the gap's power that it closes on runs left out of the choice among the formulae and of the fit.
+    domain : dict of (float, float)
+        Range of every variable in which it was fitted. A formula goes on beyond it, a curve fades to nothing.
+    is_curve : bool
+        Whether it is a free curve.
+    certified : bool
+        Whether it closes a practical share of the gap on runs left out: then ``augmented_`` carries it.
+    evidence : float
+        Nats by which it is likelier than no law, its price paid.
+    """
+
+    location: str
+    kind: str
+    variables: tuple[str, ...]
+    effect: Any
+    params: dict[str, float]
+    standard_errors: dict[str, float]
+    units: dict[str, str] = field(default_factory=dict)
+    share: float = float("nan")
+    domain: dict[str, tuple[float, float]] = field(default_factory=dict)
+    is_curve: bool = False
+    certified: bool = False
+    evidence: float = float("nan")
+
+    def __str__(self) -> str:
+        """The formula with its numbers; the driver and the range of a curve."""
+        if self.is_curve:
+            names = (f"{v} from {self.domain[v][0]:.4g} to {self.domain[v][1]:.4g}" for v in self.variables)
+            return f"curve of {' and '.join(names)}"
+        return str(self.effect.text())
+
+    @property
+    def latex(self) -> str:
+        """The formula for LaTeX, without dollar signs."""
+        return str(self.effect.text(latex=True))
+
+    @property
+    def place(self) -> str:
+        """Where it acts, in words."""
+        if self.kind == "state":
+            return f"the balance of {self.location}"
+        return f"the {'sensor' if self.kind == 'output' else self.kind} {self.location}"
+
+    def sympy(self) -> Any:
+        """The formula as an expression of sympy (extra ``sympy``); signals are real symbols of their names.
+
+        Raises
+        ------
+        MissingExtraError
+            sympy is not installed.
+        """
+        sympy = require("sympy", "sympy")
+        theta = [self.params[p.name] for p in self.effect.parameters]
+        return sum((float(c) * term.symbolic(sympy) for c, term in self.effect.filled(theta)), sympy.Integer(0))
+
+    def to_effect(self) -> Any:
+        """An effect for ``GapDiagnoser(effects=[...])`` and ``AugmentedSimulator``; saved as text like any of the catalogue."""
+        e = self.effect
+        return type(e)(e.location, e.variable, e.terms, e.values, e.free)
+
+    def value(self, signals: Mapping[str, Any], t: Any = 0.0) -> np.ndarray:
+        """What the law adds at its place.
+
+        Parameters
+        ----------
+        signals : dict of array-like
+            Every variable by name; of a recent past "lag(v)".
+        t : array-like, default=0
+            Time since the start of the run.
+        """
+        arrays = {name: np.asarray(z, dtype=float) for name, z in signals.items()}
+        theta = [self.params[p.name] for p in self.effect.parameters]
+        return np.asarray(self.effect.value(arrays, t, theta))

@@ -1,0 +1,186 @@
+"""The grammar of formulae: which terms are tried for a missing law, with a few values of their constants, and what each costs.
+
+A term is a product of shapes of drivers. The price of a term is what it takes to write it down, in nats: the choice of every
+shape among all and of every driver among those at hand. Constants and coefficients are paid by the evidence, ``ln(N)/2`` each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.effects._formula import SHAPES, Factor, Term, signal_names, signal_of
+
+__all__ = ["Drivers", "as_written", "price_of", "structure", "terms_of"]
+
+#: Width of a kink, over the spread of its driver: below what data resolve, above what an integrator notices.
+KINK = 0.005
+#: Quantiles of a driver at which thresholds, and of its size at which limits and dead zones, are tried.
+CUTS, LIMITS = (0.1, 0.25, 0.4, 0.55, 0.7, 0.82, 0.92), (0.15, 0.3, 0.5, 0.7, 0.85)
+#: Scales of a bend, over the spread (both signs) or the median (one sign).
+BENDS, HALVES = (0.15, 0.4, 1.0, 2.5), (0.1, 0.35, 1.0, 3.0)
+#: Angles that a range spans.
+ANGLES = (1.5, 3.0, 5.0, 8.0, 12.0, 18.0, 26.0)
+#: Drivers of which products are formed; shapes of the second factor.
+MOST_OF_PRODUCTS = 6
+#: Differences of drivers are drivers too where there are no more than so many of them.
+MOST_OF_DIFFERENCES = 5
+#: A driver takes one sign where it stays on one side of zero; both where each side reaches this share of its spread.
+OTHER_SIDE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Drivers:
+    """Signals that may drive a law at a place.
+
+    Attributes
+    ----------
+    signals : dict of ndarray (n_samples,)
+        By name; "lag(v)" is the recent past of v.
+    late : dict of float
+        Time constants of those, whose names end with a mark behind "#".
+    ends : dict of ndarray (n_samples,), optional
+        The same at the end of each sample, where a law acts over samples.
+    own : str or None
+        Of an input or a sensor its own name: beside it one other signal may act. None in a balance, where all may.
+    """
+
+    signals: Mapping[str, np.ndarray]
+    late: Mapping[str, float]
+    ends: Mapping[str, np.ndarray] | None = None
+    own: str | None = None
+
+    def value(self, term: Term, t: np.ndarray) -> np.ndarray:
+        """A term along the path; its mean over each sample, by both ends, where it acts over samples."""
+        found = term.value(self.signals, t)
+        if self.ends is not None:
+            found = 0.5 * (found + term.value(self.ends, t))
+        return np.broadcast_to(np.asarray(found, dtype=float), t.shape)
+
+    def allows(self, terms: Sequence[Term]) -> bool:
+        """Whether an effect can hold these terms: one recent past with its own signal; at an input or sensor one signal more."""
+        names = {factor[1] for term in terms for factor in term.factors}
+        late = {name for name in names if name in self.late}
+        plain = {signal for name in names - late for signal in signal_names(name)}
+        if late and (len(late) > 1 or plain - {past_name(next(iter(late)))}):
+            return False
+        return self.own is None or len(plain - {self.own}) < 2
+
+    @property
+    def moving(self) -> list[str]:
+        """Names of those that move."""
+        return [k for k, z in self.signals.items() if np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300)]
+
+
+def past_name(name: str) -> str:
+    """The signal behind "lag(v)#0".
+
+    Examples
+    --------
+    >>> past_name("lag(v)#0")
+    'v'
+    """
+    return name.partition("#")[0][4:-1]
+
+
+def as_written(terms: Sequence[Term]) -> tuple[Term, ...]:
+    """Terms without the marks of the recent past."""
+    return tuple(Term(tuple((f[0], f[1].partition("#")[0], *f[2:]) for f in term.factors)) for term in terms)
+
+
+def structure(terms: Sequence[Term]) -> tuple[tuple[tuple[str, str], ...], ...]:
+    """Shapes and drivers of a formula, without its constants."""
+    return tuple(sorted(tuple(sorted((f[0], f[1]) for f in term.factors)) for term in as_written(terms)))
+
+
+def price_of(terms: Sequence[Term], n_drivers: int) -> float:
+    """What it takes to write a formula down, in nats; the order of its terms and factors does not matter.
+
+    Examples
+    --------
+    >>> round(price_of([Term((("square", "v", 0.0, 0.0),))], 2) - np.log(2 * len(SHAPES)), 9)
+    0.0
+    """
+    each = np.log(len(SHAPES)) + np.log(max(n_drivers, 1))
+    pieces = [term for term in terms if term.factors and term.factors[0][0] == "spline"]
+    return float(sum(each * len(term.factors) for term in terms if term not in pieces) + (each if pieces else 0.0))
+
+
+def terms_of(drivers: Drivers) -> list[Term]:
+    """Terms of one driver and of two, plain ones first."""
+    names = drivers.moving
+    now = [name for name in names if name not in drivers.late]
+    single = {name: list(_shapes(name, drivers.signals[name])) for name in now}
+    out = [Term()] + [Term((factor,)) for name in now for factor in single[name]]
+    for name in now:  # a shape times its own driver: v exp(-v^2), v^2 sign(v) ...
+        out += [Term((factor, _plain("v", name))) for factor in single[name] if factor[0] in ("bell", "exp", "tanh", "size")]
+    first = now[:MOST_OF_PRODUCTS]
+    for i, a in enumerate(first):
+        for b in first[i + 1 :]:
+            out.append(Term((_plain("v", a), _plain("v", b))))
+        for b in first:
+            if a != b:
+                out += [Term((factor, _plain("v", b))) for factor in single[a] if factor[0] != "v"]
+    if len(now) <= MOST_OF_DIFFERENCES:
+        for i, a in enumerate(now):
+            for b in now[i + 1 :]:
+                name = f"{a} - {b}"
+                z = signal_of(name, drivers.signals)
+                if np.std(z) > 0:
+                    out += [Term((factor,)) for factor in _shapes(name, z) if factor[0] != "v"]
+    for name in drivers.late:
+        if name in names:
+            z = drivers.signals[name]
+            out += [Term((factor,)) for factor in _shapes(name, z) if not SHAPES[factor[0]].bounds or factor[0] == "tanh"]
+            own = past_name(name)
+            if own in now:
+                out.append(Term((_plain("v", name), _plain("v", own))))
+    return out
+
+
+def _plain(shape: str, name: str) -> Factor:
+    """A factor without constants."""
+    return shape, name, 0.0, 0.0
+
+
+def _shapes(name: str, z: np.ndarray) -> Iterator[Factor]:
+    """Shapes of one driver with values of their constants."""
+    spread, reach = float(np.std(z)), float(np.ptp(z))
+    if spread == 0.0:
+        return
+    width = KINK * spread
+    both = bool(z.min() < -OTHER_SIDE * spread and z.max() > OTHER_SIDE * spread)
+    positive = bool(z.min() > 0.0)
+    middle = float(np.median(np.abs(z)))
+    yield from (_plain(shape, name) for shape in ("v", "square", "cube"))
+    if both:
+        yield from ((shape, name, 0.0, width) for shape in ("drag", "sign", "root", "size"))
+        yield from (("tanh", name, k * spread, 0.0) for k in BENDS)
+        yield from (("bending", name, k * spread, 0.0) for k in BENDS)
+        limits = np.unique(np.quantile(np.abs(z), LIMITS))
+        yield from ((shape, name, float(c), width) for shape in ("clip", "dead_zone") for c in limits if c > 0)
+    if both or positive:
+        yield from (("power", name, c, 0.0) for c in (0.5, 1.5, 2.5))
+        yield from (("logarithm", name, k * middle, 0.0) for k in HALVES if middle > 0)
+        yield from (("fading", name, k * middle, 0.0) for k in HALVES if middle > 0)
+        yield from (("resonant", name, k * middle, 0.0) for k in HALVES if middle > 0)
+    if positive:
+        yield _plain("flow", name)
+        yield from (("saturating", name, k * middle, 0.0) for k in HALVES)
+        yield from (("hill", name, k * middle, 0.0, n) for k in HALVES for n in (2.0, 4.0))
+        if z.max() > 1.3 * z.min():  # over less of a range these are straight lines
+            yield _plain("inverse", name)
+            yield from (("inhibited", name, k * middle, 0.0) for k in HALVES)
+            yield from (("activated", name, k * middle, 0.0) for k in (1.0, 3.0, 8.0))
+    if reach > 1.0 and float(np.max(np.abs(z))) < 30.0:
+        yield from (_plain(shape, name) for shape in ("sine", "cosine"))
+    yield from (("wave", name, angle / reach, 0.0) for angle in ANGLES if both)
+    yield from (("swing", name, angle / reach, 0.0, phase) for angle in ANGLES for phase in (0.0, 0.8, 1.6, 2.4))
+    yield from (("exp", name, k * spread, 0.0) for k in (-2.5, -1.0, -0.4, 0.4, 1.0, 2.5))
+    cuts = np.unique(np.quantile(z, CUTS))
+    for c in map(float, cuts):
+        yield from ((shape, name, c, width) for shape in ("above", "below", "beyond"))
+        yield from (("bell", name, c, 0.0, k * spread) for k in (0.3, 0.8, 2.0))
+        yield from (("switch", name, c, 0.0, k * spread) for k in (0.1, 0.4))
