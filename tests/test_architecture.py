@@ -38,6 +38,7 @@ OPTIONAL = {
     "casadi",
     "mujoco",
     "onnx",
+    "sympy",
     "dask",
 }
 

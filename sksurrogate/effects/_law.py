@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, HiddenEffect, InputEffect, Parameter, SensorEffect
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, InputEffect, Parameter, SensorEffect
 from sksurrogate.effects._formula import SHAPES, Term, equation_of
 from sksurrogate.effects._smooth import TINY, follow, stable
 from sksurrogate.kernels.signals import Signal, lag
@@ -18,7 +18,7 @@ __all__ = ["SHAPES", "InputLawEffect", "LawEffect", "MemoryLawEffect", "SensorLa
 LAST = 99
 
 
-class _Formula:
+class _Formula(BaseEffect):
     """What laws at all places share: a formula whose coefficients, and constants where they are free, are the parameters.
 
     Parameters
@@ -34,32 +34,34 @@ class _Formula:
         Whether the constants inside the shapes are parameters too, behind the coefficients.
     """
 
-    location: str | None
-    variable: str | None
-    terms: Sequence[Term]
-    values: Sequence[float] | None
-    free: bool
     #: Unit of a coefficient's numerator.
     unit = "dx/dt"
 
-    def _set(self, terms: Sequence[Term], values: Sequence[float] | None, free: bool) -> None:
-        """Constructor arguments beside the place."""
+    def __init__(
+        self,
+        location: str | None = None,
+        variable: str | None = None,
+        terms: Sequence[Term] = (),
+        values: Sequence[float] | None = None,
+        free: bool = False,
+    ):
+        super().__init__(location, variable)
         self.terms = terms
         self.values = values
         self.free = free
 
     @property
-    def name(self) -> str:
+    def name(self) -> str:  # type: ignore[override]
         """The form, without its coefficients; the number of its pieces for a curve."""
         return "law: " + _form(self.terms)
 
     @property
-    def equation(self) -> str:
+    def equation(self) -> str:  # type: ignore[override]
         """The form."""
         return _form(self.terms)
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """A coefficient for every term, then every constant that is free."""
         return (*self._coefficients(), *self._constants())
 
@@ -73,7 +75,7 @@ class _Formula:
         return tuple(Parameter(f"k{k}", c, low, high) for k, (c, (low, high)) in enumerate(known))
 
     @property
-    def linear(self) -> bool:
+    def linear(self) -> bool:  # type: ignore[override]
         """One coefficient scales the whole."""
         return len(self.terms) == 1 and len(self.parameters) == 1
 
@@ -119,7 +121,7 @@ def _form(terms: Sequence[Term]) -> str:
     return " + ".join(term.text for term in terms)
 
 
-class LawEffect(_Formula, BalanceEffect):
+class LawEffect(_Formula, BalanceEffect):  # type: ignore[misc]
     """A sum of simple shapes is missing in a balance; made by ``report.missing_term``.
 
     Parameters
@@ -147,17 +149,6 @@ class LawEffect(_Formula, BalanceEffect):
     signature = "whatever no named effect explains"
     drivers = ("state", "input")
 
-    def __init__(
-        self,
-        location: str | None = None,
-        variable: str | None = None,
-        terms: Sequence[Term] = (),
-        values: Sequence[float] | None = None,
-        free: bool = False,
-    ):
-        super().__init__(location, variable)
-        self._set(terms, values, free)
-
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``sum of c f(v, w)``."""
         names = self.variable.split("*") if self.variable else []
@@ -179,7 +170,7 @@ class LawEffect(_Formula, BalanceEffect):
         return stable(0.0, self.jump(theta), h) if self.free and self._jumps() else 0.0
 
 
-class MemoryLawEffect(_Formula, HiddenEffect):
+class MemoryLawEffect(_Formula, HiddenEffect):  # type: ignore[misc, override]
     """A law of the recent past of one signal is missing in a balance: of ``w``, ``c dw/dt + w = v``, and of v itself.
 
     Parameters
@@ -197,17 +188,6 @@ class MemoryLawEffect(_Formula, HiddenEffect):
     signature = "whatever no named effect explains, later than what drives it"
     drivers = ("state", "input")
     free_start = False
-
-    def __init__(
-        self,
-        location: str | None = None,
-        variable: str | None = None,
-        terms: Sequence[Term] = (),
-        values: Sequence[float] | None = None,
-        free: bool = False,
-    ):
-        super().__init__(location, variable)
-        self._set(terms, values, free)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -237,7 +217,7 @@ class MemoryLawEffect(_Formula, HiddenEffect):
         return np.zeros_like(z[0]) + self.value(signals, 0.0, theta[:-1])
 
 
-class InputLawEffect(_Formula, InputEffect):
+class InputLawEffect(_Formula, InputEffect):  # type: ignore[misc, override]
     """A law is added to an input: ``u + f(u, v)``, v another input; of the recent past of u where it is named "lag(u)".
 
     Parameters
@@ -255,17 +235,6 @@ class InputLawEffect(_Formula, InputEffect):
     signature = "whatever no named effect explains, along the path of an input"
     order = LAST
     unit = "u"
-
-    def __init__(
-        self,
-        location: str | None = None,
-        variable: str | None = None,
-        terms: Sequence[Term] = (),
-        values: Sequence[float] | None = None,
-        free: bool = False,
-    ):
-        super().__init__(location, variable)
-        self._set(terms, values, free)
 
     @property
     def remembers(self) -> bool:
@@ -298,7 +267,7 @@ class InputLawEffect(_Formula, InputEffect):
         return Signal((first + 4 * middle + last) / 6, (last - first) / 2, acting(Signal.at_samples))
 
 
-class SensorLawEffect(_Formula, SensorEffect):
+class SensorLawEffect(_Formula, SensorEffect):  # type: ignore[misc]
     """A law is added to a reading: ``y + f(y, v)``, v another output.
 
     Parameters
@@ -316,17 +285,6 @@ class SensorLawEffect(_Formula, SensorEffect):
     signature = "whatever no named effect explains, at rest and in motion alike"
     order = LAST
     unit = "y"
-
-    def __init__(
-        self,
-        location: str | None = None,
-        variable: str | None = None,
-        terms: Sequence[Term] = (),
-        values: Sequence[float] | None = None,
-        free: bool = False,
-    ):
-        super().__init__(location, variable)
-        self._set(terms, values, free)
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
         """``y + f(y, v)``."""

@@ -80,7 +80,7 @@ def begin_ode(diagnoser: Any, task: Task) -> Begun:
     )
     tolerance = float(diagnoser.tolerance)
     inside = OdeInside(search, task.seed, whole, tolerance)
-    limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit}
+    limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit, "include_law": bool(diagnoser.include_law)}
     pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, **limits)
     return pipeline, rows, (second, later)
 
@@ -114,6 +114,7 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Begun:
         tolerance=float(diagnoser.tolerance),
         untestable=untestable,
         time_limit=diagnoser.time_limit,
+        include_law=bool(diagnoser.include_law),
     )
     return pipeline, np.arange(whole.n_samples), (search.second, search.later)
 

@@ -54,6 +54,9 @@ class GapDiagnoser(BaseEstimator):
     tolerance : float, default=0.1
         Share of the gap (amplitude, on runs left out) that a model may leave and yet count as explained: no form of an effect
         is exact on a real plant.
+    include_law : bool, default=True
+        Whether ``augmented_`` carries the law without a name of ``report_.missing_term.law``, where that is certified on runs
+        left out.
     correction : estimator, optional
         Generic learner of the waterfall; default ``HybridRegressor(simulator)``.
     time_limit : float, optional
@@ -123,6 +126,7 @@ class GapDiagnoser(BaseEstimator):
         bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
         priors: Mapping[str, float | tuple[float, float]] | None = None,
         tolerance: float = 0.1,
+        include_law: bool = True,
         correction: Any = None,
         time_limit: float | None = None,
         n_jobs: int | None = None,
@@ -136,6 +140,7 @@ class GapDiagnoser(BaseEstimator):
         self.bounds = bounds
         self.priors = priors
         self.tolerance = tolerance
+        self.include_law = include_law
         self.correction = correction
         self.time_limit = time_limit
         self.n_jobs = n_jobs
@@ -197,7 +202,7 @@ class GapDiagnoser(BaseEstimator):
         )
         self.report_ = with_origin(report, self, plant, len(runs), whole.n_samples, free)
         self.augmented_ = pipeline.augmented()
-        at_start = pipeline.final.candidate.initial_states()
+        at_start = pipeline.carried().candidate.initial_states()
         first = rows[pipeline.problem.record.starts]
         known = np.isin(first, whole.starts)
         self.initial_states_ = np.full((len(runs), at_start.shape[1]), np.nan)

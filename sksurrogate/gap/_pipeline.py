@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, Generic
 
@@ -15,6 +16,7 @@ from sksurrogate.effects._ports import kind_at
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._stage import Stage, quiet
+from sksurrogate.gap.decide._augmented import augmented_simulator
 from sksurrogate.gap.decide._baseline import Baseline
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
@@ -26,6 +28,7 @@ from sksurrogate.gap.decide._held_out import HeldOut, held_out, measure, notes_o
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.decide._intervals import intervals, parameter_errors
+from sksurrogate.gap.decide._law_certificate import law_of
 from sksurrogate.gap.decide._next_experiment import next_experiment
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._probability import probabilities
@@ -35,12 +38,13 @@ from sksurrogate.gap.faults._book import RecordBook
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
-from sksurrogate.gap.fit._retuned import retuned_table, value_of
+from sksurrogate.gap.fit._retuned import retuned_table
 from sksurrogate.gap.render._notes import at_a_bound, interruption, lost_candidates, of_the_inputs
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of, undecided_sentence
 from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
@@ -75,6 +79,8 @@ class DiagnosisPipeline(Generic[C]):
         Effects that were asked for and cannot be tested.
     time_limit : float, optional
         Seconds; a stage that is not over at its share of them is cut, and the next ones answer what they can.
+    include_law : bool
+        Whether the augmented simulator carries a certified law.
     """
 
     def __init__(
@@ -87,6 +93,7 @@ class DiagnosisPipeline(Generic[C]):
         tolerance: float,
         untestable: Sequence[str] = (),
         time_limit: float | None = None,
+        include_law: bool = True,
     ):
         self.problem, self.search, self.inside = search.problem, search, inside
         self.labels = [run.label for run in runs]
@@ -94,7 +101,7 @@ class DiagnosisPipeline(Generic[C]):
         self.weights: Sequence[float] = ()
         self.found = PartialResults()
         self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
-        self.begun_at = time.perf_counter()
+        self.begun_at, self.include_law = time.perf_counter(), include_law
         self.experiment: Aside[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
         self.rows = np.arange(search.problem.record.n_samples)
@@ -242,6 +249,24 @@ class DiagnosisPipeline(Generic[C]):
         fits = [self.final.noise.sigma, *([remains.latent.noise.sigma] if remains is not None else [])]
         return np.max([np.minimum(sigma, self.inside.most_noise) for sigma in fits], axis=0)
 
+    def look_for_a_law(self) -> None:
+        """What no name explains as a formula, fitted and certified on runs left out."""
+        found, verdict = self.found, self.decided()[0]
+        open_gap = found.held is not None and found.shrink is not None and found.shrink.measurable
+        if not open_gap or verdict not in ("partial", "unknown"):
+            return
+        beside = self.inside.law_beside(self.final if verdict == "partial" else self.null, self.final, found.held)
+        if beside is not None:
+            found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
+            self.measure()
+            found.law = law_of(beside, self.problem.plant, found.shrink)
+
+    @property
+    def carried_law(self) -> Law | None:
+        """The law that the augmented simulator carries."""
+        law = self.found.law
+        return law if self.include_law and law is not None and law.certified else None
+
     # ---- the report -------------------------------------------------------------------------------------------------
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
@@ -289,7 +314,8 @@ class DiagnosisPipeline(Generic[C]):
         if named:
             location, kind, _ = named[0]
         elif verdict == "unknown":
-            location, kind = self.inside.accused(final)
+            law = found.law if found.law is not None and found.law.tells_the_place else None
+            location, kind = (law.location, law.kind) if law is not None else self.inside.accused(final)
         remains = self.inside.remains
         if found.shrink is None or remains is None or found.held is None:
             return Where(location, kind)
@@ -311,7 +337,7 @@ class DiagnosisPipeline(Generic[C]):
         place, term = self.place_and_term(verdict, effects)
         sentence = undecided_sentence(effects)
         if reasons is not UNDECIDED:
-            sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder)
+            sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder, self.include_law)
         return GapReport(
             verdict,
             " ".join(part for part in (sentence, data.sentence) if part),
@@ -350,7 +376,7 @@ class DiagnosisPipeline(Generic[C]):
                 if time_left() > 0.0:
                     place = self.where(verdict, effects)
                 if verdict in ("partial", "unknown") and self.inside.remains is not None and place.location is not None:
-                    term = self.inside.missing_term(place.location, str(place.kind))
+                    term = replace(self.inside.missing_term(place.location, str(place.kind)), law=self.found.law)
         except TimeIsUp:
             self.cut["the place of the gap"], self.complete = None, False
         return place, term
@@ -361,7 +387,7 @@ class DiagnosisPipeline(Generic[C]):
         if shrink is None or not shrink.measurable:
             return EMPTY
         names = [name_of(effect) for effect in self.final.effects]
-        return budget_of(names, found.shares, found.retuning, shrink, self.inside.law_in_the_budget(shrink))
+        return budget_of(names, found.shares, found.retuning, shrink, self.inside.law_in_the_budget(shrink), found.law)
 
     def remainder(self) -> Remainder:
         """What is left beside everything that is named."""
@@ -387,18 +413,14 @@ class DiagnosisPipeline(Generic[C]):
             notes.append(LOOP.format(name=loop))
         return [*notes, *of_the_inputs(problem.plant.inputs, problem.record.u)]
 
+    def carried(self) -> Evidence:
+        """What the augmented simulator carries, on the record of the search."""
+        return (self.found.lawful if self.carried_law else None) or self.final
+
     def augmented(self) -> AugmentedSimulator:
-        """The simulator with what was found."""
-        final, plant = self.found.fitted or self.final, self.problem.plant
-        named = final.candidate
-        values = [
-            {p.name: float(v) for p, v in zip(effect.parameters, named.theta_of(i))}
-            for i, effect in enumerate(named.effects)
-        ]
-        phi = named.fit.theta[named.n_parameters :]
-        tuned = {name: value_of(plant.params[name], v) for name, v in zip(self.problem.free, phi)}
-        scale = self.inside.scale
-        return AugmentedSimulator(plant.simulator, list(named.effects), values, tuned or None, scale=scale)
+        """The simulator with what was found, and with a certified law."""
+        final = (self.found.lawful_fitted if self.carried_law else self.found.fitted) or self.final
+        return augmented_simulator(final.candidate, self.inside.scale)
 
 
 #: Shares of the time as on recordings of a thousand samples. The search may take most of a time limit, for a name comes first;
@@ -414,4 +436,5 @@ STAGES = (
     Stage("certificate", DiagnosisPipeline.certify),
     Stage("shares and intervals", DiagnosisPipeline.share_the_gap, "shares and intervals", 0.01),
     Stage("next experiment", DiagnosisPipeline.suggest_an_experiment, "the next experiment", 0.04),
+    Stage("law", DiagnosisPipeline.look_for_a_law, "a formula for what no name explains", 0.1, 0.98),
 )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.gap.results._interval import BAND
+from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._remainder import Remainder
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import EMPTY, Table
@@ -16,7 +17,12 @@ __all__ = ["budget_of", "remainder_of"]
 
 
 def budget_of(
-    names: Sequence[str], shares: Sequence[float], retuning: float, shrink: Shrink, law: LawBeside | None
+    names: Sequence[str],
+    shares: Sequence[float],
+    retuning: float,
+    shrink: Shrink,
+    law: LawBeside | None,
+    formula: Law | None = None,
 ) -> Table:
     """Shares of the gap's power on runs left out, which add up to one; no rows where there is no gap.
 
@@ -34,6 +40,8 @@ def budget_of(
     shrink : Shrink
     law : LawBeside or None
         The law beside what is named.
+    formula : Law, optional
+        Where it is certified, what it closes on runs left out is a row of its own, a part of the unnamed law.
 
     Returns
     -------
@@ -65,6 +73,12 @@ def budget_of(
     lawful = min(size**2, rest)
     low = min(max(size - BAND * spread, 0.0) ** 2, rest)
     high = min((size + BAND * spread) ** 2, rest + below)
+    if formula is not None and formula.certified and np.isfinite(formula.share):
+        known = float(np.clip(formula.share, 0.0, rest))
+        rows.append(_row(f"law: {formula}", "unnamed law", known, below, above))
+        lawful, low, high = (max(value - known, 0.0) for value in (lawful, low, high))
+        rest -= known
+        lawful = min(lawful, rest)
     rows.append(_row("unnamed law", "unnamed law", lawful, lawful - low, max(high - lawful, 0.0)))
     left = rest - lawful
     rows.append(_row("disturbance", "disturbance", left, above + max(high - lawful, 0.0), below + lawful - low))

@@ -10,6 +10,8 @@ import numpy as np
 
 from sksurrogate.gap.decide._features import DecisionFeatures, left_over
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
+from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import law_beside_none, stands
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
 from sksurrogate.gap.decide._rules import ROUNDING
@@ -26,6 +28,7 @@ from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
+from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._free_curve import FreeCurve, free_curve
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_rival import LawRival, law_rival
@@ -199,6 +202,27 @@ class OdeInside:
     def missing_term(self, location: str, kind: str) -> MissingTerm:
         """The shape of what is missing at a place."""
         return missing_term(self.channels, location, kind)
+
+    def law_beside(
+        self, base: Evidence[OdeCandidate], final: Evidence[OdeCandidate], held: HeldOut
+    ) -> CertifiedLaw | None:
+        """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""
+        search, same = self.search, base.candidate is self.channels.null
+        channels = self.channels if same else Channels(base.candidate)
+        laws = fitted_laws(search, base, channels, self.places_of_law(final, bool(base.effects)))
+        if not laws:
+            return None
+        best = laws[0].found
+        evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
+        return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.larger(best), evidence)
+
+    def places_of_law(self, final: Evidence[OdeCandidate], named: bool) -> list[tuple[str, str]]:
+        """Where a law may stand: beside names where the evidence of a law puts it, else the place accused; then the next."""
+        remains, beside = self.remains, self.beside
+        first = (beside.location, beside.kind) if named and beside is not None else self.accused(final)
+        found = [first, *((place.location, place.kind) for place in (remains.places if remains else []))]
+        kinds = ("state", "input", "output")
+        return list(dict.fromkeys((str(name), str(kind)) for name, kind in found if name is not None and kind in kinds))
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         """Effects that the re-tuning would hide."""

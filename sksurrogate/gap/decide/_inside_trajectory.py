@@ -11,6 +11,8 @@ import numpy as np
 
 from sksurrogate.gap.decide._features import DecisionFeatures, share_left
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
+from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm
@@ -134,6 +136,12 @@ class TrajectoryInside:
     def missing_term(self, location: str, kind: str) -> MissingTerm:
         """The shape of what is missing at a place."""
         return shape_of(channel_of(self.search.begun.candidate, location), location, kind)
+
+    def law_beside(
+        self, base: Evidence[TrajectoryCandidate], final: Evidence[TrajectoryCandidate], held: HeldOut
+    ) -> CertifiedLaw | None:
+        """None: laws are looked for where the inside is known."""
+        return None
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         """None: nothing inside can be tested."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,10 +22,35 @@ from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["certified_law", "held_out_law", "law_of"]
+__all__ = ["CertifiedLaw", "certified_law", "held_out_law", "law_of"]
 
 #: Formulae that stand for election again in every fold.
 MOST_FORMULAE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedLaw:
+    """A law and its free runs on runs left out.
+
+    Attributes
+    ----------
+    law : FittedLaw
+    held : HeldOut
+    fitted : Evidence
+        The same on more of a long record.
+    evidence : float
+        Nats by which it is likelier than no law, its price paid.
+    """
+
+    law: FittedLaw
+    held: HeldOut
+    fitted: Evidence[OdeCandidate]
+    evidence: float
+
+    @property
+    def on_record(self) -> Evidence[OdeCandidate]:
+        """On the record of the search."""
+        return self.law.found
 
 
 def held_out_law(search: Search, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
@@ -55,19 +80,9 @@ def certified_law(shrink: Shrink) -> bool:
     return bool(shrink.fraction_law > named + CERTIFICATE * (1.0 - named))
 
 
-def law_of(fitted: FittedLaw, final: Evidence[OdeCandidate], plant: Plant, shrink: Shrink, base: float) -> Law:
-    """The law as a result.
-
-    Parameters
-    ----------
-    fitted : FittedLaw
-    final : Evidence
-        The same on more of a long record.
-    plant : Plant
-    shrink : Shrink
-    base : float
-        Score of the base without the law.
-    """
+def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
+    """The law as a result, with what it closes on runs left out."""
+    fitted, final = beside.law, beside.fitted
     candidate = final.candidate
     i = len(candidate.effects) - 1
     effect = replace(fitted, found=final).effect
@@ -90,7 +105,7 @@ def law_of(fitted: FittedLaw, final: Evidence[OdeCandidate], plant: Plant, shrin
         {name: (float(np.min(signals[name])), float(np.max(signals[name]))) for name in drivers},
         fitted.curve,
         certified_law(shrink),
-        float(base),
+        float(beside.evidence),
     )
 
 

@@ -35,3 +35,4 @@ class PartialResults:
     bounds: tuple[np.ndarray, np.ndarray] | None = None
     law: Law | None = None
     lawful: Evidence | None = None
+    lawful_fitted: Evidence | None = None

@@ -8,6 +8,7 @@ import numpy as np
 
 from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
@@ -53,8 +54,9 @@ def sentence_of(
     experiment: NextExperiment | None,
     term: MissingTerm | None,
     remainder: Remainder = NOTHING_KNOWN,
+    include_law: bool = True,
 ) -> str:
-    """One to three sentences."""
+    """One to three sentences; ``include_law``: whether augmented_ carries a certified law."""
     closed = f"{100 * shrink.fraction:.1f} %" if np.isfinite(shrink.fraction) else "an unknown share"
     if verdict == "none" and shrink.measurable and shrink.before < PRACTICAL:
         return (
@@ -79,7 +81,7 @@ def sentence_of(
             else " Use augmented_ as the new simulator."
         )
     if verdict == "partial":
-        return partial_sentence(effects, shrink, remainder, closed)
+        return partial_sentence(effects, shrink, remainder, closed, term, include_law)
     if where.location is None:
         return undecided_sentence(effects)
     place = f"the balance of {where.location}" if where.kind == "state" else f"the {where.kind} {where.location}"
@@ -90,6 +92,8 @@ def sentence_of(
             f" {_list([_described(e) for e in effects]).capitalize()} {verbs[0]} ({closed} of the gap closed on runs "
             f"left out) but {verbs[1]} too much."
         )
+    if term is not None and term.law is not None and term.law.certified:
+        return text + law_sentence(term.law, shrink, include_law)
     law = next((c for c in term.candidates if len(c) < LONGEST), None) if term is not None else None
     if law is not None:
         form, _, share = law.partition("  (explains ")
@@ -116,11 +120,30 @@ def undecided_sentence(effects: Sequence[EffectEstimate]) -> str:
     )
 
 
-def partial_sentence(effects: Sequence[EffectEstimate], shrink: Shrink, remainder: Remainder, closed: str) -> str:
+def law_sentence(law: Law, shrink: Shrink, include_law: bool, beside: str = "") -> str:
+    """A certified law, how far it goes, and whether augmented_ carries it."""
+    what = "The free curve" if law.is_curve else "The law"
+    form = str(law).removeprefix("curve ") if len(str(law)) < LONGEST else "of missing_term.law"
+    own = "augmented_ carries it" if include_law else "augmented_ leaves it out (include_law=False)"
+    beyond = "; beyond its range it fades to nothing" if law.is_curve else ""
+    closed = f"{100 * shrink.fraction_law:.1f} %"
+    return f" {what} {form} in {law.place}{beside} closes {closed} of the gap on runs left out; {own}{beyond}."
+
+
+def partial_sentence(
+    effects: Sequence[EffectEstimate],
+    shrink: Shrink,
+    remainder: Remainder,
+    closed: str,
+    term: MissingTerm | None = None,
+    include_law: bool = True,
+) -> str:
     """What is certain, and what remains."""
     named = _list([_described(effect) for effect in effects])
     verb = "close" if len(effects) > 1 else "closes"
     text = f"{named[0].upper()}{named[1:]} {verb} {closed} of the gap on runs left out; {100 * remainder.share:.0f} % remains (RMS)."
+    if term is not None and term.law is not None and term.law.certified:
+        return text + law_sentence(term.law, shrink, include_law, " beside them" if len(effects) > 1 else " beside it")
     if remainder.location is not None and remainder.lawful > 0:
         place = (
             f"the balance of {remainder.location}"

@@ -63,6 +63,11 @@ class Law:
         return str(self.effect.text())
 
     @property
+    def tells_the_place(self) -> bool:
+        """Whether its place is more than a guess: a formula that is certified."""
+        return self.certified and not self.is_curve
+
+    @property
     def latex(self) -> str:
         """The formula for LaTeX, without dollar signs."""
         return str(self.effect.text(latex=True))

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.effects._formula import Term
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect, law_effect
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -20,7 +19,7 @@ from sksurrogate.gap.search._fits import fit_last
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.unnamed._disturbance_channel import Channels
 from sksurrogate.gap.unnamed._formula_search import Draft, curve_at, drafts_at
-from sksurrogate.gap.unnamed._grammar import Drivers, as_written
+from sksurrogate.gap.unnamed._grammar import Drivers, as_written, price_of
 from sksurrogate.gap.unnamed._law_shapes import at_end
 from sksurrogate.gap.unnamed._shape import Channel
 from sksurrogate.kernels.banded import first_order_scan
@@ -52,6 +51,8 @@ class FittedLaw:
         Of its structure, in nats.
     curve : bool
         Whether it is a free curve.
+    n_drivers : int
+        Signals that it was chosen from.
     """
 
     found: Evidence[OdeCandidate]
@@ -59,6 +60,7 @@ class FittedLaw:
     kind: str
     price: float
     curve: bool
+    n_drivers: int = 1
 
     @property
     def effect(self) -> AnyLaw:
@@ -84,26 +86,46 @@ def fitted_laws(
     places : sequence of (location, kind)
         The likeliest first.
     """
-    drafts: list[tuple[Draft, str, str, bool]] = []
+    fits: list[FittedLaw] = []
+    best = -np.inf
     for rank, (location, kind) in enumerate(places[:MOST_PLACES]):
         channel = channels.at(location, kind)
         drivers = drivers_at(base.candidate, channel, location, kind)
-        here = drafts_at(channel, drivers)
-        most = FITTED_ELSEWHERE if rank else FITTED_HERE
-        drafts += [(draft, location, kind, False) for draft in here[:most]]
-        curve = curve_at(channel, drivers, here) if not rank else None
-        if curve is not None:
-            drafts.append((curve, location, kind, True))
-    fits: list[FittedLaw] = []
-    worth = {kind: max((d.worth for d, _, k, _ in drafts if k == kind), default=-np.inf) for _, _, kind, _ in drafts}
-    for draft, location, kind, curve in drafts:
-        if draft.worth < worth[kind] - HOPELESS_DRAFT and not curve:
-            continue
-        fitted = fitted_draft(search, base, channels.at(location, kind), draft, location, kind)
+        drafts = drafts_at(channel, drivers)
+        best = max([best, *(draft.level for draft in drafts)])
+        chosen = [draft for draft in drafts if draft.level > best - HOPELESS_DRAFT]
+        chosen = chosen[: FITTED_ELSEWHERE if rank else FITTED_HERE]
+        curve = None if rank else curve_at(channel, drivers, drafts)
+        for draft in [*chosen, *([] if curve is None else [curve])]:
+            fitted = fitted_draft(search, base, channel.x, draft, location, kind)
+            if fitted is not None:
+                found = Evidence(fitted, base.noise, -np.inf)
+                fits.append(FittedLaw(found, location, kind, draft.price, draft is curve, len(drivers.moving)))
+    laws = ranked_laws(search, base, fits)
+    if not laws:
+        return []
+    first = pruned(search, base, laws[0])
+    polished = search.polish(first.found.candidate)
+    return [replace(first, found=search.judged[polished]), *laws[1:]]
+
+
+def pruned(search: Search, base: Evidence[OdeCandidate], law: FittedLaw) -> FittedLaw:
+    """A formula without the terms that the free run does not need."""
+    effect, values = law.effect, law.found.candidate.theta_of(len(law.found.effects) - 1)
+    if law.curve or len(effect.terms) == 1:
+        return law
+    fewer = []
+    for i in range(len(effect.terms)):
+        filled = [one for k, one in enumerate(effect.filled(values.tolist())) if k != i]
+        terms = tuple(term for _, term in filled)
+        late = float(values[-1]) if any(f[1].startswith("lag(") for t in terms for f in t.factors) else None
+        price = price_of(terms, law.n_drivers)
+        draft = Draft(terms, np.array([float(c) for c, _ in filled]), late, 0.0, 0.0, price)
+        fitted = fitted_draft(search, base, law.found.candidate.fit.x, draft, law.location, law.kind)
         if fitted is not None:
-            price = draft.price
-            fits.append(FittedLaw(Evidence(fitted, base.noise, -np.inf), location, kind, price, curve))
-    return ranked_laws(search, base, fits)
+            fewer.append(replace(law, found=Evidence(fitted, base.noise, -np.inf), price=price))
+    best = ranked_laws(search, base, [law, *fewer])[0]
+    return law if best.found.candidate is law.found.candidate else pruned(search, base, best)
 
 
 def ranked_laws(search: Search, base: Evidence[OdeCandidate], fits: list[FittedLaw]) -> list[FittedLaw]:
@@ -123,17 +145,17 @@ def ranked_laws(search: Search, base: Evidence[OdeCandidate], fits: list[FittedL
 
 
 def fitted_draft(
-    search: Search, base: Evidence[OdeCandidate], channel: Channel, draft: Draft, location: str, kind: str
+    search: Search, base: Evidence[OdeCandidate], x: np.ndarray | None, draft: Draft, location: str, kind: str
 ) -> OdeCandidate | None:
-    """A formula as an effect on top of the base, fitted in the free run."""
+    """A formula as an effect on top of the base, fitted in the free run from a path x."""
     candidate = base.candidate
-    effect = law_effect(kind, location, as_written(draft.terms), draft.values, free=True)
+    effect = law_effect(kind, location, as_written(draft.terms), tuple(map(float, draft.values)), free=True)
     problem, split = search.searching(candidate), candidate.n_parameters
     theta = np.concatenate([candidate.fit.theta[:split], draft.values, candidate.fit.theta[split:]])
-    assert channel.x is not None
+    assert x is not None
     try:
         with np.errstate(all="ignore"):
-            return fit_last(problem, (*candidate.effects, effect), theta, channel.x, candidate.fit, np.inf)
+            return fit_last(problem, (*candidate.effects, effect), theta, x, candidate.fit, np.inf)
     except (np.linalg.LinAlgError, FloatingPointError):  # a law that breaks the arithmetic is out
         return None
 
@@ -171,8 +193,3 @@ def _past(record: Record, signals: dict[str, np.ndarray]) -> dict[str, tuple[np.
             moved = first_order_scan(a, (z - first)[None], record.starts)[0]
             out[f"lag({name})#{k}"] = first + (1.0 - a) * moved, samples * record.dt
     return out
-
-
-def is_formula(terms: Sequence[Term]) -> bool:
-    """Whether terms are no pieces of a curve."""
-    return not any(f[0] == "spline" for term in terms for f in term.factors)

@@ -57,6 +57,8 @@ class Draft:
         The same less the price of the formula and of its constants.
     price : float
         That of the formula.
+    level : float
+        Log likelihood less that price: comparable between places, which have noise of their own.
     """
 
     terms: tuple[Term, ...]
@@ -66,6 +68,7 @@ class Draft:
     worth: float
 
     price: float = 0.0
+    level: float = -np.inf
 
     @property
     def values(self) -> np.ndarray:
@@ -104,7 +107,12 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
         noise = channel.settled(regression.responses(drafts[0].terms, drafts[0].late))
     final = _Regression(channel, drivers, library, noise)
     judged = [draft for draft in map(final.judged, found.values()) if np.isfinite(draft.worth)]
-    return sorted(judged, key=lambda draft: -draft.worth)
+    ranked = sorted(judged, key=lambda draft: -draft.worth)
+    kept: list[Draft] = []
+    for draft in ranked:  # a better formula with terms added says nothing new
+        if not any(set(other.structure) < set(draft.structure) for other in kept):
+            kept.append(draft)
+    return kept
 
 
 def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Draft | None:
@@ -122,9 +130,11 @@ def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Dra
     terms = tuple(Term((("spline", names[0], float(c), 0.0, float(step)),)) for c in centres)
     noise = channel.noise
     if drafts:
-        noise = channel.settled(_Regression(channel, drivers, None, noise).responses(drafts[0].terms, drafts[0].late))
+        noise = channel.settled(
+            _Regression(channel, drivers, NO_TERMS, noise).responses(drafts[0].terms, drafts[0].late)
+        )
     draft = Draft(terms, np.zeros(len(terms)), None, 0.0, 0.0)
-    return _Regression(channel, drivers, None, noise).judged(draft)
+    return _Regression(channel, drivers, NO_TERMS, noise).judged(draft)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +150,7 @@ class _Library:
     def of(cls, channel: Channel, drivers: Drivers) -> _Library:
         """All terms of the grammar that are finite and distinct along the path."""
         t = channel.record.t - channel.record.t[channel.record.starts][channel.record.run_of_row]
-        terms = [term for term in terms_of(drivers)]
+        terms = terms_of(drivers)
         values = np.full((len(terms), len(t)), np.nan)
         with np.errstate(all="ignore"):
             for k, term in enumerate(terms):
@@ -159,6 +169,10 @@ class _Library:
         finite = np.isfinite(columns).all(axis=1)
         kept, columns = kept[finite], columns[finite]
         return cls([terms[k] for k in kept], [_late(terms[k], drivers) for k in kept], sizes[kept], columns)
+
+
+#: Where formulae are given.
+NO_TERMS = _Library([], [], np.zeros(0), np.zeros((0, 0)))
 
 
 def _late(term: Term, drivers: Drivers) -> float | None:
@@ -188,7 +202,7 @@ class _Regression:
 
     channel: Channel
     drivers: Drivers
-    library: _Library | None
+    library: _Library
     noise: Noise
     weighted: dict[int, np.ndarray] = field(default_factory=dict)
 
@@ -199,11 +213,13 @@ class _Regression:
         self.base = self.weights(known)  # S^-1 [r, J]
         self.K = self.base @ known.transpose(1, 0, 2).reshape(known.shape[1], -1).T
         self.half_log = 0.5 * np.log(channel.r.size)
-        self.n_drivers = len(self.drivers.moving)
+        self.n_drivers, self.log_det = len(self.drivers.moving), 0.0
 
     def weights(self, columns: np.ndarray) -> np.ndarray:
         """``S^-1`` of columns (n_outputs, n_columns, n_samples): (n_columns, n_outputs * n_samples)."""
-        return self.channel.D.weighted(columns, self.noise, self.factor).transpose(1, 0, 2).reshape(columns.shape[1], -1)
+        return (
+            self.channel.D.weighted(columns, self.noise, self.factor).transpose(1, 0, 2).reshape(columns.shape[1], -1)
+        )
 
     def column(self, k: int) -> np.ndarray:
         """``S^-1`` of a term of the library."""
@@ -219,7 +235,9 @@ class _Regression:
         F = library.columns
         self.rows = self.base @ F.T
         self.diagonal = self.channel.D.gram_rows(F.reshape(len(F), len(self.channel.r), -1), self.noise, 1)[1]
-        self.costs = np.array([price_of([t], self.n_drivers) + self.half_log * (1 + len(t.constants)) for t in library.terms])
+        self.costs = np.array(
+            [price_of([t], self.n_drivers) + self.half_log * (1 + len(t.constants)) for t in library.terms]
+        )
         beams: list[tuple[int, ...]] = [()]
         everything: dict[tuple[int, ...], float] = {}
         best = 0.0
@@ -233,8 +251,8 @@ class _Regression:
             if not beams or grown[beams[0]] < best + 1.0:
                 break
             best = grown[beams[0]]
-        ranked = sorted(everything, key=lambda chosen: -everything[chosen])
-        refined = [self.refined(self.draft_of(chosen)) for chosen in self.apart(ranked, REFINED)]
+        best_first = sorted(everything, key=lambda chosen: -everything[chosen])
+        refined = [self.refined(self.draft_of(chosen)) for chosen in self.apart(best_first, REFINED)]
         return sorted(refined, key=lambda draft: -draft.worth)
 
     def apart(self, ranked: Sequence[tuple[int, ...]], most: int) -> list[tuple[int, ...]]:
@@ -306,7 +324,7 @@ class _Regression:
         known = np.concatenate([self.channel.r[:, None], self.channel.known, J], axis=1)
         if not np.isfinite(known).all():
             return -np.inf, np.zeros(known.shape[1] - 1)
-        G, _ = self.channel.D.gram(known, self.noise, self.factor)
+        G, self.log_det = self.channel.D.gram(known, self.noise, self.factor)
         p = len(self.channel.precision)
         H, g = G[1:, 1:].copy(), G[1:, 0].copy()
         H[:p, :p] += np.diag(self.channel.precision)
@@ -321,7 +339,9 @@ class _Regression:
         k = sum(1 + len(term.constants) for term in draft.terms) + (draft.late is not None)
         price = price_of(draft.terms, self.n_drivers)
         own = theta[len(self.channel.precision) :]
-        return replace(draft, coefficients=own, nats=nats, worth=nats - price - self.half_log * k, price=price)
+        cost = price + self.half_log * k
+        level = nats - cost - 0.5 * (self.K[0, 0] + self.log_det)
+        return replace(draft, coefficients=own, nats=nats, worth=nats - cost, price=price, level=float(level))
 
     def refined(self, draft: Draft) -> Draft:
         """A formula with its constants fitted: Gauss-Newton with coefficients and parameters beside them, steps halved."""

@@ -115,7 +115,9 @@ def terms_of(drivers: Drivers) -> list[Term]:
     single = {name: list(_shapes(name, drivers.signals[name])) for name in now}
     out = [Term()] + [Term((factor,)) for name in now for factor in single[name]]
     for name in now:  # a shape times its own driver: v exp(-v^2), v^2 sign(v) ...
-        out += [Term((factor, _plain("v", name))) for factor in single[name] if factor[0] in ("bell", "exp", "tanh", "size")]
+        out += [
+            Term((factor, _plain("v", name))) for factor in single[name] if factor[0] in ("bell", "exp", "tanh", "size")
+        ]
     first = now[:MOST_OF_PRODUCTS]
     for i, a in enumerate(first):
         for b in first[i + 1 :]:
@@ -133,7 +135,9 @@ def terms_of(drivers: Drivers) -> list[Term]:
     for name in drivers.late:
         if name in names:
             z = drivers.signals[name]
-            out += [Term((factor,)) for factor in _shapes(name, z) if not SHAPES[factor[0]].bounds or factor[0] == "tanh"]
+            out += [
+                Term((factor,)) for factor in _shapes(name, z) if not SHAPES[factor[0]].bounds or factor[0] == "tanh"
+            ]
             own = past_name(name)
             if own in now:
                 out.append(Term((_plain("v", name), _plain("v", own))))
