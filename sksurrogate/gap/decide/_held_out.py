@@ -161,8 +161,8 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         measurable=bool(excess > 3.0 * spread_of_noise),
         same_names=held.same_names,
         after_law=rmse.get("law", np.nan),
-        fraction_law=1.0 - law / before if before > 0 else np.nan,
-        fraction_power_law=1.0 - (law / before) ** 2 if before > 0 else np.nan,
+        fraction_law=1.0 - law / before if held.law is not None and before > 0 else np.nan,
+        fraction_power_law=1.0 - (law / before) ** 2 if held.law is not None and before > 0 else np.nan,
     )
 
 
