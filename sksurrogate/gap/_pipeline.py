@@ -13,10 +13,9 @@ import numpy as np
 
 from sksurrogate._parallel._second import Aside
 from sksurrogate.effects._ports import kind_at
-from sksurrogate.effects._simulator import AugmentedSimulator
+from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._stage import Stage, quiet
-from sksurrogate.gap.decide._augmented import augmented_simulator
 from sksurrogate.gap.decide._baseline import Baseline
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
@@ -28,7 +27,6 @@ from sksurrogate.gap.decide._held_out import HeldOut, held_out, measure, notes_o
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.decide._intervals import intervals, parameter_errors
-from sksurrogate.gap.decide._law_certificate import law_of
 from sksurrogate.gap.decide._next_experiment import next_experiment
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._probability import probabilities
@@ -44,7 +42,6 @@ from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of, undecided_sentence
 from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
@@ -62,7 +59,7 @@ __all__ = ["STAGES", "DiagnosisPipeline"]
 INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
 
 
-class DiagnosisPipeline(Generic[C]):
+class DiagnosisPipeline(LawStage, Generic[C]):
     """Goes through the stages; an interrupt leaves what is known.
 
     Parameters
@@ -249,24 +246,6 @@ class DiagnosisPipeline(Generic[C]):
         fits = [self.final.noise.sigma, *([remains.latent.noise.sigma] if remains is not None else [])]
         return np.max([np.minimum(sigma, self.inside.most_noise) for sigma in fits], axis=0)
 
-    def look_for_a_law(self) -> None:
-        """What no name explains as a formula, fitted and certified on runs left out."""
-        found, verdict = self.found, self.decided()[0]
-        open_gap = found.held is not None and found.shrink is not None and found.shrink.measurable
-        if not open_gap or verdict not in ("partial", "unknown"):
-            return
-        beside = self.inside.law_beside(self.final if verdict == "partial" else self.null, self.final, found.held)
-        if beside is not None:
-            found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
-            self.measure()
-            found.law = law_of(beside, self.problem.plant, found.shrink)
-
-    @property
-    def carried_law(self) -> Law | None:
-        """The law that the augmented simulator carries."""
-        law = self.found.law
-        return law if self.include_law and law is not None and law.certified else None
-
     # ---- the report -------------------------------------------------------------------------------------------------
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
@@ -412,15 +391,6 @@ class DiagnosisPipeline(Generic[C]):
         if loop is not None and final.left < FAR:  # what is left must be noise, not the gap itself
             notes.append(LOOP.format(name=loop))
         return [*notes, *of_the_inputs(problem.plant.inputs, problem.record.u)]
-
-    def carried(self) -> Evidence:
-        """What the augmented simulator carries, on the record of the search."""
-        return (self.found.lawful if self.carried_law else None) or self.final
-
-    def augmented(self) -> AugmentedSimulator:
-        """The simulator with what was found, and with a certified law."""
-        final = (self.found.lawful_fitted if self.carried_law else self.found.fitted) or self.final
-        return augmented_simulator(final.candidate, self.inside.scale)
 
 
 #: Shares of the time as on recordings of a thousand samples. The search may take most of a time limit, for a name comes first;

@@ -167,7 +167,7 @@ def drivers_at(base: OdeCandidate, channel: Channel, location: str, kind: str) -
     assert channel.x is not None
     n = len(plant.states)
     if kind == "output":
-        return Drivers(dict(zip(plant.outputs, record.y - channel.r)), {}, own=location)
+        return Drivers(dict(zip(plant.outputs, base.fit.y)), {}, own=location)
     if kind == "input":
         signals, held = dict(zip(plant.inputs, record.u)), set(plant.inputs)
         past = _past(record, {location: signals[location]})

@@ -1,0 +1,53 @@
+"""The last stage of a diagnosis: what no name explains as a formula, and the simulator that carries what was found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sksurrogate.effects._simulator import AugmentedSimulator
+from sksurrogate.gap.decide._augmented import augmented_simulator
+from sksurrogate.gap.decide._law_certificate import law_of
+from sksurrogate.gap.decide._partial_results import PartialResults
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.results._law import Law
+
+__all__ = ["LawStage"]
+
+
+class LawStage:
+    """A part of the pipeline."""
+
+    found: PartialResults
+    include_law: bool
+
+    def look_for_a_law(self) -> None:
+        """What no name explains as a formula, fitted and certified on runs left out."""
+        found, verdict = self.found, self.decided()[0]  # type: ignore[attr-defined]
+        if found.held is None or found.shrink is None or not found.shrink.measurable:
+            return
+        if verdict not in ("partial", "unknown"):
+            return
+        pipeline: Any = self
+        base = pipeline.final if verdict == "partial" else pipeline.null
+        beside = pipeline.inside.law_beside(base, pipeline.final, found.held)
+        if beside is not None:
+            found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
+            pipeline.measure()
+            found.law = law_of(beside, pipeline.problem.plant, found.shrink)
+
+    @property
+    def carried_law(self) -> Law | None:
+        """The law that the augmented simulator carries."""
+        law = self.found.law
+        return law if self.include_law and law is not None and law.certified else None
+
+    def carried(self) -> Evidence[Any]:
+        """What the augmented simulator carries, on the record of the search."""
+        lawful = self.found.lawful if self.carried_law else None
+        return lawful or self.final  # type: ignore[attr-defined, no-any-return]
+
+    def augmented(self) -> AugmentedSimulator:
+        """The simulator with what was found, and with a certified law."""
+        found = self.found
+        final = (found.lawful_fitted if self.carried_law else found.fitted) or self.final  # type: ignore[attr-defined]
+        return augmented_simulator(final.candidate, self.inside.scale)  # type: ignore[attr-defined]
