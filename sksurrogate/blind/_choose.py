@@ -214,6 +214,8 @@ def _variable(rng: np.random.Generator, kind: Kind, location: str, setting: Sett
         choices = [location]
     elif kind.variable == "position":
         choices = [q for q, v in plant.kinematic.items() if v == location] or [location]
+    elif kind.variable == "angle":
+        choices = [name for name in plant.states if name not in plant.kinematic.values()]
     elif kind.variable in ("state", "gate"):
         choices = list(plant.states)
         if kind.variable == "gate":

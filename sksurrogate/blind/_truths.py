@@ -112,7 +112,7 @@ class Kind:
     form : callable, optional
         The equation: ``form(t, x, v, w, params, width)``.
     variable : str
-        Which signals drive it: "", "state", "own", "speed", "other", "product", "input", "output", "signal".
+        Which signals drive it: "", "state", "angle", "own", "speed", "other", "product", "input", "output", "signal".
     needs : str
         What the plant must be: "", "positive", "warm", "speed".
     """
@@ -249,7 +249,7 @@ _BALANCE = {
     "exchange": term(lambda t, x, v, w, p, h: p["coefficient"] * (v - x), _SMOOTH, "other", either=True),
     "radiation": term(lambda t, x, v, w, p, h: p["coefficient"] * (v**4 - x**4), _SMOOTH, "other", needs="warm"),
     "bilinear": term(lambda t, x, v, w, p, h: p["coefficient"] * v * w, _SMOOTH, "product", either=True),
-    "gravity_tilt": term(lambda t, x, v, w, p, h: -p["level"] * np.sin(v), _SMOOTH, "state", first="level"),
+    "gravity_tilt": term(lambda t, x, v, w, p, h: -p["level"] * np.sin(v), _SMOOTH, "angle", first="level"),
     "end_stop": term(lambda t, x, v, w, p, h: -p["stiffness"] * np.maximum(v - p["edge"], 0.0), _STOP, "state",
                      first="stiffness", shape=_edge, marks="region"),
     "drift": term(lambda t, x, v, w, p, h: p["rate"] * t + 0.0 * x, _TIME, first="rate", either=True),

@@ -119,6 +119,8 @@ def stopping(effect: BalanceEffect, probe: Probe) -> list[float]:
 class _DryFriction(BalanceEffect):
     """Friction whose first parameter is its level c: the term jumps by 2 c where v changes its sign."""
 
+    implausible = ("position",)
+
     def jump(self, theta: Sequence[Any]) -> Any:
         """``c``."""
         return theta[0]
@@ -171,6 +173,7 @@ class StribeckFriction(BalanceEffect):
 
     name = "stribeck_friction"
     at_port = ("speed",)
+    implausible = ("position",)
     parameters = (
         Parameter("level", low=0.0, unit="dx/dt"),
         Parameter("static_level", low=0.0, unit="dx/dt"),
@@ -349,6 +352,7 @@ class GravityTilt(BalanceEffect):
     name = "gravity_tilt"
     drivers = ("state", "input")
     at_port = ("position",)
+    implausible = ("speed",)
     parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
     equation = "- c sin(v)"
     signature = "a restoring term that bends over at large angles"

@@ -16,7 +16,8 @@ from sksurrogate.effects import _parameter as parameter
 from sksurrogate.effects import _sensor as sensor
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
 from sksurrogate.effects._ports import Places, places_of
-from sksurrogate.effects._structure import kinematic_states
+from sksurrogate.effects._structure import kinematic_states, motions
+from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
 __all__ = ["CATALOGUE", "build_effects", "check_place", "kinematic_states", "left_out"]
@@ -88,7 +89,8 @@ def build_effects(
         States whose balance may hold an effect; leave out the :func:`kinematic_states`. Laws at ports that are no laws of
         one balance come beside those.
     effects : None, or one or several of str, class, instance
-        None: the whole catalogue. A name or class is enumerated over the plant; an instance with a location is taken
+        None: the whole catalogue, but for forms that no plant has: friction that a position drives, the sine of a speed (a
+        law says what is ``implausible``). A name or class is enumerated over the plant; an instance with a location is taken
         as it is, one without is enumerated like its class.
 
     Returns
@@ -116,7 +118,19 @@ def build_effects(
         for effect in _instances(item, plant, places):
             if effect.access == "trajectory" or plant.access in ("rhs", "step"):
                 found.setdefault((type(effect), *effect.key, *_extras(effect)), effect)
-    return list(found.values())
+    return list(found.values()) if effects is not None else _plausible(list(found.values()), plant)
+
+
+def _plausible(effects: list[BaseEffect], plant: Plant) -> list[BaseEffect]:
+    """Without laws whose variable is what must not drive them."""
+    if not any(getattr(effect, "implausible", ()) for effect in effects):
+        return effects
+    kind_of = motions(PlantModel(plant))
+    return [
+        effect
+        for effect in effects
+        if not (isinstance(effect, BalanceEffect) and kind_of.get(str(effect.variable)) in effect.implausible)
+    ]
 
 
 def left_out(effects: Any, tested: Iterable[BaseEffect]) -> list[str]:

@@ -204,6 +204,8 @@ class BalanceEffect(BaseEffect):
     drivers: ClassVar[tuple[str, ...]] = ("state",)
     #: What may drive the law at a port by default: "speed" and "position" of a joint, a "level" that a flow moves; () for none.
     at_port: ClassVar[tuple[str, ...]] = ("speed", "position", "level")
+    #: What must not drive it unless a user asks for it by name: a "speed" or a "position".
+    implausible: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:

@@ -79,6 +79,7 @@ class LugreFriction(HiddenEffect):
 
     name = "lugre_friction"
     at_port = ("speed",)
+    implausible = ("position",)
     parameters = (
         Parameter("stiffness", low=0.0, unit="dx/dt over the integral of v"),
         Parameter("level", null=1.0, low=TINY, unit="dx/dt", grows=True),

@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["Structure", "kinematic_states", "largest_gains", "rate_gains", "structure_of"]
+__all__ = ["Structure", "kinematic_states", "largest_gains", "motions", "rate_gains", "structure_of"]
 
 #: Push at a port, in its unit: rates are in proportion to it or nearly so, and rounding stays far below what it moves.
 PUSH = 1e-3
@@ -100,6 +100,15 @@ def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int
     """
     found = _integrals(model, n_points, random_state)
     return tuple(name for name in model.plant.states if name in found)
+
+
+def motions(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> dict[str, str]:
+    """What states are in a motion: "speed" where another state is the integral of one, "position" where it is such an integral
+    and no speed itself; other states are missing.
+    """
+    integrals = _integrals(model, n_points, random_state)
+    speeds = {speed for speed in integrals.values() if speed is not None}
+    return {**dict.fromkeys(integrals, "position"), **dict.fromkeys(speeds, "speed")}
 
 
 def rate_gains(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> np.ndarray:
