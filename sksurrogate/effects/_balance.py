@@ -64,6 +64,7 @@ class LinearLoss(BalanceEffect):
     """Viscous friction or first-order decay: ``- c v``."""
 
     name = "linear_loss"
+    natural_drivers = ("own", "position")
     drivers = ("state", "input")
     at_port = ("speed", "position", "level", "coupled")
     parameters = (Parameter("coefficient", unit="dx/dt over v"),)
@@ -80,6 +81,7 @@ class QuadraticLoss(BalanceEffect):
     """A loss that grows with the square, whatever the sign: ``- c v^2``."""
 
     name = "quadratic_loss"
+    natural_drivers = ("own",)
     drivers = ("state", "input")
     at_port = ("level",)
     parameters = (Parameter("coefficient", unit="dx/dt over v^2"),)
@@ -96,6 +98,7 @@ class QuadraticDrag(BalanceEffect):
     """Drag of a turbulent flow: ``- c v abs(v)``."""
 
     name = "quadratic_drag"
+    natural_drivers = ("own",)
     at_port = ("speed", "level")
     parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^2"),)
     equation = "- c v abs(v)"
@@ -119,6 +122,7 @@ def stopping(effect: BalanceEffect, probe: Probe) -> list[float]:
 class _DryFriction(BalanceEffect):
     """Friction whose first parameter is its level c: the term jumps by 2 c where v changes its sign."""
 
+    natural_drivers = ("own",)
     implausible = ("position",)
 
     def jump(self, theta: Sequence[Any]) -> Any:
@@ -172,6 +176,7 @@ class StribeckFriction(BalanceEffect):
     """Dry friction that is larger when slow: ``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``."""
 
     name = "stribeck_friction"
+    natural_drivers = ("own",)
     at_port = ("speed",)
     implausible = ("position",)
     parameters = (
@@ -215,6 +220,7 @@ class CubicStiffness(BalanceEffect):
     """A hardening spring: ``- c v^3``."""
 
     name = "cubic_stiffness"
+    natural_drivers = ("own", "position")
     at_port = ("position",)
     parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over v^3"),)
     equation = "- c v^3"
@@ -230,6 +236,7 @@ class SqrtLeak(BalanceEffect):
     """Outflow through an orifice: ``- c sqrt(max(v, 0))``."""
 
     name = "sqrt_leak"
+    natural_drivers = ("own",)
     at_port = ("level",)
     parameters = (Parameter("coefficient", low=0.0, unit="dx/dt over sqrt(v)"),)
     equation = "- c sqrt(max(v, 0))"
@@ -250,6 +257,7 @@ class PowerLaw(BalanceEffect):
     """A loss with an unknown exponent: ``- c v^m``, or ``- c v^m w`` of two signals; odd: ``v^m`` is ``sign(v) |v|^m``."""
 
     name = "power_law"
+    natural_drivers = ("own", "position")
     drivers = ("state",)
     at_port = ("speed", "level")
     parameters = (
@@ -309,6 +317,7 @@ class Radiation(BalanceEffect):
     """Heat radiated by a neighbour: ``+ c (v^4 - x^4)``."""
 
     name = "radiation"
+    rarity = 10.0
     at_port = ()
     parameters = (Parameter("coefficient", low=0.0, unit="1 over time and x^3"),)
     equation = "+ c (v^4 - x^4)"
@@ -330,6 +339,7 @@ class Bilinear(BalanceEffect):
     """A product of two signals: ``+ c v w``."""
 
     name = "bilinear"
+    rarity = 10.0
     at_port = ()
     parameters = (Parameter("coefficient", unit="dx/dt over v w"),)
     equation = "+ c v w (variable v*w, names sorted)"
@@ -350,6 +360,7 @@ class GravityTilt(BalanceEffect):
     """Weight along an angle: ``- c sin(v)``."""
 
     name = "gravity_tilt"
+    natural_drivers = ("own", "position")
     drivers = ("state", "input")
     at_port = ("position",)
     implausible = ("speed",)
@@ -367,6 +378,7 @@ class EndStop(BalanceEffect):
     """An elastic stop: ``- c max(v - edge, 0)``."""
 
     name = "end_stop"
+    natural_drivers = ("own", "position")
     at_port = ("position",)
     parameters = (Parameter("stiffness", low=0.0, unit="dx/dt over v"), Parameter("edge", unit="v"))
     equation = "- c max(v - edge, 0)"

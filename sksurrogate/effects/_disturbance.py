@@ -31,6 +31,7 @@ class Drift(BalanceEffect):
     """A force or flow that grows with time: ``+ c t``."""
 
     name = "drift"
+    rarity = 10.0
     drivers = ()
     at_port = ("time",)
     parameters = (Parameter("rate", unit="dx/dt over time"),)
@@ -51,6 +52,7 @@ class PeriodicDisturbance(BalanceEffect):
     """An unmeasured oscillation: ``+ c sin(w t + phase)``."""
 
     name = "periodic_disturbance"
+    rarity = 10.0
     drivers = ()
     at_port = ("time",)
     parameters = (
@@ -86,6 +88,7 @@ class StepDisturbance(BalanceEffect):
     """A load that sets in: ``+ c`` after ``t0``."""
 
     name = "step_disturbance"
+    rarity = 10.0
     drivers = ()
     at_port = ("time",)
     parameters = (Parameter("size", unit="dx/dt"), Parameter("time", unit="time"))

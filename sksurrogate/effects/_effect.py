@@ -60,6 +60,12 @@ class BaseEffect(BaseEstimator):
         Whether the change is proportional to the magnitude.
     order : int
         Place in the order in which effects on one input or sensor act.
+    rarity : float
+        How many times less probable than a friction, a gain or an offset before any data: 10 for an effect with a state
+        of its own, with a clock, or with a product of signals.
+    natural_drivers : tuple of str
+        Variables that cost no more: "own" (the state of the location), "position" (a state that is the integral of
+        another), "other" (any). Any other variable is ten times less probable.
 
     Examples
     --------
@@ -80,6 +86,8 @@ class BaseEffect(BaseEstimator):
     access: ClassVar[str] = "step"
     linear: ClassVar[bool] = True
     order: ClassVar[int] = 0
+    rarity: ClassVar[float] = 1.0
+    natural_drivers: ClassVar[tuple[str, ...]] = ("own", "position", "other")
 
     def __init__(self, location: str | None = None, variable: str | None = None):
         self.location = location
@@ -306,6 +314,7 @@ class HiddenEffect(BalanceEffect):
     """
 
     n_hidden: ClassVar[int] = 1
+    rarity = 10.0
     #: Whether the hidden initial state is fitted with the others (a filter that may not have been at rest) or known.
     free_start: ClassVar[bool] = False
     linear = False

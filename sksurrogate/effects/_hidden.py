@@ -27,6 +27,7 @@ class Hysteresis(HiddenEffect):
     """Bouc-Wen hysteresis: ``- c z``, ``dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2)``, ``z(0) = 0``."""
 
     name = "hysteresis"
+    natural_drivers = ("own", "position")
     at_port = ("position",)
     parameters = (
         Parameter("stiffness", low=0.0, unit="dx/dt over v"),
@@ -78,6 +79,7 @@ class LugreFriction(HiddenEffect):
     """
 
     name = "lugre_friction"
+    natural_drivers = ("own",)
     at_port = ("speed",)
     implausible = ("position",)
     parameters = (
@@ -139,6 +141,7 @@ class HiddenRelaxation(HiddenEffect):
     """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``."""
 
     name = "hidden_relaxation"
+    natural_drivers = ("own", "position")
     at_port = ("position", "level")
     parameters = (
         Parameter("coefficient", low=0.0, unit="dx/dt over v"),
@@ -185,6 +188,7 @@ class HiddenMode(HiddenEffect):
     """A flexible part or slosh: ``+ c (z - v), z'' = w^2 (v - z) - 2 d w z'``."""
 
     name = "hidden_mode"
+    natural_drivers = ("own", "position")
     n_hidden = 2
     at_port = ("position",)
     parameters = (

@@ -167,6 +167,7 @@ class InputCoupling(InputEffect):
     """Another input leaks in: ``u + c v``."""
 
     name = "input_coupling"
+    rarity = 10.0
     order = 3
     parameters = (Parameter("coefficient", unit="u over v"),)
     equation = "u + c v, v another input"

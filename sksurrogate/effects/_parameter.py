@@ -53,6 +53,7 @@ class ParameterDrift(ParameterEffect):
     """A parameter changes in proportion to time: ``p (1 + c t)``."""
 
     name = "parameter_drift"
+    rarity = 10.0
     parameters = (Parameter("rate", unit="1 over time"),)
     equation = "p (1 + c t)"
     signature = "a residual that is nil at the start of a run and grows with time where the parameter acts"
@@ -77,6 +78,7 @@ class ParameterStep(ParameterEffect):
     """A parameter jumps: ``p (1 + c)`` after ``t0``."""
 
     name = "parameter_step"
+    rarity = 10.0
     parameters = (Parameter("relative_error"), Parameter("time", unit="time"))
     equation = "p (1 + c) after t0"
     signature = "no residual before the jump; afterwards that of a wrong parameter"

@@ -172,6 +172,7 @@ class SensorCoupling(SensorEffect):
     """Another output leaks in: ``y + c v``."""
 
     name = "sensor_coupling"
+    rarity = 10.0
     order = 2
     parameters = (Parameter("coefficient", unit="y over v"),)
     equation = "y + c v, v another output"
@@ -254,6 +255,7 @@ class SensorDrift(SensorEffect):
     """A zero that wanders: ``y + c t``."""
 
     name = "sensor_drift"
+    rarity = 10.0
     order = 6
     parameters = (Parameter("rate", unit="y over time"),)
     equation = "y + c t"
@@ -273,6 +275,7 @@ class SensorRectification(SensorEffect):
     """A sensor that loses the sign: ``abs(y)``. It has no parameter: it is there or it is not."""
 
     name = "sensor_rectification"
+    rarity = 10.0
     order = 7
     parameters = ()
     equation = "abs(y)"

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.search._fits import nominal
+from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
@@ -21,8 +22,10 @@ __all__ = ["Posterior", "law_beside_none", "stands", "weigh"]
 UNNAMED = 0.02
 #: Names less probable than this do not stand, beside others and alone: a law does as well in their place.
 LEAST_BESIDE, LEAST_ALONE = 0.9, 0.5
-#: Other sets that are compared beside a law; and nats by which one must be likelier to take the place of a set.
-MOST_OTHERS, CLEARLY_LIKELIER = 2, 1.0
+#: Sets that are compared beside a law: within so many nats of the one that stands, which a law may turn; at most so many.
+LAW_MAY_TURN, MOST_OTHERS = 8.0, 6
+#: Nats by which another set must be likelier to take the place of one.
+CLEARLY_LIKELIER = 1.0
 
 
 @dataclass(frozen=True)
@@ -62,8 +65,12 @@ def weigh(search: Search, final: Evidence, tolerance: float) -> Posterior:
 
 
 def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
-    """The set that is likeliest beside a law: without effects in whose place a law does as well, the least probable first;
-    with another effect in the place of one where that is likelier. And its posterior."""
+    """The set that is likeliest beside a law, without effects that the practical bar does not need. And its posterior.
+
+    Effects in whose place a law does as well are taken out, the least probable first; another effect takes the place of one
+    where that is likelier.
+    """
+    final = needed_only(search, final, tolerance)
     if closed_by_size(search, final, tolerance):
         law = _judged(search, final, final.candidate, tolerance, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
@@ -84,6 +91,24 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
     return search.begun, Posterior((), None)
 
 
+def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
+    """A set without effects that the practical bar does not need, the least needed first.
+
+    A set that leaves more than the noise is not exact. There an effect counts if the set without it, fitted again, leaves more
+    of the gap by at least the tolerance (in power: its square); a smaller one may mend the form of the others.
+    """
+    while len(final.effects) > 1 and final.left > SETTLED:
+        sets = [search.without(final.candidate, i) for i in range(len(final.effects))]
+        known = [one for one in sets if one is not None and one.effects]
+        if not known:
+            break
+        fewer = min(known, key=lambda one: one.fit.cost)
+        if fewer.fit.cost - final.fit.cost > tolerance**2 * gap_cost(search):
+            break
+        final = search.judged[search.stand(search.polish(fewer))]
+    return final
+
+
 def closed_by_size(search: Search, final: Evidence, tolerance: float) -> bool:
     """Whether a set closes the gap up to the tolerance, further from the data than any noise model holds.
 
@@ -94,25 +119,43 @@ def closed_by_size(search: Search, final: Evidence, tolerance: float) -> bool:
 
 
 def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: float) -> Evidence | None:
-    """Another set of as many effects, likelier beside a law; None where there is none, or nothing is left that asks for it."""
+    """Another set of as many effects that is likelier beside a law, the likeliest; None where there is none."""
     own = posterior.law
-    if own is None or final.left < AT_THE_NOISE:
+    if own is None:
         return None
     net, keys = _net(search, final.candidate, own), frozenset(final.candidate.keys)
-    score = search.score(final.candidate)
+    level = _plain(search, final.candidate) - LAW_MAY_TURN
     others = [
-        rival
-        for names, rival in search.fitted.items()
-        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and search.score(rival) > score
+        candidate
+        for names, candidate in search.fitted.items()
+        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and _plain(search, candidate) > level
     ]
-    for rival in sorted(others, key=search.score, reverse=True)[:MOST_OTHERS]:
-        polished = search.polish(rival)
-        other = search.judged[polished]
-        found = _judged(search, other, polished, tolerance, along=False)
-        if found is not None and _net(search, polished, found) > net + CLEARLY_LIKELIER:
-            search.stand(polished)
-            return other
-    return None
+    others = sorted(others, key=lambda one: _plain(search, one), reverse=True)[:MOST_OTHERS]
+    nets = [_net_of(search, candidate, tolerance) for candidate in others]
+    if not others or max(nets) < net + CLEARLY_LIKELIER:
+        return None
+    polished = search.polish(others[int(np.argmax(nets))])
+    if _net_of(search, polished, tolerance) < net + CLEARLY_LIKELIER:
+        return None
+    return search.judged[search.stand(polished)]
+
+
+def _net_of(search: Search, candidate: OdeCandidate, tolerance: float) -> float:
+    """Log evidence of a set beside its own law, with its price."""
+    law = _judged(search, search.judged[candidate], candidate, tolerance, along=False)
+    return -np.inf if law is None else _net(search, candidate, law)
+
+
+def _plain(search: Search, candidate: OdeCandidate) -> float:
+    """Log evidence without a law, with the price of the parameters and the prior of the names."""
+    return search.score(candidate) + _log_prior(search, candidate)
+
+
+def _log_prior(search: Search, candidate: OdeCandidate) -> float:
+    """Of the names of a set."""
+    problem = search.problem
+    positions = [name for name in problem.plant.states if name not in problem.balances]
+    return log_prior(candidate.effects, search.candidates, positions)
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
@@ -174,6 +217,5 @@ def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:
 
 def _net(search: Search, candidate: OdeCandidate, law: LawBeside) -> float:
     """Log evidence with the price of its parameters and the prior of its names and of a large law."""
-    price = len(candidate.effects) * np.log(len(search.candidates))
-    price += 0.5 * candidate.n_parameters * np.log(search.n_values)
+    price = 0.5 * candidate.n_parameters * np.log(search.n_values) - _log_prior(search, candidate)
     return float(np.logaddexp(law.small, law.large + np.log(UNNAMED)) - price)
