@@ -119,16 +119,23 @@ def closed_by_size(search: Search, final: Evidence, tolerance: float) -> bool:
 
 
 def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: float) -> Evidence | None:
-    """Another set of as many effects that is likelier beside a law, the likeliest; None where there is none."""
+    """Another set of as many effects that is likelier beside a law, the likeliest; None where there is none.
+
+    Sets compete that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit.
+    """
     own = posterior.law
     if own is None:
         return None
+    most = final.fit.cost + tolerance**2 * gap_cost(search)
     net, keys = _net(search, final.candidate, own), frozenset(final.candidate.keys)
     level = _plain(search, final.candidate) - LAW_MAY_TURN
     others = [
         candidate
         for names, candidate in search.fitted.items()
-        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and _plain(search, candidate) > level
+        if len(names) == len(keys)
+        and len(names & keys) == len(keys) - 1
+        and candidate.fit.cost < most
+        and _plain(search, candidate) > level
     ]
     others = sorted(others, key=lambda one: _plain(search, one), reverse=True)[:MOST_OTHERS]
     nets = [_net_of(search, candidate, tolerance) for candidate in others]
