@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
-from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.search._fits import nominal
 from sksurrogate.gap.search._name_prior import log_prior
@@ -86,9 +86,15 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
         fewer = search.without(final.candidate, least)
         if fewer is None or not fewer.effects:
             break
-        final = search.judged[search.stand(search.polish(fewer))]
+        final = _taken(search, fewer, final)
     search.final = search.begun
     return search.begun, Posterior((), None)
+
+
+def _taken(search: Search, candidate: OdeCandidate, before: Evidence) -> Evidence:
+    """A smaller set that takes the place of another, under its own noise: that of the larger one knows less to explain."""
+    search.judge(estimate_noise(candidate, before.noise, before.curvature))
+    return search.judged[search.stand(search.polish(candidate))]
 
 
 def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
@@ -105,7 +111,7 @@ def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
         fewer = min(known, key=lambda one: one.fit.cost)
         if fewer.fit.cost - final.fit.cost > tolerance**2 * gap_cost(search):
             break
-        final = search.judged[search.stand(search.polish(fewer))]
+        final = _taken(search, fewer, final)
     return final
 
 
