@@ -14,6 +14,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from sksurrogate.effects._parts import Parameter, Probe, SensorPath
+from sksurrogate.effects._prior_odds import PriorOdds
 from sksurrogate.effects._smooth import stable
 from sksurrogate.kernels.signals import Signal
 from sksurrogate.physics._simulator import Plant
@@ -32,7 +33,7 @@ __all__ = [
 ]
 
 
-class BaseEffect(BaseEstimator):
+class BaseEffect(PriorOdds, BaseEstimator):
     """Base of all effects (made to be subclassed through one of the five families).
 
     Parameters
@@ -60,12 +61,6 @@ class BaseEffect(BaseEstimator):
         Whether the change is proportional to the magnitude.
     order : int
         Place in the order in which effects on one input or sensor act.
-    rarity : float
-        How many times less probable than a friction, a gain or an offset before any data: 10 for an effect with a state
-        of its own, with a clock, or with a product of signals.
-    natural_drivers : tuple of str
-        Variables that cost no more: "own" (the state of the location), "position" (a state that is the integral of
-        another), "other" (any). Any other variable is ten times less probable.
 
     Examples
     --------
@@ -86,8 +81,6 @@ class BaseEffect(BaseEstimator):
     access: ClassVar[str] = "step"
     linear: ClassVar[bool] = True
     order: ClassVar[int] = 0
-    rarity: ClassVar[float] = 1.0
-    natural_drivers: ClassVar[tuple[str, ...]] = ("own", "position", "other")
 
     def __init__(self, location: str | None = None, variable: str | None = None):
         self.location = location
@@ -99,10 +92,7 @@ class BaseEffect(BaseEstimator):
         return self.name, self.location, self.variable
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Starting values, one tuple of all parameters for each start (magnitudes of the secant dictionary).
-
-        Empty where these data cannot show the effect (a limit on a signal that never moves).
-        """
+        """Starting values, a tuple of all parameters each; empty where these data cannot show the effect (a limit at rest)."""
         return [tuple(parameter.null for parameter in self.parameters)]
 
     def evident(self, probe: Probe) -> list[tuple[float, ...]]:
