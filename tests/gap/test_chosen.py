@@ -80,7 +80,15 @@ def of_costs(costs, n_parameters=1):
     """A rival of these costs in the runs, whose parameters do nothing there."""
     none = np.zeros(0)
     return ByRun(
-        np.array(costs, float)[:, None, None], np.zeros(len(costs)), none, none, none, (none, none), 0.0, n_parameters
+        np.array(costs, float)[:, None, None],
+        np.zeros(len(costs)),
+        none,
+        none,
+        none,
+        (none, none),
+        0.0,
+        0.0,
+        n_parameters,
     )
 
 
