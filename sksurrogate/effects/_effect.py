@@ -1,7 +1,6 @@
 """An effect: a small parametric change to a simulator whose null value gives the simulator back.
 
-One family for each place where an effect can enter; a member writes one formula. Arrays of parameters have shape
-(n_columns, 1), those of signals (n_columns, n_samples): columns are rivals and perturbations, all computed at once.
+One family for each place; a member writes one formula. Parameters have shape (n_columns, 1), signals (n_columns, n_samples).
 """
 
 from __future__ import annotations
