@@ -14,14 +14,13 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate._checks import checked
 from sksurrogate._columns import by_name
+from sksurrogate.compose._correction_report import keep_supported, reach, surrogate_alone
 from sksurrogate.compose._domain import Domain
-from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection, ends_linear
-from sksurrogate.compose._hybrid_force import ForceCorrection
+from sksurrogate.compose._hybrid_forms import correction_of
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
-from sksurrogate.compose._hybrid_output import Free, OutputCorrection
-from sksurrogate.compose._left_out import left_out_rmse
+from sksurrogate.compose._hybrid_output import Free
 from sksurrogate.compose._residual import FreeRunResidual
-from sksurrogate.exceptions import DataError, SimulationDiverged
+from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.export import Graph, to_casadi, to_onnx
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import Runs, resolve_runs
@@ -30,7 +29,7 @@ __all__ = ["HybridRegressor"]
 
 
 class HybridRegressor(RegressorMixin, BaseEstimator):
-    """Free run of a simulator plus a learned correction.
+    """Free run of a simulator plus a learned correction, as far as runs support it that were left out.
 
     ``y_h[t] = y_s[t] + f(d[t-1], ..., d[t-n], u[t], ..., u[t-n])`` with ``d = y_h - y_s`` the correction's own past
     (the equation at the end of section 4.4 of the paper); y_s is the simulator's free run.
@@ -63,9 +62,10 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         as ``dq/dt = v``.
     shrinkage : float, default=1e-2
         Penalty of the default residual: how much evidence a correction needs.
-    fade : float, default=1.0
+    fade : float or "evidence", default="evidence"
         Share of the range of a feature in the training data by which it may leave it before the correction fades and
-        the physics is left alone; ``inf``: never.
+        the physics is left alone; ``inf``: never. "evidence": 0.1, 0.3 or 1, the one that runs left out support most
+        (0.1 where these never leave the data of the others).
     warm_start : bool, default=False
         Whether ``fit`` goes on from the correction of the last call (default residual).
     random_state : int, RandomState or None, default=0
@@ -80,9 +80,16 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         Rows of ``y0`` that ``predict`` takes.
     free_run_rmse_ : float
         On the training runs.
+    shrinkage_ : ndarray (n_outputs,)
+        Share of the correction that left-out runs support and that is kept: 1 all of it, 0 the simulator alone. The gain
+        over the simulator, less one standard error of it, is largest there. One number for all outputs with "dynamics" and
+        "input".
+    report_ : CorrectionReport
+        The same with the errors of simulator, whole correction and kept share on left-out runs; ``print`` gives a sentence.
     left_out_rmse_ : ndarray (n_outputs,)
-        What ``return_std`` starts from: on runs left out (every third of them; of one run its last third), at the price of three
-        more fits; with the default residual of "output", whose nets show by their spread what they do not know, on the training runs.
+        What ``return_std`` starts from: on runs left out (every third of them; of one or two runs one of four blocks), at
+        the price of three or four more fits. Without a simulator the default residual, whose nets show by their spread what
+        they do not know, is judged on the training runs.
     region_ : Domain
         Ranges of inputs and outputs in the training data.
     n_features_in_ : int
@@ -118,7 +125,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         "states": ["array-like", None],
         "n_lags": [Interval(Integral, 1, None, closed="left")],
         "shrinkage": [Interval(Real, 0, None, closed="left")],
-        "fade": [Interval(Real, 0, None, closed="both")],
+        "fade": [Interval(Real, 0, None, closed="both"), StrOptions({"evidence"})],
         "warm_start": ["boolean"],
         "random_state": ["random_state"],
         "run": "no_validation",
@@ -134,7 +141,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         n_lags: int = 5,
         states: Sequence[str] | None = None,
         shrinkage: float = 1e-2,
-        fade: float = 1.0,
+        fade: float | str = "evidence",
         warm_start: bool = False,
         random_state: Any = 0,
         run: Any = None,
@@ -299,14 +306,15 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         """Checks that scikit-learn asks for, then runs."""
         X = by_name(X, getattr(self.simulator, "inputs", None), self.run, warn=reset)
         y = by_name(y, getattr(self.simulator, "outputs", None), warn=reset)
+        fewest = 0 if getattr(self.simulator, "inputs", None) == [] else 1
         if hasattr(X, "columns"):
             _check_feature_names(self, X, reset=reset)
             _check_n_features(self, X, reset=reset)
         elif y is None or groups is not None:
-            X = checked(self, X, reset=reset, ensure_all_finite=False, dtype="numeric")
+            X = checked(self, X, reset=reset, ensure_all_finite=False, dtype="numeric", ensure_min_features=fewest)
         else:
             try:
-                X, y = checked(self, X, y, reset=reset, multi_output=True, y_numeric=True)
+                X, y = checked(self, X, y, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest)
             except ValueError as error:
                 if "NaN" in str(error) or "infinity" in str(error):
                     resolve_runs(X, y, run=self.run)  # names the row
@@ -324,20 +332,27 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     def _fit_runs(self, runs: Runs, inputs: list, measured: list, before: Any) -> HybridRegressor:
         self.y_is_1d_ = runs.y_is_1d
         self.simulator_ = self._calibrated(inputs, measured)
-        self.region_ = Domain.of(np.hstack([np.concatenate(inputs), np.concatenate(measured)]), self.fade)
+        self.region_ = Domain.of(np.hstack([np.concatenate(inputs), np.concatenate(measured)]), reach(self.fade))
         self.correction_ = self._correction().fit(inputs, measured, before)
-        self.residual_ = self.correction_.fitted
         self.n_initial_ = self.correction_.n_lags
+        self._judge(inputs, measured, runs.output_names)
         self.free_run_rmse_ = float(np.sqrt(np.mean(self.correction_.rmse**2)))
-        self.left_out_rmse_ = self.correction_.rmse
-        if self._may_overfit():
-            found = left_out_rmse(self._correction, inputs, measured)
-            self.left_out_rmse_ = self.correction_.rmse if found is None else np.maximum(found, self.correction_.rmse)
         return self
 
-    def _may_overfit(self) -> bool:
-        """Whether what is left on the training runs says little of other runs; nets of the free run show it by their spread."""
-        return self.form != "output" or not (self.residual is None or isinstance(self.residual, FreeRunResidual))
+    def _judge(self, inputs: list, measured: list, names: Sequence[str] | None) -> None:
+        """The share of the correction that left-out runs support, and its error there."""
+        names = (
+            names or getattr(self.simulator_, "outputs", None) or [f"output {j}" for j in range(measured[0].shape[1])]
+        )
+        nets = self.form == "output" and (self.residual is None or isinstance(self.residual, FreeRunResidual))
+        fade = None if self.fade == "evidence" else reach(self.fade)
+        correction = self.correction_
+        if self.simulator_ is None:
+            self.report_ = surrogate_alone(correction, inputs, measured, judged=not nets)
+        else:
+            self.report_ = keep_supported(correction, inputs, measured, names, fade)
+        self.residual_, self.shrinkage_ = correction.fitted, self.report_.shrinkage
+        self.left_out_rmse_ = np.fmax(self.report_.rmse, correction.rmse)
 
     def _calibrated(self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]) -> Any:
         """The simulator; an estimator of one is fitted first."""
@@ -351,32 +366,10 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         return fitted.simulator_
 
     def _correction(self) -> Any:
-        loss = self.loss if self.loss is not None else self._default_loss()
-        if (
-            self.residual is not None
-            and not hasattr(self.residual, "fit")
-            and not isinstance(self.residual, FreeRunResidual)
-        ):
-            raise DataError(
-                f"residual={self.residual!r} is no estimator: it has no method fit. Give a regressor, or a pipeline that ends in one."
-            )
-        if self.form in ("dynamics", "input"):
-            own = self.residual is not None and not ends_linear(self.residual)
-            if own and not hasattr(self.residual, "predict"):
-                raise DataError(
-                    f"residual={self.residual!r} is no regressor: it has no method predict. Give a regressor, or a pipeline that ends in one."
-                )
-            return (ForceCorrection if own else DynamicsCorrection)(
-                self.simulator_, self.residual, self.form, loss, self.states, self.fade, self.shrinkage
-            )
-        return OutputCorrection(
-            self.simulator_, self.residual, self.form, loss, self.n_lags, self.fade, self.shrinkage, self.random_state
-        )
-
-    def _default_loss(self) -> str:
-        inside = self.form in ("dynamics", "input")
-        slopes = self.residual is None or (inside and ends_linear(self.residual))
-        return "shooting" if slopes else "one_step"
+        return correction_of(
+            self.simulator_, self.residual, self.form, self.loss, self.n_lags, self.states, reach(self.fade),
+            self.shrinkage, self.random_state,
+        )  # fmt: skip
 
     def _free(self, X: Any, y0: Any, groups: Any, spread: bool) -> tuple[Runs, Free, list]:
         """Runs, their free runs, and the rows these start from."""

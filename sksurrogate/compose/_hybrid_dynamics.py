@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from sklearn.base import clone
 
 from sksurrogate.compose._domain import Domain
-from sksurrogate.compose._hybrid_output import Free
+from sksurrogate.compose._hybrid_output import Free, simulate_runs
+from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.effects._catalogue import kinematic_states
-from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
 from sksurrogate.kernels.output_error import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
@@ -21,7 +23,7 @@ from sksurrogate.physics._free_run import free_run
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
-from sksurrogate.physics._simulator import Plant, describe, simulated
+from sksurrogate.physics._simulator import Plant, describe
 
 __all__ = ["DynamicsCorrection", "ends_linear"]
 
@@ -47,8 +49,10 @@ class DynamicsCorrection:
         Precision of the prior around no correction, coefficients in units of the spread of the derivative (or input).
     """
 
-    #: Rows that a free run starts from.
-    n_lags = 1
+    #: Rows that a free run starts from; share of the term that acts.
+    n_lags, factor = 1, 1.0
+    #: It acts inside the simulator.
+    inside = True
     theta: np.ndarray
 
     def __init__(self, simulator: Any, residual: Any, form: str, loss: str, states: Any, fade: float, shrinkage: float):
@@ -57,6 +61,11 @@ class DynamicsCorrection:
 
     def fit(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any = None) -> DynamicsCorrection:
         """Fit on runs; ``before``: a fitted correction to start from."""
+        self._fit_term(inputs, measured, before)
+        return self.judge(inputs, measured)
+
+    def _fit_term(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any) -> None:
+        """Basis and coefficients."""
         plant, model, guess = self._prepare(inputs, measured)
         z = model.record.u if self.form == "input" else np.concatenate([guess, model.record.u])
         self.domain = Domain.of(z.T, self.fade)
@@ -75,9 +84,42 @@ class DynamicsCorrection:
             if error < best:
                 best, chosen = error, basis
         self._learn(plant, model, guess, chosen, everything, before)
-        self._judge(plant, inputs, measured)
         self.fitted = self._filled()
-        return self
+
+    def taught_on(
+        self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], blocks: Sequence[tuple[int, int, int]]
+    ) -> DynamicsCorrection:
+        """The same correction, fitted to these rows (run, start, stop)."""
+        other = type(self)(self.simulator, self.residual, self.form, self.loss, self.states, self.fade, self.shrinkage)
+        other._fit_term([inputs[r][a:b] for r, a, b in blocks], [measured[r][a:b] for r, a, b in blocks], None)
+        return other
+
+    def errors_at(
+        self, factors: np.ndarray, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], pieces: Sequence[Piece]
+    ) -> list[np.ndarray]:
+        """Errors (n_factors, n_rows, n_outputs) of free runs of the pieces, where they are judged."""
+        U = [inputs[piece.run][piece.start : piece.stop] for piece in pieces]
+        y = [measured[piece.run][piece.start : piece.stop] for piece in pieces]
+        runs, whole = [], self.factor
+        for self.factor in factors:
+            try:
+                runs.append(self.run(U, [part[:1] for part in y]).y)
+            except (SimulationDiverged, FloatingPointError):
+                runs.append([np.full(part.shape, np.inf) for part in y])
+        self.factor = whole
+        return [
+            np.stack([free[k] - part for free in runs])[:, max(piece.judged - piece.start, 1) :]
+            for k, (piece, part) in enumerate(zip(pieces, y))
+        ]
+
+    def keep(self, factor: np.ndarray, fade: float) -> None:
+        """Multiply the term by ``factor`` (one number for all outputs); fade it beyond ``fade``."""
+        self.domain = replace(self.domain, fade=fade)
+        self._scale(float(factor[0]))
+
+    def _scale(self, factor: float) -> None:
+        self.theta = self.theta * factor
+        self.fitted = self._filled()
 
     def _prepare(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> tuple[Plant, FitModel, np.ndarray]:
         """The plant, its model over the record, and a trajectory (n_states, n_samples) to start from."""
@@ -100,14 +142,13 @@ class DynamicsCorrection:
             raise SimulatorError(f"the simulator gives no finite step along the data: {place}")
         return plant, model, guess
 
-    def _judge(self, plant: Plant, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:
-        """What the free runs leave, and how large the gap is without the correction."""
+    def judge(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> DynamicsCorrection:
+        """Set what the free runs leave, and how large the gap is without the correction."""
         free = self.run(inputs, [y[:1] for y in measured])
         self.rmse = np.sqrt(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2, axis=0))
-        alone = [simulated(self.simulator, U, self._start(plant, y[:1])) for U, y in zip(inputs, measured)]
-        self.reach = np.sqrt(
-            np.mean(np.concatenate([a.reshape(y.shape) - y for a, y in zip(alone, measured)]) ** 2, axis=0)
-        )
+        alone = simulate_runs(self.simulator, inputs, measured, self.n_outputs)
+        self.reach = np.sqrt(np.mean(np.concatenate([a - y for a, y in zip(alone, measured)]) ** 2, axis=0))
+        return self
 
     def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True) -> Free:
         """Free runs from the first row (None: the simulator's own start), each with its own number of samples."""
@@ -147,7 +188,7 @@ class DynamicsCorrection:
 
     def rhs(self, t: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the correction, on columns (n_states, n_points) and (n_inputs, n_points)."""
-        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
+        rate = self.terms.derivative(self.terms.coefficients(self.factor * self.theta[:, None]), self.domain)
         return rate(t, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
 
     # ---- parts ------------------------------------------------------------------------------------------------------
@@ -158,7 +199,7 @@ class DynamicsCorrection:
 
     def _rolled(self, plant: Plant, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
         """States of free runs of equal length, (n_runs, n_samples, n_states)."""
-        rate = self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain)
+        rate = self.terms.derivative(self.terms.coefficients(self.factor * self.theta[:, None]), self.domain)
         t = plant.dt * np.arange(U.shape[1])
         if plant.access == "rhs":
             method = str(getattr(self.simulator, "method", "auto")).replace("exact", "auto")  # terms are not linear

@@ -48,8 +48,8 @@ class ForceCorrection(DynamicsCorrection):
         As for :class:`DynamicsCorrection`; ``shrinkage`` is the residual's own affair.
     """
 
-    def fit(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any = None) -> ForceCorrection:
-        """Fit on runs; ``before``: a fitted correction whose term is the first guess."""
+    def _fit_term(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any) -> None:
+        """The residual; ``before``: a fitted correction whose term is the first guess."""
         if self.loss == "shooting":
             raise DataError(
                 f'loss="shooting" with form="{self.form}" needs slopes of the residual, and {type(self.residual).__name__} gives none: '
@@ -79,8 +79,9 @@ class ForceCorrection(DynamicsCorrection):
                 break
             known = self.force(guess, u)
         _, self.fitted, self.domain = best  # type: ignore[misc]
-        self._judge(plant, inputs, measured)
-        return self
+
+    def _scale(self, factor: float) -> None:
+        self.factor = factor
 
     def _noise(self, free: Sequence[np.ndarray]) -> np.ndarray:
         """Noise of the sensors, at most: rough parts of the outputs that a free run has too are none, (n_outputs,)."""
@@ -93,7 +94,7 @@ class ForceCorrection(DynamicsCorrection):
         """g at states (n_states, n_points) and inputs (n_inputs, n_points), faded outside the data: (n_targets, n_points)."""
         z = np.nan_to_num(self._features(x, u), posinf=1e300, neginf=-1e300)
         found = np.asarray(self.fitted.predict(self.domain.held(z).T), dtype=float).reshape(z.shape[1], -1)
-        return (found * self.domain.weight(z.T)[:, None]).T
+        return self.factor * (found * self.domain.weight(z.T)[:, None]).T
 
     def rhs(self, t: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt (or the next states) with the correction, on columns (n_states, n_points) and (n_inputs, n_points)."""

@@ -55,7 +55,8 @@ def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: in
         following += [value, graph.take(d, np.arange(past - o))]
     following += [u, graph.take(before, np.arange((n - 1) * n_inputs))]
     graph.outputs["x_next"] = graph.concat(*following)
-    graph.outputs["y"] = graph.binary("add", y_s, value)
+    kept = graph.binary("mul", graph.constant(np.broadcast_to(correction.factor, (o,)).astype(float)), value)
+    graph.outputs["y"] = graph.binary("add", y_s, kept)
     start = np.zeros(graph.nodes[x].size)
     if correction.simulator is not None:
         start[:n_states] = describe(correction.simulator).x0
@@ -123,7 +124,8 @@ def _force(graph: Graph, correction: ForceCorrection, z: int) -> int:
     if np.isfinite(domain.fade):
         room = 0.1 * (domain.high - domain.low)
         held = graph.clipped(z, domain.low - room, domain.high + room)
-    return _faded(graph, domain, z, add_estimator(graph, correction.fitted, held))
+    found = _faded(graph, domain, z, add_estimator(graph, correction.fitted, held))
+    return graph.binary("mul", graph.constant(correction.factor), found)
 
 
 class _Forced:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from sksurrogate.compose._domain import Domain
+from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting
 from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
@@ -50,7 +51,7 @@ def simulate_runs(
             x0[list(places)] = y[0]
         starts.append(x0)
     out = _simulated(simulator, plant, inputs, starts)
-    if out[0].shape[1] != n_outputs:
+    if out and out[0].shape[1] != n_outputs:
         raise DataError(
             f"y has {n_outputs} columns, but the simulator gives {out[0].shape[1]} outputs: give y the outputs of the "
             "simulator, in its order."
@@ -82,11 +83,17 @@ class OutputCorrection:
     random_state : int, RandomState or None
     """
 
+    #: It acts on the outputs.
+    inside = False
+    _bases: dict[Piece, np.ndarray]
+    domain: Domain
+
     def __init__(
         self, simulator: Any, residual: Any, form: str, loss: str, n_lags: int, fade: float, shrinkage: float, random_state: Any
     ):  # fmt: skip
         self.simulator, self.residual, self.form, self.loss = simulator, residual, form, loss
         self.n_lags, self.fade, self.shrinkage, self.random_state = n_lags, fade, shrinkage, random_state
+        self.factor: np.ndarray | float = 1.0
 
     def fit(
         self, inputs: list[np.ndarray], measured: list[np.ndarray], before: OutputCorrection | None = None
@@ -96,25 +103,78 @@ class OutputCorrection:
         base = simulate_runs(self.simulator, inputs, measured, self.n_outputs)
         deviation = [y - b for y, b in zip(measured, base)]
         known = [self.known(U, b) for U, b in zip(inputs, base)]
+        self._taught = (known, deviation, base)
+        self._fit_deviations(known, deviation, before)
+        return self.judge(inputs, measured)
+
+    def judge(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> OutputCorrection:
+        """Set ``rmse``, the error of the free runs of the training data."""
+        free = self.run(inputs, [y[: self.n_lags] for y in measured], spread=False)
+        error = np.concatenate([(f - y)[self.n_lags :] for f, y in zip(free.y, measured)])
+        self.rmse = np.sqrt(np.mean(error**2, axis=0))
+        return self
+
+    def keep(self, factor: np.ndarray, fade: float) -> None:
+        """Multiply what is added to the simulator's outputs by ``factor`` (n_outputs,); fade it beyond ``fade``."""
+        self.factor, self.domain = factor, replace(self.domain, fade=fade)
+        self.__dict__.pop("_taught", None)
+
+    def taught_on(self, inputs: Any, measured: Any, blocks: Sequence[tuple[int, int, int]]) -> OutputCorrection:
+        """The same correction, fitted to rows (run, start, stop) of the runs that ``fit`` has simulated."""
+        known, deviation, _ = self._taught
+        other = OutputCorrection(
+            self.simulator, self.residual, self.form, self.loss, self.n_lags, self.fade, self.shrinkage, self.random_state
+        )  # fmt: skip
+        other.n_outputs, other._taught, other._bases = self.n_outputs, self._taught, {}
+        other._fit_deviations([known[r][a:b] for r, a, b in blocks], [deviation[r][a:b] for r, a, b in blocks], None)
+        return other
+
+    def errors_at(
+        self, factors: np.ndarray, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], pieces: Sequence[Piece]
+    ) -> list[np.ndarray]:
+        """Errors (n_factors, n_rows, n_outputs) of free runs of the pieces, where they are judged."""
+        U = [inputs[piece.run][piece.start : piece.stop] for piece in pieces]
+        y = [measured[piece.run][piece.start : piece.stop] for piece in pieces]
+        first = [part[: self.n_lags] for part in y]
+        base = self._bases_of(pieces, U, first)
+        with np.errstate(over="ignore", invalid="ignore"):
+            free = self._run(U, first, base, False)
+        out = []
+        for piece, f, b, part in zip(pieces, free.y, base, y):
+            rows = slice(max(piece.judged - piece.start, self.n_lags), None)
+            out.append((b - part)[rows] + factors[:, None, None] * (f - b)[rows])
+        return out
+
+    def _bases_of(self, pieces: Sequence[Piece], inputs: list, first: list) -> list[np.ndarray]:
+        """Runs of the simulator over pieces, each simulated once; those from the start of a run are known."""
+        new = [k for k, piece in enumerate(pieces) if piece not in self._bases and piece.start > 0]
+        found = simulate_runs(self.simulator, [inputs[k] for k in new], [first[k] for k in new], self.n_outputs)
+        self._bases.update({pieces[k]: base for k, base in zip(new, found)})
+        whole = self._taught[2]
+        return [self._bases[piece] if piece.start else whole[piece.run][: piece.stop] for piece in pieces]
+
+    def _fit_deviations(self, known: list, deviation: list, before: OutputCorrection | None) -> None:
+        """Region, bounds and residual from the simulator's deviations."""
         phi = np.concatenate([self._rows(d, k) for d, k in zip(deviation, known)])
         target = np.concatenate([d[self.n_lags :] for d in deviation])
         self.domain = Domain.of(phi, self.fade)
         self.reach = np.sqrt(np.mean(target**2, axis=0))
         self.bound = 3.0 * np.abs(target).max(axis=0) + 1e-300
         self._learn(known, deviation, phi, target, before)
-        free = self.run(inputs, [y[: self.n_lags] for y in measured], spread=False)
-        error = np.concatenate([(f - y)[self.n_lags :] for f, y in zip(free.y, measured)])
-        self.rmse = np.sqrt(np.mean(error**2, axis=0))
-        return self
 
     def known(self, U: np.ndarray, base: np.ndarray) -> np.ndarray:
         """Inputs of now and before (the first row repeated before the start) and the simulator's output."""
         lags = np.maximum(np.arange(len(U))[:, None] - np.arange(self.n_lags + 1), 0)
-        return np.concatenate([U[lags].reshape(len(U), -1), base], axis=1)
+        return np.concatenate([U[lags].reshape(len(U), lags.shape[1] * U.shape[1]), base], axis=1)
 
     def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True) -> Free:
         """Free runs from the first rows (None: from no deviation); ``spread``: those of every map too."""
-        base = simulate_runs(self.simulator, inputs, first, self.n_outputs)
+        return self._run(inputs, first, simulate_runs(self.simulator, inputs, first, self.n_outputs), spread)
+
+    def _run(
+        self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], base: list[np.ndarray], spread: bool
+    ) -> Free:
+        """The same from known runs of the simulator."""
         known = [self.known(U, b) for U, b in zip(inputs, base)]
         longest = max(len(k) for k in known)
         stacked = np.stack([np.concatenate([k, np.repeat(k[-1:], longest - len(k), axis=0)]) for k in known], axis=1)
@@ -130,8 +190,8 @@ class OutputCorrection:
             deviates = np.std(every, axis=0)
         cut_off = [len(b) for b in base]
         return Free(
-            [b + d[:n, r] for r, (b, n) in enumerate(zip(base, cut_off))],
-            [deviates[:n, r] for r, n in enumerate(cut_off)],
+            [_kept(b, d[:n, r], self.factor, begun[r]) for r, (b, n) in enumerate(zip(base, cut_off))],
+            [self.factor * deviates[:n, r] for r, n in enumerate(cut_off)],
             [weight[:n, r] for r, n in enumerate(cut_off)],
         )
 
@@ -143,7 +203,7 @@ class OutputCorrection:
             part = np.full(b.shape, np.nan)
             if len(U) > self.n_lags:
                 phi = self._rows(y - b, self.known(U, b))
-                part[self.n_lags :] = b[self.n_lags :] + self.domain.weight(phi)[:, None] * self.step(phi)
+                part[self.n_lags :] = b[self.n_lags :] + self.factor * self.domain.weight(phi)[:, None] * self.step(phi)
             out.append(part)
         return out
 
@@ -257,6 +317,13 @@ class OutputCorrection:
             weight[t] = w
             d[n + t] = np.where((t >= begun)[:, None], new, d[n + t])
         return d[n:], weight
+
+
+def _kept(base: np.ndarray, d: np.ndarray, factor: np.ndarray | float, begun: int) -> np.ndarray:
+    """Outputs (n_samples, n_outputs): the first ``begun`` rows are those given, then the share of the deviation."""
+    y = base + factor * d
+    y[:begun] = base[:begun] + d[:begun]
+    return y
 
 
 class _Deviation:

@@ -1,57 +1,122 @@
-"""How far a correction is off on runs that it was not fitted to."""
+"""Errors of a correction on runs, or blocks of runs, that it was not fitted to."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-__all__ = ["left_out_rmse"]
+__all__ = ["Fold", "LeftOut", "Piece", "folds_of"]
 
-#: Fits beside the one of all runs.
-_FOLDS = 3
+#: Fits beside the one of all runs: folds of runs; blocks where there are fewer runs than three.
+RUN_FOLDS, BLOCK_FOLDS = 3, 4
+#: Longest block that starts anew: longer ones are cut, and all run in one batch.
+LONGEST = 2000
 
 
-def left_out_rmse(
-    make: Callable[[], Any], inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]
-) -> np.ndarray | None:
-    """RMS error (n_outputs,) of the free runs of corrections that were fitted without these runs.
+@dataclass(frozen=True)
+class Piece:
+    """A free run over rows ``start`` to ``stop`` of a run, judged from row ``judged`` on."""
 
-    A single run is fitted without its last third, and judged there. None where it is too short, where
-    no free run stayed finite, or where fewer runs are too few for the residual.
+    run: int
+    start: int
+    stop: int
+    judged: int
+
+
+@dataclass(frozen=True)
+class Fold:
+    """What a correction is fitted to, as (run, start, stop), and the free runs that it is judged by."""
+
+    taught: tuple[tuple[int, int, int], ...]
+    judged: tuple[Piece, ...]
+
+
+def folds_of(lengths: Sequence[int], n_lags: int) -> list[Fold]:
+    """Every third run in turn; of one or two runs, one of four blocks in turn. Empty where blocks would be too short.
+
+    A block is judged twice: started anew from its own first rows, as ``predict`` does, and in a free run from the start
+    of its run on, as a long prediction does.
 
     Parameters
     ----------
-    make : callable
-        Gives an unfitted correction with ``fit`` and ``run``.
+    lengths : sequence of int
+        Rows of every run.
+    n_lags : int
+        Rows that a free run starts from; a block has at least twice as many and two.
+    """
+    n, shortest = len(lengths), 2 * n_lags + 2
+    if n >= RUN_FOLDS:
+        blocks = [[(r, 0, lengths[r]) for r in range(k, n, RUN_FOLDS)] for k in range(RUN_FOLDS)]
+    else:
+        per_run = BLOCK_FOLDS // n
+        edges = [np.linspace(0, length, per_run + 1).astype(int) for length in lengths]
+        blocks = [[(r, int(a), int(b))] for r, edge in enumerate(edges) for a, b in zip(edge, edge[1:])]
+    if min(stop - start for group in blocks for _, start, stop in group) < shortest:
+        return []
+    folds = []
+    for k, group in enumerate(blocks):
+        taught = _joined([block for j, others in enumerate(blocks) if j != k for block in others])
+        judged = [piece for block in group for piece in _pieces(block, n_lags)]
+        folds.append(Fold(tuple(taught), tuple(judged)))
+    return folds
+
+
+def _joined(blocks: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
+    """Blocks that follow each other in a run are one."""
+    out: list[tuple[int, int, int]] = []
+    for run, start, stop in sorted(blocks):
+        if out and out[-1][0] == run and out[-1][2] == start:
+            out[-1] = (run, out[-1][1], stop)
+        else:
+            out.append((run, start, stop))
+    return out
+
+
+def _pieces(block: tuple[int, int, int], n_lags: int) -> list[Piece]:
+    """Free runs that judge a block: from its own start, in parts where it is long, and from the start of its run."""
+    run, start, stop = block
+    count = max(1, -(-(stop - start) // LONGEST))
+    edges = np.linspace(start, stop, count + 1).astype(int)
+    pieces = [Piece(run, int(a), int(b), int(a) + n_lags) for a, b in zip(edges, edges[1:])]
+    return pieces if start == 0 or count > 1 else [*pieces, Piece(run, 0, stop, start)]
+
+
+class LeftOut:
+    """A correction fitted to the runs of each fold, judged on the others.
+
+    Parameters
+    ----------
+    correction : correction
+        With ``taught_on(inputs, measured, pieces)`` and ``errors_at(factors, inputs, measured, pieces)``. A fold with too
+        few rows for the residual says nothing.
     inputs, measured : sequence of ndarray (n_samples, n_inputs | n_outputs)
         One a run.
     """
-    n = len(inputs)
-    if n == 1:
-        cut = 2 * len(inputs[0]) // 3
-        if len(inputs[0]) - cut < 2 * make().n_lags + 2:
-            return None
-        folds = [([inputs[0][:cut]], [measured[0][:cut]], [0], cut)]
-    else:
-        folds = []
-        for k in range(min(n, _FOLDS)):
-            others = [r for r in range(n) if r % _FOLDS != k]
-            folds.append(([inputs[r] for r in others], [measured[r] for r in others], list(range(k, n, _FOLDS)), 0))
-    errors = []
-    for U, y, judged, first in folds:
-        try:
-            correction = make().fit(U, y)
-            errors += [_errors(correction, inputs[r], measured[r], first) for r in judged]
-        except (ValueError, np.linalg.LinAlgError):  # some residuals want more rows than a fold has
-            continue
-    every = np.concatenate(errors) if errors else np.empty((0, 1))
-    every = every[np.isfinite(every).all(axis=1)]
-    return np.sqrt(np.mean(every**2, axis=0)) if len(every) else None
 
+    def __init__(self, correction: Any, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]):
+        self.inputs, self.measured = inputs, measured
+        self.fitted: list[tuple[Any, tuple[Piece, ...]]] = []
+        for fold in folds_of([len(U) for U in inputs], correction.n_lags):
+            try:
+                self.fitted.append((correction.taught_on(inputs, measured, fold.taught), fold.judged))
+            except (ValueError, np.linalg.LinAlgError):
+                continue
 
-def _errors(correction: Any, U: np.ndarray, y: np.ndarray, first: int) -> np.ndarray:
-    """Free run less measurement from row ``first`` on, behind the rows that it starts from."""
-    n = correction.n_lags
-    return (correction.run([U], [y[:n]], False).y[0] - y)[max(n, first) :]
+    def errors(self, factors: np.ndarray, fade: float | None = None) -> list[np.ndarray]:
+        """Errors (n_factors, n_rows, n_outputs) of every piece at these shares of the correction, behind its first rows.
+
+        Parameters
+        ----------
+        factors : ndarray (n_factors,)
+        fade : float, optional
+            Reach of the correction beyond its data in place of its own.
+        """
+        errors: list[np.ndarray] = []
+        for correction, judged in self.fitted:
+            if fade is not None:
+                correction.domain = replace(correction.domain, fade=fade)
+            errors += correction.errors_at(factors, self.inputs, self.measured, judged)
+        return errors

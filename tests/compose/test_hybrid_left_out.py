@@ -8,6 +8,11 @@ from sklearn.neighbors import KNeighborsRegressor
 
 from sksurrogate.compose import HybridRegressor
 from sksurrogate.datasets import linear_reactor, make_reactor_runs
+from sksurrogate.physics import CallableSimulator
+
+
+def nothing(U):
+    return np.zeros((len(U), 1))
 
 
 def _data(n_runs, seed, n=100):
@@ -49,9 +54,23 @@ def test_left_out_runs_are_those_of_the_folds():
     np.testing.assert_allclose(hybrid.free_run_rmse_, levels.std())
 
 
-def test_one_run_is_judged_on_its_last_third():
+def test_one_run_is_judged_on_each_of_its_four_blocks():
+    """A constant residual: off by the mean of the other blocks; the first row of a block starts it, at both its runs."""
     y = np.r_[np.zeros(40), np.ones(20)]
     hybrid = HybridRegressor(None, DummyRegressor(), form="static", n_lags=1).fit(np.zeros((60, 1)), y)
-    np.testing.assert_allclose(hybrid.left_out_rmse_, 1.0)
+    expected = []
+    for k in range(4):
+        taught = [np.arange(15 * k)] * (k > 0) + [np.arange(15 * (k + 1), 60)] * (k < 3)
+        mean = np.concatenate([y[rows[1:]] for rows in taught]).mean()
+        block = y[15 * k : 15 * (k + 1)] - mean
+        expected += [block[1:], block] if k else [block[1:]]
+    np.testing.assert_allclose(hybrid.left_out_rmse_, np.sqrt(np.mean(np.concatenate(expected) ** 2)))
+
+
+def test_runs_too_short_to_be_cut_support_no_correction():
     short = HybridRegressor(None, DummyRegressor(), form="static", n_lags=3).fit(np.zeros((8, 1)), np.arange(8.0))
-    np.testing.assert_allclose(short.left_out_rmse_, short.free_run_rmse_)  # too short to be cut
+    np.testing.assert_allclose(short.left_out_rmse_, short.free_run_rmse_)
+    hybrid = HybridRegressor(CallableSimulator(nothing), DummyRegressor(), form="static", n_lags=3)
+    hybrid.fit(np.zeros((8, 1)), np.arange(8.0))
+    np.testing.assert_array_equal(hybrid.predict(np.zeros((8, 1))), 0.0)
+    assert hybrid.shrinkage_ == 0.0 and "too short" in str(hybrid.report_)

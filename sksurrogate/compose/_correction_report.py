@@ -1,0 +1,174 @@
+"""What left-out runs say about a hybrid's correction: the share of it that is kept, and how far it reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.compose._left_out import LeftOut
+from sksurrogate.compose._support import Support, block_powers, supported
+
+__all__ = ["CorrectionReport", "keep_supported", "reach", "surrogate_alone"]
+
+#: Shares that are compared: a step of a twentieth costs at most a 400th of the squared gap.
+SHARES = np.linspace(0.0, 1.0, 21)
+#: Reach of a correction beyond its data, as a share of their range, from hardly any to as much again.
+FADES = (0.1, 0.3, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionReport:
+    """Errors of free runs on left-out runs (blocks of one or two runs), and the share of the correction that is kept.
+
+    Attributes
+    ----------
+    shrinkage : ndarray (n_outputs,)
+        Share of the correction that is kept, from 0 (the simulator alone) to 1.
+    fade : float
+        Share of the range of the data by which a feature may leave it before the correction fades.
+    simulator_rmse, whole_rmse, rmse : ndarray (n_outputs,)
+        Of the simulator alone, of the whole correction, and of the share that is kept; nan where nothing was left out.
+    n_blocks : int
+        Blocks that the standard errors are made of; 0 where the record is too short to leave any out.
+    sentence : str
+    """
+
+    shrinkage: np.ndarray
+    fade: float
+    simulator_rmse: np.ndarray
+    whole_rmse: np.ndarray
+    rmse: np.ndarray
+    n_blocks: int
+    sentence: str
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+def keep_supported(
+    correction: Any,
+    inputs: Sequence[np.ndarray],
+    measured: Sequence[np.ndarray],
+    names: Sequence[str],
+    fade: float | None,
+) -> CorrectionReport:
+    """Leave runs out, keep the share of the correction that they support, and say so.
+
+    Parameters
+    ----------
+    correction : fitted correction
+        Its ``keep`` is called.
+    inputs, measured : sequence of ndarray (n_samples, n_inputs | n_outputs)
+        The training runs.
+    names : sequence of str
+        Of the outputs.
+    fade : float, optional
+        None: of ``FADES``, the one that left-out runs support most; the shortest where they never leave the data.
+    """
+    o = measured[0].shape[1]
+    left_out = LeftOut(correction, inputs, measured)
+    if not left_out.fitted:
+        correction.keep(np.zeros(o), FADES[0] if fade is None else fade)
+        correction.judge(inputs, measured)
+        nothing = np.full(o, np.nan)
+        return CorrectionReport(np.zeros(o), correction.domain.fade, nothing, nothing, nothing, 0, _TOO_SHORT)
+    size = np.maximum(np.std(np.concatenate(measured), axis=0), 1e-300)
+    fades = FADES if fade is None else (fade,)
+    best = (_best_inside if correction.inside else _best_outside)(left_out, fades, size)
+    place = [int(np.argmin(np.abs(best.factors - support.factor))) for support in best.supports]
+    kept = best.factors[place]
+    correction.keep(kept, best.fade)
+    if np.any(kept < 1.0):
+        correction.judge(inputs, measured)
+    chosen = best.rmse[place, np.arange(o)]
+    sentence = " ".join(
+        _sentence(name, *numbers) for name, *numbers in zip(names, kept, best.rmse[0], best.rmse[-1], chosen)
+    )
+    n_blocks = best.supports[0].n_blocks
+    return CorrectionReport(kept, best.fade, best.rmse[0], best.rmse[-1], chosen, n_blocks, sentence)
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """Shares of the correction at one reach: support of every output, and RMSE (n_factors, n_outputs)."""
+
+    factors: np.ndarray
+    fade: float
+    supports: list[Support]
+    rmse: np.ndarray
+
+    @property
+    def lower(self) -> float:
+        """Gain less its standard error, mean over outputs."""
+        return float(np.mean([support.closed - support.standard_error for support in self.supports]))
+
+
+def _best_outside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
+    """A share for every output; of equal reaches the first, which is the shortest."""
+
+    def judged(fade: float) -> _Judged:
+        power, rmse = _power(left_out.errors(SHARES, fade))
+        return _Judged(SHARES, fade, [supported(power[:, :, j], SHARES) for j in range(len(size))], rmse)
+
+    return max([judged(fade) for fade in fades], key=lambda one: one.lower)
+
+
+def _best_inside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
+    """One share for all outputs: none, half or all of the term, each simulated."""
+    alone = left_out.errors(np.zeros(1), fades[0])
+
+    def judged(fade: float, parts: list[list[np.ndarray]], factors: np.ndarray) -> _Judged:
+        power, rmse = _power([np.concatenate(same) for same in zip(*parts)])
+        return _Judged(factors, fade, [supported(np.sum(power / size**2, axis=2), factors)] * len(size), rmse)
+
+    whole = {fade: left_out.errors(np.ones(1), fade) for fade in fades}
+    tried = [judged(fade, [alone, whole[fade]], np.array([0.0, 1.0])) for fade in fades]
+    fade = max(tried, key=lambda one: one.lower).fade
+    half = left_out.errors(np.array([0.5]), fade)
+    return judged(fade, [alone, half, whole[fade]], np.array([0.0, 0.5, 1.0]))
+
+
+def _power(errors: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Squared errors of blocks (n_factors, n_blocks, n_outputs), and RMSE (n_factors, n_outputs)."""
+    power = block_powers(errors)
+    return power, np.sqrt(power.sum(axis=1) / sum(error.shape[1] for error in errors))
+
+
+def reach(fade: float | str) -> float:
+    """``fade`` as a number: "evidence" as far as it goes while nothing has been left out."""
+    return FADES[-1] if fade == "evidence" else float(fade)
+
+
+def surrogate_alone(
+    correction: Any, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], judged: bool
+) -> CorrectionReport:
+    """Without a simulator all is kept; ``judged``: its error on left-out runs is measured."""
+    o, fade = measured[0].shape[1], correction.domain.fade
+    errors = LeftOut(correction, inputs, measured).errors(np.ones(1)) if judged else []
+    every = np.concatenate([error[0] for error in errors]) if errors else np.empty((0, o))
+    every = every[np.isfinite(every).all(axis=1)]
+    rmse = np.sqrt(np.mean(every**2, axis=0)) if len(every) else np.full(o, np.nan)
+    correction.keep(np.ones(o), fade)
+    return CorrectionReport(np.ones(o), fade, np.full(o, np.nan), rmse, rmse, 0, _NO_SIMULATOR)
+
+
+_NO_SIMULATOR = "There is no simulator to fall back on: the surrogate is used as it is."
+_TOO_SHORT = (
+    "The runs are too short to leave blocks out, so nothing supports a correction: the simulator is used alone. "
+    "Give longer runs, or fewer lags (n_lags)."
+)
+
+
+def _sentence(name: str, share: float, simulator: float, whole: float, kept: float) -> str:
+    """One output."""
+    numbers = f"simulator {simulator:.3g}, whole correction {whole:.3g}"
+    if share == 0.0:
+        return f"{name}: left-out runs do not support the correction (RMSE: {numbers}); the simulator is used alone."
+    if share == 1.0:
+        return f"{name}: left-out runs support the whole correction (RMSE: {numbers})."
+    return (
+        f"{name}: left-out runs support {100 * share:.0f} % of the correction (RMSE: {numbers}, kept share {kept:.3g})."
+    )

@@ -1,0 +1,125 @@
+"""A hybrid keeps the share of its correction that left-out runs support, down to none."""
+
+import numpy as np
+import pytest
+from sklearn.linear_model import LinearRegression
+from sklearn.neighbors import KNeighborsRegressor
+
+from sksurrogate.compose import HybridRegressor
+from sksurrogate.compose._left_out import folds_of
+from sksurrogate.compose._support import supported
+from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
+from sksurrogate.physics import CallableSimulator, ODESimulator
+
+
+def identity(U):
+    return U[:, [0]]
+
+
+def test_the_supported_factor_is_the_closed_form_minimum_where_all_blocks_agree():
+    """Error e - f d with <e, d> = a and <d, d> = c: the minimum is at a / c, and no block disagrees."""
+    factors = np.linspace(0.0, 1.0, 21)
+    for best in (0.25, 0.6, 1.0):
+        power = np.outer(1.0 - 2.0 * best * factors + factors**2, [1.0, 5.0, 2.0, 100.0])
+        found = supported(power, factors)
+        assert found.factor == pytest.approx(best, abs=0.026)
+        assert found.closed == pytest.approx(best**2, abs=1e-3)
+        assert found.standard_error == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_jackknife_is_the_standard_error_of_a_mean_for_equal_blocks():
+    rng = np.random.default_rng(0)
+    gain = 0.5 + 0.1 * rng.normal(size=12)
+    found = supported(np.stack([np.ones(12), 1.0 - gain]), np.array([0.0, 1.0]))
+    assert found.standard_error == pytest.approx(np.std(gain, ddof=1) / np.sqrt(12))
+
+
+def test_one_block_that_gains_among_many_that_lose_supports_nothing():
+    power = np.ones((2, 10))
+    power[1] = [0.0, *9 * [1.05]]
+    assert supported(power, np.array([0.0, 1.0])).factor == 0.0
+    power[1] = 0.5
+    assert supported(power, np.array([0.0, 1.0])).factor == 1.0
+
+
+@pytest.mark.parametrize("lengths", [[97], [40, 55], [20, 30, 25, 40, 33]])
+def test_every_row_is_judged_by_a_fit_that_has_not_seen_it(lengths):
+    seen = [np.zeros(n, int) for n in lengths]
+    for fold in folds_of(lengths, 3):
+        taught = [np.zeros(n, bool) for n in lengths]
+        for run, start, stop in fold.taught:
+            taught[run][start:stop] = True
+        for piece in fold.judged:
+            rows = np.arange(piece.judged, piece.stop)
+            assert not taught[piece.run][rows].any()
+            seen[piece.run][rows] += 1
+    assert all(np.all(one[3:] > 0) for one in seen)
+
+
+@pytest.mark.parametrize("form", ["output", "static", "series"])
+def test_a_correction_learned_from_noise_is_dropped(form):
+    rng = np.random.default_rng(0)
+    X, groups = rng.normal(size=(400, 1)), np.repeat(np.arange(4), 100)
+    y = X[:, 0] + 0.1 * rng.normal(size=400)
+    hybrid = HybridRegressor(CallableSimulator(identity), KNeighborsRegressor(1), form).fit(X, y, groups=groups)
+    assert hybrid.shrinkage_ == 0.0
+    np.testing.assert_array_equal(hybrid.predict(X, groups=groups), X[:, 0])
+    assert hybrid.free_run_rmse_ == pytest.approx(np.std(y - X[:, 0]), rel=0.1)
+    assert "the simulator is used alone" in str(hybrid.report_)
+    assert hybrid.report_.whole_rmse > hybrid.report_.rmse == hybrid.report_.simulator_rmse
+
+
+def test_each_output_keeps_its_own_share():
+    rng = np.random.default_rng(1)
+    X, groups = rng.normal(size=(400, 2)), np.repeat(np.arange(4), 100)
+    y = X + 0.1 * rng.normal(size=(400, 2))
+    y[:, 0] += 0.5
+    hybrid = HybridRegressor(CallableSimulator(lambda U: U), LinearRegression(), "static").fit(X, y, groups=groups)
+    assert hybrid.shrinkage_[0] == 1.0 and hybrid.shrinkage_[1] < 1.0
+    assert "output 0" in str(hybrid.report_) and "output 1" in str(hybrid.report_)
+
+
+def test_a_term_inside_the_plant_is_dropped_where_the_plant_is_right():
+    X, y, groups = make_reactor_runs(4, 80, noise=0.05, random_state=0)
+    hybrid = HybridRegressor(make_reactor(), KNeighborsRegressor(1), "dynamics").fit(X, y, groups=groups)
+    assert hybrid.shrinkage_ == 0.0
+    first = np.stack([y[groups == k][:1] for k in range(4)])[:, :, None]
+    alone = np.concatenate([make_reactor().simulate(X[groups == k], x0=first[k, 0])[:, 0] for k in range(4)])
+    predicted = hybrid.predict(X, y0=first, groups=groups)
+    np.testing.assert_allclose(predicted, alone, rtol=1e-4)  # fixed steps, and steps with their error controlled
+
+
+def test_the_whole_correction_is_kept_where_it_closes_the_gap():
+    X, y, groups = make_reactor_runs(6, 120, noise=0.02, random_state=0)
+    hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    assert hybrid.shrinkage_ == 1.0
+    assert hybrid.report_.rmse < 0.1 * hybrid.report_.simulator_rmse
+
+
+def test_the_graph_of_a_shrunk_hybrid_is_its_prediction():
+    X, y, groups = make_reactor_runs(3, 80, noise=0.02, random_state=0)
+    hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    hybrid.correction_.keep(np.array([0.4]), 0.3)
+    predicted = hybrid.predict(X[:40], y0=y[:5])
+    state, graph, found = hybrid.graph_state(X[:40], y0=y[:5]), hybrid.to_graph(), []
+    for row in X[5:40]:
+        at = graph(x=state, u=row)
+        state = at["x_next"]
+        found.append(at["y"][0])
+    np.testing.assert_allclose(found, predicted[5:], atol=1e-5)
+
+
+def test_a_plant_without_inputs_has_a_hybrid():
+    def fall(t, x, u, p):
+        return x[1], -9.81 - p["drag"] * x[1]
+
+    def ball(drag):
+        return ODESimulator(fall, states=["h", "v"], inputs=[], outputs=["h"], params={"drag": drag}, dt=0.05)
+
+    X, groups = np.zeros((240, 0)), np.repeat(np.arange(4), 60)
+    y = np.concatenate([ball(0.3).simulate(np.zeros((60, 0)), x0=[10.0 * k, 0.0])[:, 0] for k in range(4)])
+    hybrid = HybridRegressor(ball(0.0)).fit(X, y, groups=groups)
+    predicted = hybrid.predict(np.zeros((60, 0)), y0=y[60:65])
+    assert np.std(predicted - y[60:120]) < 0.1 * np.std(
+        ball(0.0).simulate(np.zeros((60, 0)), x0=[10.0, 0.0])[:, 0] - y[60:120]
+    )
