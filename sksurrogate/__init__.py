@@ -48,6 +48,7 @@ _HOME = {
     "SurrogateSimulator": "physics",
     "TableSimulator": "physics",
     "blind": "",
+    "compare_simulators": "gap",
     "compose": "",
     "coverage_report": "compose",
     "cut_runs": "runs",
