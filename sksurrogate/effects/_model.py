@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.signals import hold
+from sksurrogate.kernels.signals import Signal, hold
 from sksurrogate.physics._model import PlantModel
 
 __all__ = ["AugmentedModel", "BoundModel"]
@@ -96,6 +97,20 @@ class AugmentedModel:
         if name in self.plant.states:
             return float(self.nominal_scale[self.plant.states.index(name)])
         return float(self.input_scale[self.plant.inputs.index(name)])
+
+    @cached_property
+    def held(self) -> list[Signal]:
+        """Every input as it was recorded, between the samples too."""
+        order = 0 if self.plant.hold == "zoh" else 1
+        return [hold(u, self.n_sub, order, self.record.starts) for u in self.record.u]
+
+    @cached_property
+    def plain_inputs(self) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+        """Inputs that act and those at the samples, where no effect changes them."""
+        if not self.held:
+            none = np.zeros((self.n_sub, 0, 1, self.record.n_samples))
+            return none, None, none[0]
+        return _stacked(self.held)
 
     def bind(self, theta: np.ndarray) -> BoundModel:
         """The model at parameter vectors ``theta`` (n_theta, n_columns)."""
@@ -210,10 +225,11 @@ class BoundModel:
     def _inputs(self) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Inputs that act: (n_sub, n_inputs, n_columns | 1, n_samples); those at the samples (n_inputs, n_columns | 1, n_samples)."""
         a, record = self.a, self.record
-        order = 0 if a.plant.hold == "zoh" else 1
-        signals = [hold(u, a.n_sub, order, record.starts) for u in record.u]
-        given = list(signals)
         acting = [(e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, InputEffect)]
+        if not acting:
+            return a.plain_inputs
+        signals = list(a.held)
+        given = list(signals)
         own = [row for _, i, _ in acting for row in range(*a.slice_of(i).indices(a.n_theta))]
         # Columns that perturb something else share one path of the input.
         _, first, column = np.unique(self.theta[own], axis=1, return_index=True, return_inverse=True)
@@ -222,14 +238,7 @@ class BoundModel:
             other = given[a.plant.inputs.index(effect.variable)] if effect.variable else None
             distinct = [row[first, None] for row in self.theta[a.slice_of(i)]]
             signals[place] = effect.transform(signals[place], other, distinct, self.h, record.starts)
-        if not signals:
-            return np.zeros((a.n_sub, 0, 1, record.n_samples)), None, np.zeros((0, 1, record.n_samples))
-        mean, shown = _stack([s.mean for s in signals]), _stack([s.at_samples()[None] for s in signals])[0]
-        half = None
-        if any(s.half is not None for s in signals):
-            half = np.broadcast_to(
-                _stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals]), mean.shape
-            )
+        mean, half, shown = _stacked(signals)
         if mean.shape[2] > 1:
             column = np.ravel(column)
             mean, half = mean[:, :, column], None if half is None else half[:, :, column]
@@ -263,11 +272,13 @@ class BoundModel:
         nominal = self.a.model.derivative(t, x[:n], self.entering(t, x, u), self._varied(t))
         if not self.a.effects:
             return nominal
-        dx = np.empty((self.a.n_states, *nominal.shape[1:]))
-        dx[:n] = nominal
+        dx = nominal
+        if self.a.n_states > n:
+            dx = np.empty((self.a.n_states, *nominal.shape[1:]))
+            dx[:n] = nominal
         dx = self.rates_of_effects(t, x, u, dx)
         states = self.a.plant.states
-        for i, effect in enumerate(self.a.effects):
+        for i, effect in enumerate(self.a.effects if self._has_limits else ()):
             if isinstance(effect, LimitEffect) and effect.variable:
                 place, other = states.index(str(effect.location)), states.index(effect.variable)
                 dx[place], dx[other] = effect.flow(x[place], dx[place], dx[other], self._parameters[i])
@@ -388,6 +399,15 @@ class BoundModel:
 def retuned(nominal: float, phi: Any) -> Any:
     """A free parameter: nominal times exp(phi), or phi itself where the nominal value is 0."""
     return phi if nominal == 0 else nominal * np.exp(phi)
+
+
+def _stacked(signals: list[Signal]) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """Means and half rises (n_sub, n_inputs, n_columns | 1, n_samples) of signals, values at the samples."""
+    mean, shown = _stack([s.mean for s in signals]), _stack([s.at_samples()[None] for s in signals])[0]
+    if all(s.half is None for s in signals):
+        return mean, None, shown
+    half = _stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals])
+    return mean, np.broadcast_to(half, mean.shape), shown
 
 
 def _stack(parts: list[np.ndarray]) -> np.ndarray:

@@ -39,6 +39,7 @@ class PlantModel:
         self._output = None
         if self._selected is None:
             self._output = PointwiseFunction(wired(simulator.output), len(plant.outputs), "output", plant.outputs)
+        self._inputs, self._times, self._params = _Flattened(), _Flattened(), _FlatParams(plant.params)
 
     def probe(self, u: np.ndarray) -> None:
         """Try the user's functions at the initial state and an input ``u`` (n_inputs,), so that mistakes speak early."""
@@ -67,21 +68,12 @@ class PlantModel:
     ) -> np.ndarray:
         """Flatten, call, restore."""
         shape = x.shape[1:]
-        p: Mapping[str, Any] = self.plant.params
-        size = math.prod(shape)
-        inputs, states, times = (
-            _flat(u, (len(u), *shape)).reshape(len(u), size),
-            x.reshape(len(x), size),
-            _flat(t, shape),
-        )
-        for view in (
-            inputs,
-            states,
-            times,
-        ):  # arrays of their own, whatever x, u and t are: what they show stays writable
-            view.setflags(write=False)
-        if varied:
-            p = {**p, **{name: locked(_flat(value, shape)) for name, value in varied.items()}}
+        n_points = math.prod(shape)
+        inputs = self._inputs(u, (len(u), *shape)).reshape(len(u), n_points)
+        states, times = x.reshape(len(x), n_points), self._times(t, shape)
+        # Views of their own: arrays that they show stay writable.
+        states.setflags(write=False)
+        p = self._params(varied, shape) if varied else self.plant.params
         return function.points(times, states, inputs, p, *extra).reshape(function.size, *shape)
 
     def derivative_points(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any]) -> np.ndarray:
@@ -151,9 +143,40 @@ def _wired(plant: Plant) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     return lambda function: _WithForces(function, len(plant.inputs), places, len(offered))
 
 
+class _Flattened:
+    """Arrays as flat points that cannot be written; the last one is kept: stages of a step share their inputs and times."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Any, tuple[int, ...], np.ndarray] = (None, (), np.empty(0))
+
+    def __call__(self, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+        """Broadcast to ``shape`` and flat."""
+        known, at, flat = self._last
+        if known is not value or at != shape:
+            flat = locked(_flat(value, shape))
+            self._last = (value, shape, flat) if isinstance(value, np.ndarray) else self._last
+        return flat
+
+
+class _FlatParams:
+    """All parameters at flat points; the last ones are kept: all stages of all steps share parameters that do not drift."""
+
+    def __init__(self, nominal: Mapping[str, Any]):
+        self._nominal = nominal
+        self._last: tuple[Any, tuple[int, ...], Mapping[str, Any]] = (None, (), nominal)
+
+    def __call__(self, varied: Mapping[str, np.ndarray], shape: tuple[int, ...]) -> Mapping[str, Any]:
+        """The nominal ones and the varied ones broadcast to ``shape``, flat."""
+        known, at, flat = self._last
+        if known is not varied or at != shape:
+            flat = {**self._nominal, **{name: locked(_flat(value, shape)) for name, value in varied.items()}}
+            self._last = varied, shape, flat
+        return flat
+
+
 def _flat(value: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Broadcast to a shape and flat; quicker than :func:`numpy.broadcast_to` on arrays of this size."""
-    if np.shape(value) == shape:
+    if np.size(value) == math.prod(shape):
         return np.reshape(value, -1)
     out = np.empty(shape)
     out[...] = value
