@@ -47,7 +47,8 @@ def test_the_noise_is_seen_in_an_input_whose_reference_jumps():
     record = Record(u[None], y[None], t, np.arange(0, len(u), N), DT)
     assert closed_loop(record, clean[None], ["i"]) == "i"
     other = np.random.default_rng(1).normal(scale=0.01, size=len(u))
-    assert closed_loop(record, (y - other)[None], ["i"]) is None
+    noisy = Record(u[None], (clean + other)[None], t, np.arange(0, len(u), N), DT)  # a noise that the input does not follow
+    assert closed_loop(noisy, clean[None], ["i"]) is None
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -56,3 +57,46 @@ def test_noise_in_the_input_is_not_an_effect_of_the_input(seed):
     report = GapDiagnoser(plant, random_state=0).fit(u[:, None], y, groups=groups).report_
     assert report.verdict == "none", [(e.name, e.location) for e in report.effects]
     assert any("closed-loop" in note for note in report.notes)
+
+
+def profile(rng, n, lines=13):
+    """A fixed profile of the input: lines of a multisine."""
+    t = np.arange(n)
+    return sum(np.sin(2 * np.pi * 3 * k * t / n + rng.uniform(0, 6.3)) for k in range(1, lines))
+
+
+def open_loop(seed, repeated, nonlinear, n=600):
+    """Two runs of an open loop; the model lacks a term that answers the profile."""
+    rng = np.random.default_rng(100 + seed)
+    u = np.stack([profile(np.random.default_rng(seed if repeated else 2 * seed + run), n) for run in (0, 1)])
+    y, model = np.zeros((2, 2, n))
+    for k in range(n - 1):
+        y[:, k + 1] = y[:, k] + 0.1 * (u[:, k] - y[:, k] - nonlinear * (y[:, k] ** 3 + 0.3 * np.sign(y[:, k])))
+        model[:, k + 1] = model[:, k] + 0.1 * (u[:, k] - model[:, k])
+    y += 0.002 * rng.normal(size=y.shape)
+    return Record(u.reshape(1, -1), y.reshape(1, -1), np.arange(2 * n) * DT, np.array([0, n]), DT), model.reshape(1, -1)
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+@pytest.mark.parametrize("nonlinear", [0.05, 0.2, 0.5])
+def test_a_fixed_profile_that_the_error_of_the_model_answers_is_no_loop(repeated, nonlinear):
+    for seed in range(4):
+        assert closed_loop(*open_loop(seed, repeated, nonlinear), ["u"]) is None
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_loop_is_seen_through_an_error_of_the_model(seed):
+    rng, n = np.random.default_rng(seed), 1200
+    reference, integral = np.repeat(rng.normal(size=n // 100), 100), 0.0
+    u, y, model = np.zeros((3, n))
+    x = 0.0
+    for k in range(n):
+        y[k] = x + 0.02 * rng.normal()
+        error = reference[k] - y[k]
+        integral += 0.05 * error
+        u[k] = error + integral
+        x += 0.1 * (u[k] - x - 0.1 * x**3)
+        if k + 1 < n:
+            model[k + 1] = model[k] + 0.1 * (u[k] - model[k])
+    record = Record(u[None], y[None], DT * np.arange(n), np.array([0]), DT)
+    assert closed_loop(record, model[None], ["u"]) == "u"

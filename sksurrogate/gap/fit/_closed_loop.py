@@ -12,12 +12,15 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["LOOP", "closed_loop", "may_follow_noise"]
 
-#: Lags of an input that explain its next move without the outputs; lags of the residual that must add nothing.
-OWN, FOREIGN = 6, 3
+#: Lags of an input that explain its next move without the outputs: at most so many, for a profile of twenty lines foretells
+#: itself from forty, and one for so many samples; lags of the residual that must add nothing.
+OWN, SAMPLES_A_LAG, FOREIGN = 40, 25, 3
 #: Share of the moves of an input that residuals must explain beyond its own past, and its size against chance.
 SHARE_FOLLOWED, CHANCE = 0.02, 40.0
 #: A move beyond this many times the median one is a jump of the reference.
 JUMP_OF_INPUT = 6.0
+#: Pieces of the moves of which every other one makes a half.
+PIECES = 4
 #: Moves of an input that are enough to judge by.
 FEWEST_MOVES = 60
 
@@ -30,8 +33,9 @@ LOOP = (
 def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | None:
     """The input that follows residuals of the outputs, if any.
 
-    The next move of an input is regressed on its own past, and on that with present and past residuals beside it: sensor
-    noise can only get into an input through a controller.
+    The next move of an input is regressed on what foretells it in an open loop, its own past, that of the model and the same
+    profile in other runs, and on that with present and past residuals beside it: sensor noise can only get into an input
+    through a controller.
 
     Parameters
     ----------
@@ -42,31 +46,69 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         Of the inputs.
     """
     age = np.arange(record.n_samples) - record.starts[record.run_of_row]
-    inside = np.flatnonzero(age >= OWN + 1)
-    r = record.residual(y)
+    lags = max(min(OWN, record.n_samples // SAMPLES_A_LAG, int(record.lengths.max()) // 4), FOREIGN)
+    inside = np.flatnonzero(age >= lags + 1)
+    r = record.y - y
     quick = np.diff(r, axis=1, prepend=r[:, :1])  # what is slow in a residual may come from the input itself
-    if record.known is not None:  # a value that was not measured says nothing of a move
-        quick[:, 1:] *= record.known[:, 1:] & record.known[:, :-1]
-    for u, name in zip(record.u, names):
+    for i, name in enumerate(names):
+        u = record.u[i]
         moved = np.abs(u[inside] - u[inside - 1]) > 1e-9 * max(float(np.ptp(u)), 1e-300)
         rows = inside[moved]  # where an input stands still nothing drives it
         if len(rows) < FEWEST_MOVES:
             continue
         move = u[rows] - u[rows - 1]
         foreign = np.stack([e[rows - lag] for e in quick for lag in range(FOREIGN)], axis=1)
-        own = np.stack([np.ones(len(rows)), *(v[rows - lag] for v in record.u for lag in range(1, OWN + 1))], axis=1)
+        own = np.stack([np.ones(len(rows)), *_past(record, y, rows, lags), *_repeated(record, i, rows)], axis=1)
         left, calm = _foretold(own, move)
         if float(left[calm] @ left[calm]) <= 1e-10 * float(move[calm] @ move[calm]):
             continue  # the input foretells itself
         if calm.sum() < FEWEST_MOVES or np.std(left[calm]) == 0:
             continue
-        e = foreign[calm] - foreign[calm].mean(axis=0)
+        known = own[calm]
+        e = foreign[calm] - known @ np.linalg.lstsq(known, foreign[calm], rcond=1e-10)[0]
         z = left[calm] - left[calm].mean()
-        rest = z - e @ np.linalg.lstsq(e, z, rcond=1e-10)[0]
-        share = 1.0 - float(rest @ rest) / float(z @ z)
-        if share > SHARE_FOLLOWED and share * len(z) > CHANCE + 2.0 * foreign.shape[1]:
+        share = _explained(e, z)
+        if share > SHARE_FOLLOWED and share * len(z) > CHANCE + 2.0 * foreign.shape[1] and _in_every_part(e, z):
             return name
     return None
+
+
+def _explained(e: np.ndarray, z: np.ndarray) -> float:
+    """Share of the squares of z that the columns of e explain."""
+    rest = z - e @ np.linalg.lstsq(e, z, rcond=1e-10)[0]
+    return 1.0 - float(rest @ rest) / max(float(z @ z), 1e-300)
+
+
+def _in_every_part(e: np.ndarray, z: np.ndarray) -> bool:
+    """Whether coefficients learned from one half of the moves explain the other half: a controller is the same all along.
+
+    Halves alternate in pieces, and each explains the other at least half as well as all of it is explained.
+    """
+    half = (np.arange(len(z)) * 2 * PIECES // len(z)) % 2 == 0
+    whole = _explained(e, z)
+    for learnt in (half, ~half):
+        w = np.linalg.lstsq(e[learnt], z[learnt], rcond=1e-10)[0]
+        other = z[~learnt] - e[~learnt] @ w
+        if 1.0 - float(other @ other) / max(float(z[~learnt] @ z[~learnt]), 1e-300) < 0.5 * whole:
+            return False
+    return True
+
+
+def _past(record: Record, y: np.ndarray, rows: np.ndarray, lags: int) -> list[np.ndarray]:
+    """What an operator or a fixed profile knows: the past of all inputs, and what the model makes of it, however long ago."""
+    inputs = [v[rows - lag] for v in record.u for lag in range(1, lags + 1)]
+    shown = [out[rows - lag] for out in y for lag in range(1, FOREIGN + 1)]
+    return [*inputs, *shown, *(v * np.abs(v) for v in shown[::FOREIGN])]
+
+
+def _repeated(record: Record, i: int, rows: np.ndarray) -> list[np.ndarray]:
+    """The mean move of the input in the other runs at the same age: a profile that is run again follows no noise."""
+    moves = np.diff(record.u[i], prepend=record.u[i, :1])
+    moves[record.starts] = 0.0
+    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
+    total, count = np.bincount(age, moves), np.bincount(age)
+    others = (total[age] - moves) / np.maximum(count[age] - 1, 1)
+    return [others[rows]] if np.any(others[rows] != 0) else []
 
 
 def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
