@@ -72,6 +72,7 @@ def fit_noise(
     curvature: np.ndarray | None = None,
     held: np.ndarray | None = None,
     caps: tuple[np.ndarray, np.ndarray] | None = None,
+    sigma_unit: np.ndarray | None = None,
 ) -> tuple[Noise, float, np.ndarray]:
     """Maximise the likelihood over the noise parameters, with parameters of the model moved along.
 
@@ -92,6 +93,9 @@ def fit_noise(
         Entries of ``start.pack()`` that stay where they are.
     caps : (force, coloured), optional
         Largest force of every balance and coloured noise of every sensor that count as noise.
+    sigma_unit : ndarray (n_outputs,), optional
+        Sensor noise that counts as one, by which noises are bounded: that of ``start`` by default. Models that are compared
+        need the same: a wider range alone would make one likelier than another.
 
     Returns
     -------
@@ -102,16 +106,17 @@ def fit_noise(
     """
     columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
     none = np.zeros(columns.shape[1] - 1)
-    low, high = _noise_bounds(start.sigma, force_unit, caps)
+    unit = start.sigma if sigma_unit is None else sigma_unit
+    low, high = _noise_bounds(unit, force_unit, caps)
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
     f = _Likelihood(
-        model, columns, start, none if precision is None else precision, none if pull is None else pull, low, high
+        model, columns, start, none if precision is None else precision, none if pull is None else pull, low, high, unit
     )
     first = f.resized(np.clip(start.pack(), low, high))
     eta, value, inverse = _quasi_newton(f, *first, max_iterations, curvature)
     noise = start.unpack(eta)
-    return noise, -value - _log_prior(noise, start.sigma), inverse
+    return noise, -value - _log_prior(noise, unit), inverse
 
 
 class _Value(NamedTuple):
@@ -139,6 +144,7 @@ class _Likelihood:
     pull: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    unit: np.ndarray
 
     def __call__(self, eta: np.ndarray) -> _Value:
         check_time()
@@ -156,7 +162,7 @@ class _Likelihood:
         if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
             return LOST
         theta = np.linalg.lstsq(normal, right, rcond=1e-10)[0] if len(g) else g
-        logdet -= 2.0 * _log_prior(noise, self.start.sigma)
+        logdet -= 2.0 * _log_prior(noise, self.unit)
         value = 0.5 * (G[0, 0] - float(right @ theta) + logdet)
         if not np.isfinite(value):
             return LOST
@@ -175,7 +181,7 @@ class _Likelihood:
                 slopes = noise_slopes(self.model, residual, noise, at.factor)
         except np.linalg.LinAlgError:  # from its end the precision rounds to one that is not positive definite
             return np.full(len(eta), np.nan)
-        out = slopes - _prior_slopes(noise, self.start.sigma)
+        out = slopes - _prior_slopes(noise, self.unit)
         return np.where(self.low < self.high, out, 0.0)
 
     def resized(self, eta: np.ndarray) -> tuple[np.ndarray, _Value]:

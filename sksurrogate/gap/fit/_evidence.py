@@ -183,6 +183,7 @@ def follow_noise(rival: C, start: Noise, curvature: np.ndarray | None = None, ma
         curvature=curvature,
         max_iterations=max_iterations,
         caps=problem.caps,
+        sigma_unit=problem.sd,
     )
     return Evidence(rival, noise, judged_under(rival, [noise]).log_likelihood, curved)
 

@@ -8,12 +8,14 @@ from sksurrogate.gap.fit._known_parameters import PRIOR
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._quantization import told_apart
 
-__all__ = ["prior_cost", "retuning_cost"]
+__all__ = ["moved_far", "prior_cost", "retuning_cost"]
 
 #: Initial states lie within so many times the size of a state about where the simulator's own run starts.
 START = 10.0
 #: Initial states that cost less than this are not looked at closer.
 SMALL = 1.0
+#: Sum of squares of the free parameters' moves, over :data:`PRIOR`, from which a re-tuning may imitate an effect.
+FAR_RETUNED = 6.0
 
 
 def prior_cost(rival: OdeCandidate) -> float:
@@ -22,18 +24,26 @@ def prior_cost(rival: OdeCandidate) -> float:
 
 
 def retuning_cost(rival: OdeCandidate) -> float:
-    """``sum (log ratio / PRIOR)^2`` of the free parameters.
+    """``sum 3 log(1 + z^2 / 2)``, z = log ratio / :data:`PRIOR`, of the free parameters, less what the likelihood holds of it.
 
-    Gaussian, unlike the prior of the fits: these must not pull at a parameter that is far off. Where the user gives a prior the
-    likelihood holds it.
+    Student's t of two degrees of freedom, as in the fits: a fit that is best under one prior must not be weighed by another.
+    By the tails of a Gaussian a set of effects beside which a parameter rightly moves far would lose to a subset of it. Where
+    the user gives a prior the likelihood holds it.
     """
+    square = moves(rival) ** 2
+    return float(np.sum(3.0 * np.log1p(0.5 * square) - square / (1.0 + 0.5 * square)))
+
+
+def moves(rival: OdeCandidate) -> np.ndarray:
+    """Log ratios of the free parameters to their nominal values, over :data:`PRIOR`, where the user gives no prior."""
     problem, ratios = rival.problem, rival.fit.theta[rival.n_parameters :]
-    moved = [
-        v
-        for name, v in zip(problem.free, ratios)
-        if problem.plant.params[name] != 0 and name not in problem.known.priors
-    ]
-    return float(np.sum(np.square(moved))) / PRIOR**2
+    own = [problem.plant.params[name] != 0 and name not in problem.known.priors for name in problem.free]
+    return ratios[np.array(own, dtype=bool)] / PRIOR
+
+
+def moved_far(rival: OdeCandidate) -> bool:
+    """Whether the free parameters moved so far that they may imitate an effect."""
+    return float(np.sum(moves(rival) ** 2)) >= FAR_RETUNED
 
 
 def step_cost(rival: OdeCandidate) -> float:

@@ -12,7 +12,7 @@ from sksurrogate.gap.fit._closed_loop import may_follow_noise
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, JUDGED_BY_SIZE, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, arrived, estimate_noise, follow_null, judged_under
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
-from sksurrogate.gap.fit._prior import prior_cost, retuning_cost
+from sksurrogate.gap.fit._prior import moved_far, prior_cost
 from sksurrogate.gap.fit._rounding import names_steps
 from sksurrogate.gap.search._base import CORRELATED, EQUAL
 from sksurrogate.gap.search._expander import Expander
@@ -37,8 +37,6 @@ SCREENED = 0.4
 RUNNERS = 3
 #: Pairs that are fitted because the screen expects most of them.
 MOST_PAIRS = 10
-#: Re-tuning that costs this much (-2 log of the prior) may imitate an effect.
-FAR_RETUNED = 6.0
 #: A set of effects that was left is taken up again where it comes back with less than this share of its cost.
 COMES_BACK = 0.9
 #: A fit with so many times the cost of the null has gone astray.
@@ -128,7 +126,7 @@ class Search(Expander):
     def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
         """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
         rivals = self.expand(null, 16, 6, siblings=True)
-        if retuning_cost(null) < FAR_RETUNED:
+        if not moved_far(null):
             return rivals
         best: dict = {}
         for rival in [*rivals, *self.from_nominal(self.begun, 16, 6)]:
@@ -257,6 +255,9 @@ class Search(Expander):
         for rival in rivals:
             if rival is not nearest:
                 self.judge(judged_under(rival, [noise, start]))
+                if not self.is_far(rival) and self.score(rival) < self.score(base) - 0.5 * self.bar(1):
+                    # It holds the base: what it loses to it, it loses to a noise that was made for others.
+                    self.judge(estimate_noise(rival, noise, curvature, max_iterations=8))
         rivals.sort(key=self.score, reverse=True)
         if self.own(rivals[0]) is None:
             self.judge(estimate_noise(rivals[0], start, shape, max_iterations=8))

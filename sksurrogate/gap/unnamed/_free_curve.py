@@ -131,7 +131,8 @@ class _CurveFit:
         J = self.J if F is None else np.concatenate([self.J, F], axis=1)
         prior = self.prior(0 if F is None else F.shape[1])
         unit, caps = self.problem.force_unit(), self.problem.caps
-        fits = [fit_noise(self.D, self.r, start, unit, J, *prior, caps=caps) for start in starts]
+        same = {"caps": caps, "sigma_unit": self.problem.sd}
+        fits = [fit_noise(self.D, self.r, start, unit, J, *prior, **same) for start in starts]
         noise, value, _ = max(fits, key=lambda fit: fit[1])
         G, _ = self.D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
         return value, _explained(G, *prior)[1]

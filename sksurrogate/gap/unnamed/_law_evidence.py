@@ -391,7 +391,9 @@ class _Fit:
         for _ in range(TURNS):
             J = np.concatenate([self.J, np.einsum("okt,k->ot", F, now.theta[n:])[:, None]], axis=1)
             held, pull = np.r_[self.precision, 0.0], np.r_[self.pull, 0.0]
-            noise, _, _ = fit_noise(self.D, self.r, now.noise, unit, J, held, pull, caps=caps)
+            noise, _, _ = fit_noise(
+                self.D, self.r, now.noise, unit, J, held, pull, caps=caps, sigma_unit=self.problem.sd
+            )
             now = self.found(k, f, F, noise)
         return now
 

@@ -252,7 +252,9 @@ class _Fit:
             rough = 0.0 if form.rough is None else now.weight * (own @ form.rough @ own)
             J = np.concatenate([self.J, np.einsum("okt,k->ot", F, own)[:, None]], axis=1)
             held, pull = np.r_[self.precision, rough], np.r_[self.pull, 0.0]
-            noise, _, _ = fit_noise(self.D, self.r, now.noise, unit, J, held, pull, caps=caps)
+            noise, _, _ = fit_noise(
+                self.D, self.r, now.noise, unit, J, held, pull, caps=caps, sigma_unit=self.problem.sd
+            )
             now = self.found(F, noise, form)
         return now
 
