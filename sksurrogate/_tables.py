@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.exceptions import DataError
 
 __all__ = [
-    "as_labels", "as_table", "column_number", "floats", "labels_from_index", "outputs_of", "raw_column", "refuse_missing",
+    "as_labels", "as_table", "column_number", "floats", "labels_from_index", "no_inputs", "outputs_of", "raw_column", "refuse_missing",
     "refuse_unlabelled", "refuse_unseen", "unmasked", "without_nan",
 ]  # fmt: skip
 
@@ -40,6 +40,17 @@ def as_labels(given: Any) -> np.ndarray:
             labels = np.empty(len(listed), dtype=object)
             labels[:] = [LEFT_OUT if out else label for out, label in zip(left_out, listed)]
     return labels
+
+
+def no_inputs(y: Any, groups: Any) -> np.ndarray:
+    """X (n_samples, 0) of a plant without inputs, as long as y or groups."""
+    rows = y if y is not None else groups
+    if rows is None:
+        raise DataError(
+            "X is None, and neither y nor groups says how many rows there are: give X of shape (n_samples, 0), "
+            "for example np.zeros((100, 0))."
+        )
+    return np.zeros((len(rows), 0))
 
 
 def as_table(X: Any, name: str) -> np.ndarray:

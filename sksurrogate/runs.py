@@ -15,6 +15,7 @@ from sksurrogate._tables import (
     column_number,
     floats,
     labels_from_index,
+    no_inputs,
     outputs_of,
     raw_column,
     refuse_missing,
@@ -123,8 +124,8 @@ def resolve_runs(
 
     Parameters
     ----------
-    X : array-like or frame (n_samples, n_columns)
-        Inputs, and the run and time columns where they are named.
+    X : array-like or frame (n_samples, n_columns), or None
+        Inputs, and the run and time columns where they are named; None where there are no inputs.
     y : array-like (n_samples,) or (n_samples, n_outputs), optional
         Outputs.
     groups : array-like (n_samples,), optional
@@ -161,6 +162,7 @@ def resolve_runs(
     >>> [(r.label, len(r)) for r in runs]
     [('a', 2), ('b', 1)]
     """
+    X = no_inputs(y, groups) if X is None else X
     frame = X if hasattr(X, "columns") else None
     names = [str(c) for c in frame.columns] if frame is not None else None
     labels = labels_from_index(frame) if run == "index" else None

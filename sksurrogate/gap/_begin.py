@@ -12,6 +12,7 @@ from sksurrogate._parallel._second import Second
 from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._exclude import without_excluded
+from sksurrogate.effects._still import driven_effects
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
@@ -69,7 +70,9 @@ def begin_ode(diagnoser: Any, task: Task) -> Begun:
     model.probe(record.u[:, 0])
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-    candidates = without_excluded(build_effects(plant, balances, diagnoser.effects), diagnoser.exclude, plant)
+    asked = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
+    candidates = without_excluded(build_effects(plant, balances, asked), diagnoser.exclude, plant)
+    candidates = driven_effects(candidates, asked, plant, whole)
     with finite_along(model, whole, [run.label for run in runs]):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
     task.progress.say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
@@ -101,7 +104,7 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Begun:
         problem = build_trajectory(plant, whole, task.free, [run.label for run in runs], task.known)
     testable = _testable(problem, wanted)
     _check_asked(plant, effects, testable)
-    candidates = without_excluded(testable, diagnoser.exclude, plant)
+    candidates = driven_effects(without_excluded(testable, diagnoser.exclude, plant), effects, plant, whole)
     task.progress.say(f"{len(candidates)} rivals on {whole.n_samples} samples of {len(runs)} run(s)")
     search = TrajectorySearch(problem, candidates, n_jobs=diagnoser.n_jobs, report=task.progress.say)
     inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))

@@ -152,8 +152,8 @@ class GapDiagnoser(BaseEstimator):
 
         Parameters
         ----------
-        X : array-like or frame (n_samples, n_inputs)
-            Measured inputs, columns in the order (or with the names) of the simulator's inputs.
+        X : array-like or frame (n_samples, n_inputs), or None
+            Measured inputs, columns in the order (or with the names) of the simulator's inputs; None where it has none.
         y : array-like (n_samples,) or (n_samples, n_outputs)
             Measured outputs, likewise; nan where an output was not measured (sensors at other rates, dropouts).
         groups : array-like (n_samples,), optional
@@ -190,6 +190,7 @@ class GapDiagnoser(BaseEstimator):
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
         free = _free(self.free_params, plant.params)
+        _refuse_still([run.y for run in runs], plant.outputs)
         user_knows = _known(self.bounds, self.priors, plant.params)
         whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
@@ -223,6 +224,18 @@ class GapDiagnoser(BaseEstimator):
         if not (isinstance(self.tolerance, Real) and 0.0 < self.tolerance < 1.0):
             raise ValueError(
                 f"tolerance={self.tolerance!r}: expected a share of the gap between 0 and 1; the default is 0.1."
+            )
+
+
+def _refuse_still(Y: Sequence[np.ndarray], names: Sequence[str]) -> None:
+    """An output that reads one number in all rows is an error."""
+    for name, y in zip(names, np.concatenate(Y).T):
+        values = y[~np.isnan(y)]
+        if np.ptp(values) == 0:
+            raise DataError(
+                f"y never moves in column {name!r}: it is {values[0]:g} in all rows, and there is no gap to be found in it. "
+                "If the plant moved, this sensor stood still: leave the output out of y and of the simulator's outputs. If the "
+                "plant stood still, record a run in which it moves."
             )
 
 

@@ -15,7 +15,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
 from sksurrogate._columns import by_name
-from sksurrogate._tables import without_nan
+from sksurrogate._tables import no_inputs, without_nan
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
@@ -281,6 +281,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
     def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
         inputs = getattr(self.simulator, "inputs", None)
+        X = no_inputs(y, groups) if X is None and inputs is not None and not len(inputs) else X
         X = by_name(X, inputs, self.run, warn=reset)
         y = by_name(y, getattr(self.simulator, "outputs", None), warn=reset)
         fewest = 0 if inputs is not None and len(inputs) == 0 else 1
