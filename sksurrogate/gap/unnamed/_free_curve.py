@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -131,7 +131,7 @@ class _CurveFit:
         J = self.J if F is None else np.concatenate([self.J, F], axis=1)
         prior = self.prior(0 if F is None else F.shape[1])
         unit, caps = self.problem.force_unit(), self.problem.caps
-        same = {"caps": caps, "sigma_unit": self.problem.sd}
+        same: dict[str, Any] = {"caps": caps, "sigma_unit": self.problem.sd}
         fits = [fit_noise(self.D, self.r, start, unit, J, *prior, **same) for start in starts]
         noise, value, _ = max(fits, key=lambda fit: fit[1])
         G, _ = self.D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
