@@ -219,8 +219,8 @@ class BalanceEffect(BaseEffect):
         theta : sequence of ndarray
             Parameters, magnitude first.
         width : float
-            Half width over which kinks such as sign(v) are smoothed, in units of v (of time where there is no v); the
-            sharper the dearer.
+            Half width over which kinks such as sign(v) are smoothed, in units of v (of time where there is no v); sharper
+            kinks cost more substeps.
         """
 
     def jump(self, theta: Sequence[Any]) -> Any:

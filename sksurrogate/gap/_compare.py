@@ -134,7 +134,7 @@ def compare_simulators(
 def _check_numbers(n_runs: Any, noise: Any) -> None:
     """Numbers that no comparison can be made of."""
     if not isinstance(n_runs, Integral) or n_runs < 1:
-        raise DataError(f"n_runs={n_runs!r}: expected a number of runs from 1 on; write n_runs=6.")
+        raise DataError(f"n_runs={n_runs!r}: expected a positive integer; write n_runs=6.")
     if not isinstance(noise, Real) or not 0.0 < float(noise) < 1.0:
         raise DataError(
             f"noise={noise!r}: expected a share of the outputs' deviation between 0 and 1; write noise=1e-3."
@@ -178,7 +178,7 @@ def _limits(limits: Any, inputs: Sequence[str]) -> list[tuple[float, float]]:
     if given is not None:
         unknown, missing = [n for n in given if n not in inputs], [n for n in inputs if n not in given]
         if unknown or missing:
-            wrong = f"{unknown[0]!r} is no input of a" if unknown else f"the input {missing[0]!r} is missing"
+            wrong = f"{unknown[0]!r} is not an input of a" if unknown else f"the input {missing[0]!r} is missing"
             raise DataError(f"limits={limits!r}: {wrong}; expected (low, high) for each of {list(inputs)}.")
         pairs = [given[name] for name in inputs]
     else:

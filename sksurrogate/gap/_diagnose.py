@@ -169,10 +169,10 @@ class GapDiagnoser(BaseEstimator):
             The data do not keep the convention; ``bounds`` or ``priors`` name no parameter, or hold no such numbers;
             ``exclude`` names what is not there, or leaves nothing.
         SimulatorError
-            The simulator does not, or does not fit the data; ``free_params`` names what is no parameter of it, or one twice;
+            The simulator does not, or does not fit the data; ``free_params`` names something that is not a parameter of it, or one parameter twice;
             it gives trajectories only, and none of ``effects`` can be tested with it.
         ValueError
-            ``effects`` holds a name that is not in the catalogue or what is no effect; ``n_jobs`` is 0 or no whole number.
+            ``effects`` holds a name that is not in the catalogue or something that is not an effect; ``n_jobs`` is 0 or not an integer.
         """
         self._check_parameters()
         with progress_shown(self.verbose) as show:
@@ -214,7 +214,7 @@ class GapDiagnoser(BaseEstimator):
         """Values that no diagnosis can work with."""
         if self.n_jobs is not None and not (isinstance(self.n_jobs, Integral) and self.n_jobs != 0):
             raise ValueError(
-                f"n_jobs={self.n_jobs!r}: expected None or a number of workers from 1 on, or -1 for one a core; write n_jobs=1."
+                f"n_jobs={self.n_jobs!r}: expected None, -1 (one worker for each core) or a positive integer; write n_jobs=1."
             )
         limit = self.time_limit
         if limit is not None and (not isinstance(limit, Real) or isinstance(limit, bool) or not 0.0 < limit < np.inf):
@@ -242,9 +242,9 @@ def _refuse_still(Y: Sequence[np.ndarray], names: Sequence[str]) -> None:
 def _known(bounds: Any, priors: Any, params: Mapping[str, float]) -> KnownParameters:
     """What the user knows of the parameters, checked."""
     names = list(params)
-    low, high = asked_bounds(bounds, names, "is no parameter of the simulator")
+    low, high = asked_bounds(bounds, names, "is not a parameter of the simulator")
     limits = {name: (float(a), float(b)) for name, a, b in zip(names, low, high) if np.isfinite(a) or np.isfinite(b)}
-    known = KnownParameters(limits, asked_priors(priors, params, "is no parameter of the simulator"))
+    known = KnownParameters(limits, asked_priors(priors, params, "is not a parameter of the simulator"))
     known.check(params)
     return known
 
@@ -261,10 +261,10 @@ def _free(free_params: Any, params: Any) -> tuple[str, ...]:
     for k, name in enumerate(names):
         if not isinstance(name, str):
             raise SimulatorError(
-                f'free_params={free_params!r}: {name!r} is no name; expected a list of names out of {sorted(params)}, or "all".'
+                f'free_params={free_params!r}: {name!r} is not a name; expected a list of names out of {sorted(params)}, or "all".'
             )
         if name not in params:
             raise SimulatorError(f"free_params: the simulator has no parameter {name!r}; it has {sorted(params)}.")
         if name in names[:k]:
-            raise SimulatorError(f"free_params={free_params!r}: {name!r} stands there twice; name each parameter once.")
+            raise SimulatorError(f"free_params={free_params!r}: {name!r} is listed twice; list each parameter once.")
     return tuple(names)

@@ -108,7 +108,7 @@ class NamedModel(ParametricSimulator):
 
     def _read_params(self, given: Any) -> dict[str, float]:
         own = self._engine().parameters
-        names = list(own) if given is None else known_names(listed(given), tuple(own), "params", "is no parameter")
+        names = list(own) if given is None else known_names(listed(given), tuple(own), "params", "is not a parameter")
         return {name: float(given[name]) if isinstance(given, Mapping) else own[name].value for name in names}
 
     def _read_dt(self, given: float | None) -> float:

@@ -80,7 +80,7 @@ def test_it_is_at_the_top_level():
         (
             {"limits": {"forc": (0, 1)}},
             DataError,
-            "'forc' is no input of a; expected .low, high. for each of .'force'.",
+            "'forc' is not an input of a; expected .low, high. for each of .'force'.",
         ),
         ({"limits": {}}, DataError, "the input 'force' is missing"),
         ({"limits": [(0, 1), (0, 1)]}, DataError, "expected .low, high. for each of the inputs"),

@@ -110,7 +110,7 @@ def test_bounds_and_priors_in_the_coordinates_of_a_fit():
         (
             {"bounds": {"q": (0, 1)}},
             DataError,
-            r"bounds names 'q', which is no parameter of the simulator.*'k', 'leak'",
+            r"bounds names 'q', which is not a parameter of the simulator.*'k', 'leak'",
         ),
         ({"bounds": {"k": (3, 1)}}, DataError, r"bounds\['k'\]=\(3, 1\): expected \(low, high\)"),
         ({"bounds": {"k": (-3, -1)}}, DataError, r"bounds\['k'\]=\(-3, -1\) holds no value of the sign"),

@@ -430,7 +430,7 @@ def test_a_file_that_changed_is_read_again(tmp_path):
             {"outputs": ["elbow"]},
             r"outputs: 'elbow' is neither a state nor a sensor of the model; it has \['shoulder.pos'",
         ),
-        ({"params": ["elbow.friction"]}, r"params: 'elbow.friction' is no parameter of the model"),
+        ({"params": ["elbow.friction"]}, r"params: 'elbow.friction' is not a parameter of the model"),
         ({"dt": 0.003}, r"dt is 0.003, expected a positive multiple of the model's timestep 0.002"),
         ({"x0": [0.0]}, r"x0 has 1 values, expected 4: one for each of states=\['shoulder.pos'"),
         ({"n_threads": 0}, r"n_threads=0: expected None, -1 or a positive integer"),

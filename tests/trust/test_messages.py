@@ -203,9 +203,9 @@ def test_a_parameter_that_is_not_there():
 @pytest.mark.parametrize(
     ("free", "message"),
     [
-        (5, r"free_params=5: 5 is no name; expected a list of names out of \['feed', 'first'.*or \"all\""),
-        ([None], r"free_params=\[None\]: None is no name"),
-        (["feed", "flow", "feed"], r"free_params=.*: 'feed' stands there twice; name each parameter once"),
+        (5, r"free_params=5: 5 is not a name; expected a list of names out of \['feed', 'first'.*or \"all\""),
+        ([None], r"free_params=\[None\]: None is not a name"),
+        (["feed", "flow", "feed"], r"free_params=.*: 'feed' is listed twice; list each parameter once"),
     ],
 )
 def test_free_parameters_that_are_no_names(free, message):

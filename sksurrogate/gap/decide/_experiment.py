@@ -81,7 +81,7 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
         sentence += " Its inputs leave the recorded range: make sure that the plant allows them."
     same = [names[1 + k] for k in range(len(most)) if k not in told]
     if same:
-        sentence += f" Nothing tried here tells {', '.join(same)} from {names[0]}."
+        sentence += f" None of the simulated experiments separates {', '.join(same)} from {names[0]}."
     parted = tuple(names[1 + int(k)] for k in told if apart[best["experiment"]][k] >= ENOUGH)
     return NextExperiment(sentence, Table(tuple(rows)), names[0], parted)
 
@@ -124,7 +124,7 @@ def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) ->
     if experiment is None:
         return "no experiment that parts them was found"
     if experiment.named != named:
-        return f"what parts them was not asked: the next experiment is about {experiment.named}"
+        return f"no experiment was computed for this pair (the suggested one concerns {experiment.named})"
     if not experiment.parted:
         return "they part in none of the experiments tried here"
     record = experiment.options[0]["experiment"]

@@ -101,7 +101,7 @@ def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
     """A set without effects that the practical bar does not need, the least needed first.
 
     A set that leaves more than the noise is not exact. There an effect counts if the set without it, fitted again, leaves more
-    of the gap by at least the tolerance (in power: its square); a smaller one may mend the form of the others.
+    of the gap by at least the tolerance (in power: its square); a smaller one may only correct the form of the others.
     """
     while len(final.effects) > 1 and final.left > SETTLED:
         sets = [search.without(final.candidate, i) for i in range(len(final.effects))]

@@ -67,5 +67,5 @@ def divergence(plant: Plant, record: Record, nominal: np.ndarray, labels: Sequen
             )
     return SimulationDiverged(
         "simulate_batch gives values that are not finite for runs that are finite one by one, expected the same of both. "
-        "Mend simulate_batch, or leave it out."
+        "Correct simulate_batch, or leave it out."
     )
