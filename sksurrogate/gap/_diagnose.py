@@ -201,7 +201,7 @@ class GapDiagnoser(BaseEstimator):
             whole,
             progress,
         )
-        self.report_ = with_origin(report, self, plant, len(runs), whole.n_samples, free)
+        self.report_ = with_origin(report, self, plant, pipeline.final.candidate, len(runs), whole.n_samples, free)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
         first = rows[pipeline.problem.record.starts]

@@ -8,6 +8,8 @@ from importlib import metadata
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._provenance import Provenance
 from sksurrogate.physics._simulator import Plant, units_of
@@ -19,13 +21,14 @@ LONGEST_LIST = 12
 
 
 def with_origin(
-    report: GapReport, diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tuple[str, ...]
+    report: GapReport, diagnoser: Any, plant: Plant, final: Any, n_runs: int, n_rows: int, free: tuple[str, ...]
 ) -> GapReport:
-    """The report with its provenance, the nominal parameters and the units."""
+    """The report with its provenance, the nominal parameters, the units and the ranges of the signals."""
     return replace(
         report,
         units=units_in(plant),
         nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
+        ranges=_ranges(final, plant),
         provenance=origin_of(diagnoser, plant, n_runs, n_rows, free),
     )
 
@@ -44,6 +47,21 @@ def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tupl
         version=_version(),
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
     )
+
+
+def _ranges(final: Any, plant: Plant) -> dict[str, tuple[float, float]]:
+    """Where the inputs, and the states where they are known, were in the data."""
+    record, x = final.problem.record, getattr(final.fit, "x", None)
+    rows = dict(zip(plant.inputs, record.u))
+    if x is not None:
+        rows.update(zip(plant.states, x))
+    else:
+        rows.update(zip(plant.outputs, record.y))
+    return {
+        name: (float(np.nanmin(values)), float(np.nanmax(values)))
+        for name, values in rows.items()
+        if np.isfinite(values).any()
+    }
 
 
 def units_in(plant: Plant) -> dict[str, str]:

@@ -3,14 +3,17 @@
 import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from sksurrogate.gap import EffectEstimate, GapReport
-from sksurrogate.gap.render._page import html_fragment, html_page, terminal_page
+from sksurrogate.gap.render._page import html_fragment, html_page
+from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._svg import Line, bars, chart, limits, ticks
+from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._shrink import Shrink
@@ -70,8 +73,10 @@ class Tags(HTMLParser):
 
 
 def test_no_name_becomes_a_tag_and_every_tag_is_closed(report):
+    page = html_page(report)
+    assert page.count("<script") == 1 and page.count(f"<script>{SCRIPT}</script>") == 1
     tags = Tags()
-    tags.feed(html_page(report))
+    tags.feed(page.replace(f"<script>{SCRIPT}</script>", ""))
     assert tags.open == []
     assert "script" not in {tag for tag, _ in tags.seen}
 
@@ -80,12 +85,6 @@ def test_the_form_of_an_effect_of_the_catalogue_is_written(report):
     assert "Form:" not in html_page(report)  # of a name that the catalogue does not hold
     known = replace(report.effects[0], name="state_saturation")
     assert "<p>Form: <code>x &lt;= c</code></p>" in html_page(replace(report, effects=[known]))
-
-
-def test_runs_of_a_change_between_runs_are_said_to_be_counted(report):
-    rows = Table(({"level": 1.0, "kind": "change between runs", "runs": "1 to 2"},))
-    assert "counted from 1" not in html_page(report)
-    assert "counted from 1" in html_page(replace(report, where=replace(report.where, by_time=rows)))
 
 
 def test_nothing_comes_from_outside(report):
@@ -97,13 +96,18 @@ def test_nothing_comes_from_outside(report):
     assert "http" not in page and "url(" not in page and "@import" not in page
 
 
-def test_every_output_of_the_run_is_drawn(report):
-    assert html_page(report).count("<figcaption>Run ") == 2
+def test_every_output_of_the_worst_run_is_drawn_and_the_others_stand_beside_it(report):
+    page = html_page(report)
+    large = page[page.index('aria-label="Run') :]
+    assert large[: large.index("</figure>")].count('data-name="measured"') == 2
+    calm = replace(report.traces[0], label="calm", before=report.traces[0].measured)
+    page = html_page(replace(report, traces=(calm, report.traces[0])))
+    assert page.index(escape(EVIL) + "</strong>: RMSE") < page.index("Run calm</strong>: RMSE")  # the worst first
 
 
 def test_lines_differ_without_colour(report):
-    grey = re.sub(r'stroke="#[0-9a-f]+"', "", html_page(report))
-    run = grey[grey.index('aria-label="run') :]
+    grey = re.sub(r'class="[a-z]+"', "", html_page(report))
+    run = grey[grey.index('aria-label="Run') :]
     styles = re.findall(r'<polyline[^>]*stroke-width="([\d.]+)"( stroke-dasharray="[^"]*")?', run)[:3]
     assert len(set(styles)) == 3
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
+from sksurrogate.gap.decide._equivalence import richer as richer_form
 from sksurrogate.gap.decide._experiment import name_of, when_they_part
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._reported import reported
@@ -24,9 +25,12 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
         rows = final.candidate.slice_of(i)
         slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
         params, ends = reported(effect, best.fit.theta[rows], low[rows], high[rows])
-        tied = [name_of(rival.effects[-1]) for rival in slot.twins]
+        ahead = [rival.effects[-1] for rival in slot.twins if richer_form(rival.effects[-1], effect)]
+        others = [rival.effects[-1] for rival in slot.twins if rival.effects[-1] not in ahead]
+        tied = [name_of(other) for other in others]
         twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.candidate.keys]
-        richer = [k for k in search.richer.get(effect.key, []) if k not in final.candidate.keys]
+        contained = [*(form.key for form in ahead), *search.richer.get(effect.key, [])]
+        richer = [k for k in dict.fromkeys(contained) if k not in final.candidate.keys]
         out.append(
             EffectEstimate(
                 effect.name,
@@ -40,6 +44,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 when_they_part(
                     name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer}), among
                 ),
+                [(str(k[0]), str(k[1]), k[2]) for k in richer],
             )
         )
     return out

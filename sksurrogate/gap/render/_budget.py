@@ -76,10 +76,22 @@ def budget_html(budget: Table) -> str:
 
 
 def _percent(row: Mapping[str, Any]) -> str:
-    """Share and interval in per cent."""
-    return f"{100 * row['share']:.1f} % [{100 * row['low']:.1f}, {100 * row['high']:.1f}]"
+    """Share and interval in per cent; no interval narrower than the digits."""
+    low, high = f"{100 * row['low']:.1f}", f"{100 * row['high']:.1f}"
+    share = f"{100 * row['share']:.1f} %"
+    return share if low == high else f"{share} [{low}, {high}]"
 
 
 def part_name(row: Mapping[str, Any]) -> str:
-    """What a part is called."""
-    return _NAMES.get(row["kind"], str(row["part"]))
+    """What a part is called; an effect that its own state drives is called by its place alone.
+
+    Examples
+    --------
+    >>> part_name({"part": "coulomb_friction at speed in speed", "kind": "effect"})
+    'coulomb friction at speed'
+    """
+    if row["kind"] in _NAMES:
+        return _NAMES[row["kind"]]
+    name, _, place = str(row["part"]).partition(" at ")
+    own = next((p for p in [place[: (len(place) - 4) // 2]] if place == f"{p} in {p}"), place)
+    return f"{name.replace('_', ' ')} at {own}" if own else name

@@ -7,9 +7,10 @@ from typing import Any
 
 from sksurrogate._files import write_text
 from sksurrogate.gap.render._display import GapDisplay
-from sksurrogate.gap.render._page import html_fragment, html_page, terminal_page
+from sksurrogate.gap.render._page import html_fragment, html_page
 from sksurrogate.gap.render._summary import GapSummary, summary_of
 from sksurrogate.gap.render._tables import table_of
+from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._json_schema import SCHEMA_ID, schema_of
 from sksurrogate.gap.results._plain import json_text, plain
 from sksurrogate.gap.results._report_data import ReportData
@@ -60,6 +61,8 @@ class GapReport(ReportData):
         Units of signals, parameters and "time", as the simulator names them.
     nominal : mapping of str to float
         Parameters of the simulator as it was given.
+    ranges : mapping of str to (float, float)
+        Lowest and highest value of states and inputs along the fitted trajectories.
     provenance : Provenance
         Simulator, runs, rows, sample time, seed, version, date, files, command.
     data : DataFaults

@@ -73,13 +73,10 @@ def sentence_of(
         text = f"The gap is explained by {named}; with {'them' if len(effects) > 1 else 'it'} the simulator closes {closed} of the gap on runs left out."
         if not np.isfinite(shrink.fraction):
             text = f"The gap is explained by {named}; how far it shrinks on runs left out is not known."
-        if experiment is not None and any(e.equivalents for e in effects):
-            text += f" {experiment.sentence}"
-        return text + (
-            ""
-            if experiment is not None and any(e.equivalents for e in effects)
-            else " Use augmented_ as the new simulator."
-        )
+        tied = any(set(map(tuple, e.equivalents)) - set(map(tuple, e.richer)) for e in effects)
+        if experiment is not None and tied:
+            return f"{text} {experiment.sentence}"
+        return f"{text} Use augmented_ as the new simulator."
     if verdict == "partial":
         return partial_sentence(effects, shrink, remainder, closed, term, include_law)
     if where.location is None:

@@ -29,6 +29,8 @@ class EffectEstimate:
         Other effects that these data cannot tell from this one.
     why : str
         When they part.
+    richer : list of (name, location, variable)
+        Those of ``equivalents`` that contain this effect and fit no better: richer, not needed.
 
     Examples
     --------
@@ -47,6 +49,7 @@ class EffectEstimate:
     probability: float
     equivalents: list[tuple[str, str, str | None]] = field(default_factory=list)
     why: str = ""
+    richer: list[tuple[str, str, str | None]] = field(default_factory=list)
 
     def __str__(self) -> str:
         driver = f" in {self.variable}" if self.variable else ""

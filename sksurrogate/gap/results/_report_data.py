@@ -46,5 +46,6 @@ class ReportData:
     remainder: Remainder = NOTHING_KNOWN
     units: Mapping[str, str] = field(default_factory=dict)
     nominal: Mapping[str, float] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     provenance: Provenance = UNKNOWN_ORIGIN
     data: DataFaults = NO_FAULTS

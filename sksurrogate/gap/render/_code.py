@@ -1,0 +1,95 @@
+"""Code to paste: the corrected simulator, a simulation, a linearisation, a controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.gap.render._values import number
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._report_data import ReportData
+
+__all__ = ["code_of"]
+
+_BUILD = """\
+from sksurrogate import CATALOGUE, AugmentedSimulator
+from {module} import {name} as simulator  # as it was diagnosed
+
+model = AugmentedSimulator(
+    simulator,
+    effects=[{effects}],
+    values=[{values}],{retuned}
+)
+"""
+_FROM_DIAGNOSER = """\
+model = diagnoser.augmented_
+"""
+_SIMULATE = """\
+Y = model.simulate(U, x0=x0)  # U: (n_samples, {n_inputs}), columns {inputs}
+"""
+_LINEARISE = """
+from sksurrogate.physics import linearise, steady_state
+
+x = steady_state(model, u0)
+local = linearise(model, x, u0)  # local.A, local.B, local.C, local.D
+"""
+_CONTROL = """
+import control, numpy as np
+
+K, S, poles = control.lqr(local.to_control(), np.eye({n_states}), np.eye({n_inputs}))
+"""
+
+
+def code_of(report: ReportData) -> str:
+    """Lines that use the result of a diagnosis.
+
+    The effects of the catalogue are written out with their numbers; others are taken from the diagnoser.
+
+    Parameters
+    ----------
+    report : GapReport
+
+    Returns
+    -------
+    str
+    """
+    n_states, n_inputs = len(report.states), len(report.inputs)
+    names = {"n_inputs": n_inputs, "inputs": list(report.inputs), "n_states": n_states}
+    out = _built(report) + "\n" + _SIMULATE.format(**names)
+    if n_states and n_inputs and report.provenance.access != "trajectory":
+        out += _LINEARISE + _CONTROL.format(**names)
+    return out
+
+
+def _built(report: ReportData) -> str:
+    """How the corrected simulator is made."""
+    retuned = {str(row["parameter"]): float(row["value"]) for row in report.retuned}
+    effects = [e for e in report.effects if not (e.name == "parameter_error" and e.location in retuned)]
+    if not all(effect.name in CATALOGUE for effect in effects):
+        return _FROM_DIAGNOSER
+    module, name = _reference(report.provenance.simulator)
+    return _BUILD.format(
+        module=module,
+        name=name,
+        effects=", ".join(map(_made, effects)),
+        values=", ".join(_numbers(effect.params) for effect in effects),
+        retuned=f"\n    retuned={_numbers(retuned)}," if retuned else "",
+    )
+
+
+def _reference(simulator: str) -> tuple[str, str]:
+    """Module and name: of ``plant.py:plant``, else placeholders."""
+    file, _, name = simulator.rpartition(":")
+    module = file.replace("\\", "/").rpartition("/")[2].removesuffix(".py")
+    return (module, name) if module.isidentifier() and name.isidentifier() else ("my_plant", "plant")
+
+
+def _made(effect: EffectEstimate) -> str:
+    """``CATALOGUE["name"](place, variable)``."""
+    places = ", ".join(repr(place) for place in (effect.location, effect.variable) if place is not None)
+    return f'CATALOGUE["{effect.name}"]({places})'
+
+
+def _numbers(values: Mapping[str, float]) -> str:
+    """A dict of numbers as Python writes it."""
+    return "{" + ", ".join(f"{name!r}: {number(value, 12)}" for name, value in values.items()) + "}"

@@ -1,0 +1,96 @@
+"""A named effect, or the missing term, drawn over its variable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._effect import BalanceEffect, HiddenEffect
+from sksurrogate.exceptions import SurrogateError
+from sksurrogate.gap.render._svg import Line, chart
+from sksurrogate.gap.render._units import axis, derivative_unit
+from sksurrogate.gap.render._values import place_of
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._missing_term import Curve
+from sksurrogate.gap.results._report_data import ReportData
+
+__all__ = ["balance_axis", "curve_html", "effect_curve", "effect_html"]
+
+#: Points of a curve.
+POINTS = 201
+
+
+def effect_curve(effect: EffectEstimate, report: ReportData) -> Curve | None:
+    """The law of a named effect over its variable, with the band that its intervals give; None where it has no such curve.
+
+    Only laws in a balance that depend on one signal are curves; the range is that of the data.
+    """
+    kind = CATALOGUE.get(effect.name)
+    ends = report.ranges.get(effect.variable or "")
+    if kind is None or not issubclass(kind, BalanceEffect) or issubclass(kind, HiddenEffect):
+        return None
+    if ends is None or not ends[1] > ends[0]:
+        return None
+    at = np.linspace(*ends, POINTS)
+    own = at if effect.variable == effect.location else np.zeros(POINTS)
+
+    def law(params: dict[str, float]) -> np.ndarray:
+        theta = [params[p.name] for p in kind.parameters]
+        made = kind(effect.location, effect.variable)
+        return np.broadcast_to(np.asarray(made.term(0.0, own, at, theta, 0.0), dtype=float), at.shape)
+
+    try:
+        with np.errstate(all="ignore"):
+            value = law(effect.params)
+            sides = [value]
+            for name, (low, high) in effect.intervals.items():
+                sides += [law({**effect.params, name: end}) for end in (low, high) if np.isfinite(end)]
+    except (KeyError, TypeError, ValueError, IndexError, SurrogateError):
+        return None  # a law that needs more than its variable
+    if not np.isfinite(value).all():
+        return None
+    return Curve(str(effect.variable), at, value, np.min(sides, axis=0), np.max(sides, axis=0), 1.0)
+
+
+def balance_axis(location: str, kind: str, report: ReportData) -> str:
+    """What a term is added to, as the label of an axis."""
+    if kind == "state":
+        name = f"d({location})/dt"
+        return axis(name, {name: derivative_unit(location, report.units)})
+    name = f"added to {location}"
+    return axis(name, {name: report.units.get(location, "")})
+
+
+def effect_html(effect: EffectEstimate, report: ReportData) -> str:
+    """The picture of a named effect; empty where it has none."""
+    curve = effect_curve(effect, report)
+    if curve is None:
+        return ""
+    state = effect.location in report.states
+    label = balance_axis(effect.location, "state" if state else "input", report)
+    return f"<figure>{_picture(curve, label, report, place_of(effect))}</figure>"
+
+
+def curve_html(curve: Curve, location: str, kind: str, report: ReportData, laws: Sequence[Line] = ()) -> str:
+    """The missing term over one variable, with its band."""
+    picture = _picture(curve, balance_axis(location, kind, report), report, f"missing term over {curve.variable}", laws)
+    return (
+        f"<figure>{picture}<figcaption>Over {escape(curve.variable)}: mean and 90 % band. This variable alone explains "
+        f"{100 * max(curve.explained, 0):.0f} % of the term on runs left out.</figcaption></figure>"
+    )
+
+
+def _picture(curve: Curve, label: str, report: ReportData, title: str, laws: Sequence[Line] = ()) -> str:
+    """Curve, band, further lines."""
+    wide = bool(np.any(curve.high > curve.low))
+    return chart(
+        [Line("estimate", curve.at, curve.value, "ink", width=2.0), *laws],
+        axis(curve.variable, report.units),
+        label,
+        title,
+        band=(curve.at, curve.low, curve.high) if wide else None,
+        band_label="90 %" if wide else "",
+    )

@@ -1,0 +1,46 @@
+"""The provenance at the foot of the page and of the terminal text."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from sksurrogate.gap.render._units import TIME, with_unit
+from sksurrogate.gap.render._values import number
+from sksurrogate.gap.results._report_data import ReportData
+
+__all__ = ["origin_html", "origin_line", "origin_pairs"]
+
+
+def origin_pairs(report: ReportData) -> list[tuple[str, str]]:
+    """What is known of where the report comes from."""
+    origin = report.provenance
+    pairs = [
+        ("simulator", f"{origin.simulator} ({origin.access})" if origin.access else origin.simulator),
+        ("data", ", ".join(origin.files)),
+        ("runs, rows", f"{origin.n_runs}, {origin.n_rows}" if origin.n_rows else ""),
+        ("sample time", with_unit(number(origin.dt), report.units.get(TIME, "")) if np.isfinite(origin.dt) else ""),
+        ("free parameters", ", ".join(origin.free)),
+        ("effects", origin.effects if origin.n_rows else ""),
+        ("seed", origin.seed),
+        ("sksurrogate", origin.version),
+        ("date", origin.date),
+        ("time taken", f"{report.seconds:.1f} s" if np.isfinite(report.seconds) else ""),
+        ("command", origin.command),
+    ]
+    return [(name, text) for name, text in pairs if text]
+
+
+def origin_html(report: ReportData) -> str:
+    """A list; empty where nothing is known."""
+    pairs = origin_pairs(report)
+    if not pairs:
+        return ""
+    entries = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in pairs)
+    return f"<h2>Where this comes from</h2><dl>{entries}</dl>"
+
+
+def origin_line(report: ReportData) -> str:
+    """One sentence for the terminal."""
+    return "; ".join(f"{name}: {text}" for name, text in origin_pairs(report))

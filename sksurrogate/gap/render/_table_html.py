@@ -1,0 +1,98 @@
+"""Tables of the page: heads in words, every column explained below, numbers to the right, shares in per cent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from sksurrogate.gap.render._values import number, percent
+from sksurrogate.gap.results._table import Table
+
+__all__ = ["explained", "table_html"]
+
+#: Column -> (head, what it means).
+COLUMNS = {
+    "output": ("output", ""),
+    "gap": ("gap", "RMS of what the simulator misses beyond the noise, in the unit of the output"),
+    "noise": ("noise", "standard deviation of the sensor noise, in the same unit"),
+    "share": ("share", "part of the gap's power"),
+    "location": ("place", "state, input, output or parameter"),
+    "kind": ("kind", "what the place is"),
+    "evidence": ("evidence", "gain in twice the log likelihood over no effect"),
+    "bar": ("needed", "evidence that this many parameters and candidates ask for"),
+    "margin": (
+        "margin",
+        "evidence minus what is needed: it decides which single effect comes first; below 0 it is not accepted",
+    ),
+    "cost": ("misfit", "sum of squares of the residual over the noise"),
+    "screen": ("first look", "part of the gap that the linearised screen expected"),
+    "named": ("named", "whether the report names it"),
+    "name": ("candidate", "effect of the catalogue"),
+    "variable": ("driven by", "the signal that the effect depends on"),
+    "rule": ("where", "part of the operating range"),
+    "samples": ("samples", "part of the samples that lie there"),
+    "start": ("from", "time since the start of a run"),
+    "stop": ("to", "time since the start of a run"),
+    "level": ("size", "RMS of the source of the gap"),
+    "runs": ("runs", "runs counted from 1 in the order of the data"),
+    "low": ("from", "lower end"),
+    "high": ("to", "upper end"),
+    "experiment": ("experiment", "what to record"),
+    "gain": ("separation / nats", "expected difference of the log likelihoods; 3 are enough"),
+    "between": ("between", "the pair that is hardest to separate"),
+    "within": ("within range", "whether its inputs stay where inputs were recorded"),
+    "parameter": ("parameter", "of the simulator"),
+    "nominal": ("before", "value in the simulator"),
+    "value": ("after", "re-tuned value"),
+    "at_bound": ("at its bound", "whether the value lies at a bound that was given"),
+    "unit": ("unit", ""),
+    "moved": ("moved", "whether the 90 % interval leaves the value before out"),
+}
+_SHARES = ("share", "samples", "fraction")
+
+
+def explained(table: Table, leave_out: Sequence[str] = (), other: Mapping[str, str] | None = None) -> str:
+    """A table and a line for each column; ``other`` has meanings that hold here only."""
+    if not len(table):
+        return ""
+    names = [name for name in table.columns if name not in leave_out]
+    meanings = {name: (other or {}).get(name) or COLUMNS.get(name, (name, ""))[1] for name in names}
+    lines = "; ".join(f"<em>{escape(_head(name))}</em>: {escape(text)}" for name, text in meanings.items() if text)
+    return table_html(table, leave_out) + (f'<p class="small">{lines}.</p>' if lines else "")
+
+
+def table_html(table: Table, leave_out: Sequence[str] = ()) -> str:
+    """An HTML table; empty without rows."""
+    if not len(table):
+        return ""
+    names = [name for name in table.columns if name not in leave_out]
+    numeric = {
+        name: any(isinstance(row[name], (int, float, np.number)) and not isinstance(row[name], bool) for row in table)
+        for name in names
+    }
+    head = "".join(f"<th{' class=n' if numeric[name] else ''}>{escape(_head(name))}</th>" for name in names)
+    body = "".join(_row(row, names) for row in table)
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _head(name: str) -> str:
+    return COLUMNS.get(name, (name, ""))[0]
+
+
+def _row(row: Mapping[str, object], names: Sequence[str]) -> str:
+    """One line of a table."""
+    cells = []
+    for name in names:
+        value = row[name]
+        if isinstance(value, (bool, np.bool_)):
+            cells.append(f"<td>{'yes' if value else 'no'}</td>")
+        elif isinstance(value, (int, float, np.number)):
+            size = float(value)
+            cells.append(f"<td class=n>{percent(size) if name in _SHARES else number(size)}</td>")
+        else:
+            text = "-" if value is None else str(value)
+            cells.append(f"<td{' class=wrap' if len(text) > 40 else ''}>{escape(text)}</td>")
+    kind = ' class="named"' if row.get("named") in (True, np.True_) else ""
+    return f"<tr{kind}>{''.join(cells)}</tr>"

@@ -1,0 +1,134 @@
+"""The report as plain text for a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+
+import numpy as np
+
+from sksurrogate.gap.render._budget import budget_lines
+from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, richer_forms
+from sksurrogate.gap.render._law import law_lines
+from sksurrogate.gap.render._origin_html import origin_line
+from sksurrogate.gap.render._record import record_lines
+from sksurrogate.gap.render._values import place_of
+from sksurrogate.gap.render._waterfall import waterfall
+from sksurrogate.gap.results._report_data import ReportData
+from sksurrogate.gap.results._table import Table
+
+__all__ = ["terminal_page"]
+
+
+def terminal_page(report: ReportData, width: int = 80) -> str:
+    """Plain text, 80 columns.
+
+    Parameters
+    ----------
+    report : GapReport
+    width : int, default=80
+
+    Returns
+    -------
+    str
+    """
+    title = [report.provenance.title, ""] if report.provenance.title else []
+    lines = [*title, f"VERDICT  {report.verdict}" + ("" if report.complete else "  (interrupted)"), ""]
+    lines += [*textwrap.wrap(headline(report), width), ""]
+    lines += _block(budget_lines(report.budget, width))
+    lines += _block(_changes(report, width))
+    lines += _block(_numbered("What to do next", next_steps(report), width))
+    lines += _block(record_lines(report.data, width))
+    lines += _block(_errors(report))
+    if report.where.location is not None:
+        lines += [f"Where: {report.where.kind} {report.where.location}", ""]
+    for heading, table in (
+        ("By output", report.where.by_output),
+        ("By region", _telling(report.where.by_region)[:4]),
+        ("By time", _telling(report.where.by_time)[:4]),
+        ("Re-tuned", report.retuned),
+    ):
+        if len(table):
+            lines += [heading, *(_cut(f"  {line}", width) for line in str(table).splitlines()), ""]
+    lines += _block(_missing(report, width))
+    for note in report.notes:
+        lines += [*textwrap.wrap(f"Note: {note}", width), ""]
+    if report.untestable:
+        text = f"Could not be tested with this simulator: {', '.join(report.untestable)}."
+        lines += [*textwrap.wrap(text, width), ""]
+    lines += textwrap.wrap(origin_line(report), width)
+    return printable("\n".join(lines).rstrip("\n"))
+
+
+def _block(lines: list[str]) -> list[str]:
+    """Lines and an empty one behind them; nothing where there are none."""
+    return [*lines, ""] if lines else []
+
+
+def _changes(report: ReportData, width: int) -> list[str]:
+    """What was found: effects with their numbers, how sure they are, what else explains the data."""
+    lines: list[str] = []
+    for what, values, sure in changes(report):
+        lines += textwrap.wrap(f"- {what}" + (f": {sure}" if sure else ""), width, subsequent_indent="  ")
+        lines += [f"    {value}" for value in values]
+    for effect in report.effects:
+        others, richer = not_identified(effect), richer_forms(effect)
+        if others:
+            text = f"These data do not separate {place_of(effect)} from: {'; '.join(others)}. {effect.why}"
+            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
+        if richer:
+            text = f"Richer than {place_of(effect)}, not needed: {'; '.join(richer)}."
+            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
+    return lines
+
+
+def _numbered(heading: str, entries: list[str], width: int) -> list[str]:
+    """A numbered list."""
+    lines = [heading] if entries else []
+    for k, entry in enumerate(entries, start=1):
+        lines += textwrap.wrap(f"{k}. {entry}", width, initial_indent="  ", subsequent_indent="     ")
+    return lines
+
+
+def _errors(report: ReportData) -> list[str]:
+    """The waterfall, and how much of the gap is closed."""
+    rows = waterfall(report)
+    if not rows:
+        return []
+    longest = max([value for _, value in rows] + [1e-300])
+    lines = ["RMSE of the free run on runs left out, over the deviation of each output"]
+    lines += [f"  {label:<24} {value:9.4g}  " + "#" * round(30 * value / longest) for label, value in rows]
+    shrink = report.shrink
+    if np.isfinite(shrink.fraction):
+        low, high = shrink.interval
+        lines.append(
+            f"  closed: {100 * shrink.fraction:.1f} % of the gap above the noise [{100 * low:.1f}, {100 * high:.1f}]"
+        )
+    if np.isfinite(shrink.same_names):
+        lines.append(f"  {100 * shrink.same_names:.0f} % of the folds choose the same names")
+    return lines
+
+
+def _missing(report: ReportData, width: int) -> list[str]:
+    """The laws of the missing term."""
+    term = report.missing_term
+    lines = law_lines(report)
+    if term is not None and term.candidates:
+        lines.append(f"What is missing at {term.location}, simple laws that come close")
+        for text in term.candidates:
+            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")
+    return lines
+
+
+def _telling(table: Table) -> Table:
+    """A table of where or when, nothing where it only says everywhere or always."""
+    return table if len(table) > 1 else Table()
+
+
+def _cut(line: str, width: int) -> str:
+    """A line of a table; one that is too long says so."""
+    return line if len(line) <= width else line[: width - 3] + "..."
+
+
+def printable(text: str) -> str:
+    """Without control characters: a name in a file must not steer the terminal."""
+    return "".join(c if c == "\n" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -1,0 +1,165 @@
+"""What a reader sees first: verdict, before and after with units, confidence, what to do next; code that runs; no noise."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sksurrogate.gap import EffectEstimate, GapDiagnoser, GapReport
+from sksurrogate.gap.render._code import code_of
+from sksurrogate.gap.render._curves import effect_curve
+from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, richer_forms, separating
+from sksurrogate.gap.render._page import html_page
+from sksurrogate.gap.render._terminal import terminal_page
+from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._provenance import Provenance
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._where import Where
+from sksurrogate.physics import ODESimulator
+
+WRONG = EffectEstimate(
+    "parameter_error", "second", None, 0.97, {"relative_error": 0.6662}, {"relative_error": (0.66, 0.67)}, 0.9995
+)
+RICHER = ("stribeck_friction", "speed", "speed")
+FRICTION = EffectEstimate(
+    "coulomb_friction", "speed", "speed", 0.9, {"level": 0.4}, {"level": (0.3, 0.5)}, 0.93, [RICHER], "", [RICHER]
+)
+UNITS = {"second": "1/min", "speed": "rad/s", "time": "s"}
+
+
+def report(*effects, **kwargs):
+    given = {
+        "verdict": "explained", "sentence": "", "effects": list(effects), "ranking": Table(), "retuned": Table(),
+        "where": Where("second", "parameter"), "shrink": Shrink(1.0, 0.05, 0.02, 0.97, (0.96, 0.98)), "outputs": ("speed",),
+        "inputs": ("u",), "states": ("speed",), "units": UNITS, "nominal": {"second": 60.0},
+        "ranges": {"speed": (-2.0, 3.0)}, "provenance": Provenance(simulator="ODESimulator", access="rhs", n_rows=10),
+    }  # fmt: skip
+    return GapReport(**{**given, **kwargs})
+
+
+def test_a_parameter_is_shown_before_and_after_with_its_unit():
+    made = report(WRONG)
+    assert headline(made) == (
+        "The gap is explained by the parameter second: 60 -> 99.97 1/min, which closes 97.0 % of the gap on runs left out."
+    )
+    for page in (terminal_page(made), html_page(made).replace("&gt;", ">")):
+        assert "second: 60 -> 99.97 1/min [99.6, 100.2]" in page
+        assert "very likely (probability > 0.999)" in page
+        assert "relative_error" not in page.split("Code to paste")[0]
+
+
+def test_a_free_parameter_that_moved_is_a_change_too():
+    row = {"parameter": "k", "nominal": 2.0, "value": 3.0, "low": 2.9, "high": 3.1, "moved": True}
+    made = report(FRICTION, retuned=Table((row, {**row, "parameter": "calm", "moved": False})), units={"k": "N/m"})
+    assert changes(made)[1] == ("re-tuned", ["k: 2 -> 3 N/m [2.9, 3.1]"], "")
+
+
+def test_richer_forms_are_not_needed_and_ask_for_no_experiment():
+    table = Table(({"experiment": "a faster run", "gain": 9.0, "between": "a and b", "within": True},))
+    made = report(FRICTION, next_experiment=NextExperiment("", table))
+    assert richer_forms(FRICTION) == ["stribeck friction at speed"] and not_identified(FRICTION) == []
+    assert next_steps(made) == ["Use diagnoser.augmented_ as the new simulator."]
+    page = html_page(made)
+    assert "Richer, not needed: stribeck friction at speed" in page and "do not separate" not in page
+
+
+def test_experiments_that_separate_nothing_are_not_shown():
+    tied = replace(FRICTION, equivalents=[("linear_loss", "speed", "speed")], richer=[])
+    rows = [
+        {"experiment": f"run {k}", "gain": gain, "between": "a and b", "within": True}
+        for k, gain in enumerate((9.0, 1.0))
+    ]
+    made = report(tied, next_experiment=NextExperiment("", Table(tuple(rows))))
+    assert [row["gain"] for row in separating(made)] == [9.0]
+    assert next_steps(made)[0] == "Record run 0 to separate a and b (9 nats expected, 3 are enough)."
+    nothing = report(tied, next_experiment=NextExperiment("", Table(tuple(rows[1:]))))
+    assert separating(nothing) == [] and "Experiments that separate" not in html_page(nothing)
+    assert "decide between coulomb friction at speed and linear loss at speed" in next_steps(nothing)[0]
+
+
+@pytest.mark.parametrize("verdict", ["none", "explained", "partial", "unknown"])
+def test_no_sentence_stands_twice(verdict):
+    made = report(*([] if verdict == "none" else [FRICTION]), verdict=verdict, sentence="Not shown.")
+    text = re.sub(r"<(style|script)>.*?</\1>", "", html_page(made), flags=re.S)
+    text = re.sub(r"<[^>]+>", "\n", text)
+    sentences = [s.strip() for s in re.split(r"(?<=[.:])\s", text) if len(s.strip()) > 40]
+    assert len(set(sentences)) == len(sentences)
+
+
+def test_the_curve_of_an_effect_is_its_law_with_its_band():
+    curve = effect_curve(FRICTION, report(FRICTION))
+    np.testing.assert_allclose(curve.value, -0.4 * np.sign(curve.at))
+    moving = np.abs(curve.at) > 0.1
+    np.testing.assert_allclose((curve.high - curve.low)[moving], 0.2)
+    assert (curve.at[0], curve.at[-1]) == (-2.0, 3.0)
+    assert effect_curve(WRONG, report(WRONG)) is None
+    assert effect_curve(FRICTION, report(FRICTION, ranges={})) is None
+    assert "d(speed)/dt / (rad/s^2)" in html_page(report(FRICTION))
+
+
+def test_the_ranking_shows_the_column_that_decides_and_folds_the_rest():
+    row = {"name": "drag", "location": "x", "variable": None, "evidence": 30.0, "bar": 18.0, "cost": 5.0, "named": True}
+    page = html_page(report(FRICTION, ranking=Table((row,) * 9)))
+    short = page[page.index("Single effects compared") : page.index("candidates, all columns")]
+    assert "margin" in short and "<td class=n>12</td>" in short and "misfit" not in short
+    assert "misfit" in page[page.index("candidates, all columns") :]
+
+
+def rhs(t, x, u, p):
+    return [u[0] - p["k"] * x[0] - p["c"] * np.abs(x[0]) * x[0]]
+
+
+KNOWN = {"states": ["speed"], "inputs": ["u"], "outputs": ["speed"], "dt": 0.1}
+
+
+@pytest.fixture(scope="module")
+def diagnoser():
+    plant = ODESimulator(rhs, params={"k": 1.3, "c": 0.5}, **KNOWN)
+    simulator = ODESimulator(bare, params={"k": 1.0}, units={"speed": "m/s", "k": "1/s", "time": "s"}, **KNOWN)
+    rng = np.random.default_rng(0)
+    U = np.repeat(rng.uniform(-3, 3, (4, 12)), 10, axis=1).reshape(-1, 1)
+    runs = np.repeat([3, 1, 4, 2], 120)
+    Y = np.concatenate([plant.simulate(U[runs == run]) for run in (3, 1, 4, 2)]) + 0.005 * rng.normal(size=(480, 1))
+    wanted = ["quadratic_drag", "sensor_bias", "linear_loss"]
+    return GapDiagnoser(simulator, effects=wanted, free_params=["k"], random_state=0, n_jobs=1).fit(U, Y, groups=runs)
+
+
+def bare(t, x, u, p):
+    return [u[0] - p["k"] * x[0]]
+
+
+def test_the_code_to_paste_gives_the_augmented_simulator(diagnoser, monkeypatch):
+    pytest.importorskip("control")
+    found = diagnoser.report_
+    assert found.effects[0].name == "quadratic_drag"
+    code = code_of(found).replace("from my_plant import plant as simulator", "simulator = given")
+    U = np.linspace(0, 2, 50)[:, None]
+    names = {"given": diagnoser.simulator, "U": U, "x0": [0.5], "u0": [1.0]}
+    exec(code, names)
+    np.testing.assert_allclose(names["Y"], diagnoser.augmented_.simulate(U, x0=[0.5]), atol=1e-6)
+    assert names["local"].A.shape == (1, 1) and names["K"].shape == (1, 1)
+
+
+def test_every_run_of_the_data_is_in_the_report_with_its_inputs(diagnoser):
+    found = diagnoser.report_
+    assert [trace.label for trace in found.traces] == [3, 1, 4, 2]
+    assert all(trace.inputs.shape == (120, 1) for trace in found.traces)
+    page = html_page(found)
+    assert all(f"<strong>Run {run}</strong>" in page for run in (1, 2, 3, 4))
+    low, high = found.ranges["speed"]
+    assert low < -0.5 and high > 0.5
+
+
+def test_the_provenance_is_on_the_page(diagnoser):
+    page, text = html_page(diagnoser.report_), str(diagnoser.report_)
+    for word in ("ODESimulator", "4, 480", "0.1 s", "quadratic_drag, sensor_bias, linear_loss"):
+        assert word in page and word in " ".join(text.split())
+    assert diagnoser.report_.provenance.date[:2] == "20"
+
+
+def test_units_stand_beside_the_numbers(diagnoser):
+    text = str(diagnoser.report_)
+    assert re.search(r"coefficient: 0\.\d+ 1/m \[", text)
+    assert re.search(r"k: 1 -> 1\.\d+ 1/s \[", text)
