@@ -65,7 +65,8 @@ def _built(report: ReportData) -> str:
     """How the corrected simulator is made."""
     retuned = {str(row["parameter"]): float(row["value"]) for row in report.retuned}
     effects = [e for e in report.effects if not (e.name == "parameter_error" and e.location in retuned)]
-    if not all(effect.name in CATALOGUE for effect in effects):
+    law = report.missing_term.law if report.missing_term is not None else None
+    if not all(effect.name in CATALOGUE for effect in effects) or (law is not None and law.certified):
         return _FROM_DIAGNOSER
     module, name = _reference(report.provenance.simulator)
     return _BUILD.format(

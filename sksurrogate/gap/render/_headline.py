@@ -18,6 +18,8 @@ ENOUGH = 3.0
 LISTED = 4
 #: Below this error (share of the outputs' deviation) a gap is said to be small.
 SMALL = 0.005
+#: A formula longer than this (characters) is not read in a sentence.
+LONGEST_LAW = 80
 
 
 def joined(names: Sequence[str]) -> str:
@@ -74,11 +76,22 @@ def headline(report: ReportData) -> str:
         return f"{text}, which closes {closed}." if closed else f"{text}."
     if report.verdict == "partial":
         rest = f"; {percent(report.remainder.share)} remains" if np.isfinite(report.remainder.share) else ""
-        return f"The gap is explained in part by {named}: {closed or 'an unknown share'} is closed{rest}."
+        return f"The gap is explained in part by {named}: {closed or 'an unknown share'} is closed{rest}{_with_law(report)}."
     if where.location is None:
         return "Something is missing, and these data do not show where."
     place = f"the balance of {where.location}" if where.kind == "state" else f"the {where.kind} {where.location}"
-    return f"Something that is not in the catalogue is missing, most likely at {place}."
+    text = f"Something that is not in the catalogue is missing, most likely at {place}"
+    return f"{text}{_with_law(report)}."
+
+
+def _with_law(report: ReportData) -> str:
+    """The certified law, and what it closes; empty without one."""
+    law = None if report.missing_term is None else report.missing_term.law
+    if law is None or not law.certified:
+        return ""
+    form = str(law) if len(str(law)) <= LONGEST_LAW else "a law (below)"
+    closed = report.shrink.fraction_law
+    return f": {form}" + (f" closes {percent(closed)} of the gap on runs left out" if np.isfinite(closed) else "")
 
 
 def _short(effect: EffectEstimate, report: ReportData) -> str:
@@ -143,6 +156,10 @@ def next_steps(report: ReportData) -> list[str]:
 def _unexplained(report: ReportData) -> list[str]:
     """What to do about what remains."""
     term = report.missing_term
+    if term is not None and term.law is not None and term.law.certified:
+        return [
+            "Check the law of the missing term (below) against physics; diagnoser.augmented_ carries it unless include_law=False."
+        ]
     if term is not None and term.effects:
         return [
             "Compare the laws below with the catalogue: GapDiagnoser(simulator, effects=[*CATALOGUE.values(), *report.missing_term.effects])."

@@ -1,4 +1,4 @@
-"""The certified law of the missing term, and how far the gap shrinks with it; empty where the report has none."""
+"""The law of the missing term as a formula, how far the gap shrinks with it, and its line over its variable."""
 
 from __future__ import annotations
 
@@ -6,44 +6,70 @@ from html import escape
 
 import numpy as np
 
-from sksurrogate.gap.render._values import percent
+from sksurrogate.gap.render._svg import Line
+from sksurrogate.gap.render._units import with_unit
+from sksurrogate.gap.render._values import number, percent
+from sksurrogate.gap.results._law import Law
+from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["after_law_html", "law_html", "law_lines"]
+__all__ = ["law_html", "law_line", "law_lines"]
 
 
-def _formula(report: ReportData) -> str:
-    """The law as text; empty without one."""
-    law = getattr(report.missing_term, "law", None)
-    return "" if law is None else str(law)
+def _law(report: ReportData) -> Law | None:
+    """The law of the missing term."""
+    return None if report.missing_term is None else report.missing_term.law
 
 
-def _after(report: ReportData) -> float:
-    """RMSE with the law; nan where it was not measured."""
-    value = getattr(report.shrink, "after_law", None)
-    return float("nan") if value is None else float(value)
+def _kept(law: Law) -> str:
+    """Whether the corrected simulator has it, and where it holds."""
+    kept = "certified on runs left out; augmented_ may carry it" if law.certified else "not certified on runs left out"
+    ranges = "; ".join(f"{name} from {number(low)} to {number(high)}" for name, (low, high) in law.domain.items())
+    return f"{kept}. Fitted for {ranges}." if ranges else f"{kept}."
+
+
+def _numbers(law: Law) -> list[str]:
+    """Coefficients with their standard errors."""
+    lines = []
+    for name, value in law.params.items():
+        error = law.standard_errors.get(name, np.nan)
+        text = with_unit(number(value), law.units.get(name, ""))
+        lines.append(f"{name}: {text}" + (f" (standard error {number(error, 2)})" if np.isfinite(error) else ""))
+    return lines
 
 
 def law_html(report: ReportData) -> str:
-    """The formula."""
-    formula = _formula(report)
+    """The formula with its numbers; empty without one."""
+    law = _law(report)
+    if law is None:
+        return ""
+    numbers = "" if law.is_curve else f'<p class="small">{escape("; ".join(_numbers(law)))}</p>'
+    closed = f"closes {percent(law.share)} of the gap's power on runs left out, " if np.isfinite(law.share) else ""
     return (
-        f'<div class="card"><strong>Law found</strong><p class="change"><code>{escape(formula)}</code></p></div>'
-        if formula
-        else ""
+        f'<div class="card"><strong>{"Free curve" if law.is_curve else "Law"} in {escape(law.place)}</strong>'
+        f'<p class="change"><code>{escape(str(law))}</code></p>{numbers}'
+        f'<p class="small">{escape(closed + _kept(law))}</p></div>'
     )
 
 
-def after_law_html(report: ReportData) -> str:
-    """The error with the law."""
-    after = _after(report)
-    if not np.isfinite(after):
-        return ""
-    return f"<p>With the law of what remains the error is {after:.3g} ({percent(after / report.shrink.before)} of before).</p>"
+def law_line(report: ReportData, curve: Curve) -> list[Line]:
+    """The law over the variable of a curve, where it depends on this signal alone."""
+    law = _law(report)
+    if law is None or law.is_curve or tuple(law.variables) != (curve.variable,):
+        return []
+    try:
+        with np.errstate(all="ignore"):
+            at = np.linspace(np.min(curve.at), np.max(curve.at), 201)
+            value = np.broadcast_to(law.value({curve.variable: at}), at.shape)
+    except (KeyError, TypeError, ValueError):
+        return []  # a law of more than its variable, of a recent past for instance
+    return [Line("law", at, value, "before", "6 4", 2.0)]
 
 
 def law_lines(report: ReportData) -> list[str]:
-    """Formula and error, for the terminal."""
-    formula, after = _formula(report), _after(report)
-    lines = [f"Law found: {formula}"] if formula else []
-    return lines + ([f"  RMSE with it: {after:.4g}"] if formula and np.isfinite(after) else [])
+    """Formula and numbers, for the terminal."""
+    law = _law(report)
+    if law is None:
+        return []
+    lines = [f"{'Free curve' if law.is_curve else 'Law'} in {law.place}: {law}", _kept(law)]
+    return lines + ([] if law.is_curve else _numbers(law))

@@ -11,7 +11,7 @@ from sksurrogate.gap.render._budget import budget_html
 from sksurrogate.gap.render._code import code_of
 from sksurrogate.gap.render._curves import curve_html, effect_html
 from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, richer_forms, separating
-from sksurrogate.gap.render._law import after_law_html, law_html
+from sksurrogate.gap.render._law import law_html, law_line
 from sksurrogate.gap.render._origin_html import origin_html
 from sksurrogate.gap.render._record import record_html
 from sksurrogate.gap.render._runs_page import runs_html
@@ -22,6 +22,7 @@ from sksurrogate.gap.render._table_html import explained
 from sksurrogate.gap.render._values import percent, place_of
 from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import Table
 
@@ -29,6 +30,8 @@ __all__ = ["html_fragment", "html_page"]
 
 #: Candidates that the ranking shows before the rest is folded away; candidates at most.
 SHOWN, MOST_RANKED = 6, 60
+#: A curve that explains less of the missing term on runs left out (share of its variance) shows nothing.
+LEAST_EXPLAINED = 0.02
 
 
 def html_page(report: ReportData) -> str:
@@ -138,7 +141,7 @@ def _shrink(report: ReportData) -> str:
     )
     return (
         f"<h2>How far the gap shrinks</h2><figure>{bars(rows)}<figcaption>RMSE of the free run on runs left out, each "
-        f"output over its standard deviation.{closed}{kept}</figcaption></figure>{after_law_html(report)}"
+        f"output over its standard deviation.{closed}{kept}</figcaption></figure>"
     )
 
 
@@ -171,14 +174,21 @@ def _where(report: ReportData) -> str:
 def _missing(report: ReportData) -> str:
     """The shape of the missing term and its formula."""
     term = report.missing_term
-    if term is None or not (term.curves or term.candidates):
+    if term is None or not (term.curves or term.candidates or term.law):
         return ""
     out = [f"<h2>What is missing at {escape(term.location)}</h2>", law_html(report)]
-    out += [curve_html(curve, term.location, term.kind, report) for curve in term.curves[:3]]
-    if term.candidates:
+    out += [curve_html(curve, term.location, term.kind, report, law_line(report, curve)) for curve in _telling(term)]
+    if term.candidates and not (term.law is not None and term.law.certified):
         laws = "".join(f"<li><code>{escape(text)}</code></li>" for text in term.candidates)
         out.append(f"<p>Simple laws that come close:</p><ul>{laws}</ul>")
     return "".join(out)
+
+
+def _telling(term: MissingTerm) -> list[Curve]:
+    """The curves that explain something, and that of the law; the best where none does."""
+    law = () if term.law is None else tuple(term.law.variables)
+    telling = [c for c in term.curves if c.explained > LEAST_EXPLAINED or (c.variable,) == law]
+    return telling[:3] or list(term.curves[:1])
 
 
 def _experiments(report: ReportData) -> str:

@@ -75,7 +75,7 @@ def _large(trace: Trace, report: ReportData) -> str:
     panels += _inputs(trace, report, 70)
     label = axis(TIME, report.units)
     picture = figure(panels, label, run_name(trace.label), width=900)
-    return f"<figure>{picture}{_caption(trace, report)}</figure>"
+    return f'<figure><div class="wide">{picture}</div>{_caption(trace, report)}</figure>'
 
 
 def _small(trace: Trace, report: ReportData) -> str:
@@ -94,12 +94,13 @@ def _output(trace: Trace, j: int, report: ReportData, height: int) -> Panel:
     """Measured, simulator, simulator with the effects."""
     measured, before, after = trace.measured[:, j], trace.before[:, j], trace.after[:, j]
     low, high = limits([measured, before, after])
-    finite = measured[np.isfinite(measured)]
+    known = np.isfinite(measured)
+    finite = measured[known]
     if len(finite):
         room = 0.6 * float(np.ptp(finite)) + 1e-12  # a simulator that runs away must not flatten the measurement
         low, high = max(low, float(finite.min()) - room), min(high, float(finite.max()) + room)
     lines = [
-        Line("measured", trace.t, measured, "measured", width=4.0),
+        Line("measured", trace.t[known], finite, "measured", width=4.0),
         Line("simulator", trace.t, before, "before", "6 4", 1.8),
         Line("with the effects", trace.t, after, "ink", width=1.3),
     ]
@@ -111,15 +112,17 @@ def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Pa
 
     A residual after that is much smaller than the one before has a panel of its own: it is to be compared with the noise.
     """
-    before, after = (trace.measured[:, j] - run[:, j] for run in (trace.before, trace.after))
+    known = np.isfinite(trace.measured[:, j])
+    t = trace.t[known]
+    before, after = (trace.measured[known, j] - run[known, j] for run in (trace.before, trace.after))
     noise = NOISE_BAND * noise_of(report, j)
     ends = np.array([trace.t[0], trace.t[-1]])
     band = (ends, np.full(2, -noise), np.full(2, noise)) if np.isfinite(noise) and noise > 0 else None
     told = "noise, two deviations" if band else ""
-    first = Line("residual before", trace.t, before, "before", "6 4", 1.2)
-    second = Line("residual after", trace.t, after, "ink", width=1.0)
+    first = Line("residual before", t, before, "before", "6 4", 1.2)
+    second = Line("residual after", t, after, "ink", width=1.0)
     name = _name(report.outputs, j, "y")
-    if np.nanstd(after) > MUCH_SMALLER * np.nanstd(before):
+    if not known.any() or np.nanstd(after) > MUCH_SMALLER * np.nanstd(before):
         label = f"residual of {axis(name, report.units)}"
         return [Panel([first, second], label, _range(before, after), band, told, height)]
     return [

@@ -44,7 +44,7 @@ overflow-wrap:normal;white-space:nowrap}
 padding:.15em .5em;font-size:.8em;white-space:pre;font-variant-numeric:tabular-nums;z-index:9}
 .skgap figcaption,.skgap .small{font-size:.88em;color:var(--soft)}
 .skgap .bars{max-width:46em}.skgap .row{display:flex;gap:.5em;align-items:center;margin:.25em 0}
-.skgap .name{flex:0 0 11em}.skgap .rail{flex:1 1 auto}.skgap .size{flex:0 0 4.5em;font-variant-numeric:tabular-nums}
+.skgap .name{flex:0 0 11em}.skgap .rail{flex:1 1 auto}.skgap .size{flex:0 0 4.5em;white-space:nowrap;font-variant-numeric:tabular-nums}
 .skgap .bar{display:block;height:1.1em;background:var(--accent);border-right:2px solid var(--ink)}
 .skgap .budget{margin:.8em 0}.skgap .budgetbar{display:flex;gap:2px;height:1.9em}.skgap .budgetbar span{min-width:2px}
 .skgap .bar,.skgap .budgetbar span,.skgap .key{print-color-adjust:exact;-webkit-print-color-adjust:exact}
@@ -55,7 +55,7 @@ padding:.15em .5em;font-size:.8em;white-space:pre;font-variant-numeric:tabular-n
 .skgap dl{display:grid;grid-template-columns:auto 1fr;gap:.1em 1em;font-size:.9em;margin:.5em 0}.skgap dt{color:var(--soft)}
 .skgap dd{margin:0}
 @media(prefers-color-scheme:dark){.skgap{%DARK%}}
-@media(max-width:30rem){.skgap{padding:.8em}.skgap h1{font-size:1.25em}.skgap th,.skgap td{padding-right:.6em}
+@media(max-width:30rem){.skgap{padding:.8em}.skgap .wide{overflow-x:auto}.skgap .wide svg.plot{min-width:42em}.skgap h1{font-size:1.25em}.skgap th,.skgap td{padding-right:.6em}
 .skgap .name{flex-basis:7.5em;font-size:.85em}.skgap .size{flex-basis:3.6em;font-size:.85em}
 .skgap .grid{grid-template-columns:1fr}}
 @media print{.skgap{%LIGHT%;max-width:none;font-size:11px;padding:0}.skgap figure,.skgap tr,.skgap .card,.skgap .bars,

@@ -111,8 +111,10 @@ def _errors(report: ReportData) -> list[str]:
 def _missing(report: ReportData, width: int) -> list[str]:
     """The laws of the missing term."""
     term = report.missing_term
-    lines = law_lines(report)
-    if term is not None and term.candidates:
+    lines: list[str] = []
+    for k, text in enumerate(law_lines(report)):
+        lines += textwrap.wrap(text, width, initial_indent="  " if k else "", subsequent_indent="    ")
+    if term is not None and term.candidates and not (term.law is not None and term.law.certified):
         lines.append(f"What is missing at {term.location}, simple laws that come close")
         for text in term.candidates:
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")

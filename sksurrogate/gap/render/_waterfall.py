@@ -17,6 +17,7 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
         ("parameters re-tuned", s.after_retuning),
         ("generic correction", s.after_correction),
         ("effects added", s.after),
+        ("law added too", s.after_law),
         ("noise", s.floor),
     ]
     return [(label, float(value)) for label, value in rows if np.isfinite(value)]

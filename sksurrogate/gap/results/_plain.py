@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._table import Table
 
 __all__ = ["json_text", "plain"]
@@ -35,7 +36,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, (Sequence, set, frozenset)):
         return [plain(one) for one in value]
     if is_dataclass(value) and not isinstance(value, type):
-        return {part.name: plain(getattr(value, part.name)) for part in fields(value)}
+        formula = {"formula": str(value), "latex": value.latex} if isinstance(value, Law) else {}
+        return {**formula, **{part.name: plain(getattr(value, part.name)) for part in fields(value)}}
     return str(value)
 
 
