@@ -12,17 +12,14 @@ from sklearn.base import clone
 from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._hybrid_output import Free, simulate_runs
 from sksurrogate.compose._left_out import Piece
+from sksurrogate.compose._plant_path import plant_path
 from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.effects._catalogue import kinematic_states
 from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
 from sksurrogate.kernels.output_error import output_error
-from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._free_run import free_run
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._not_finite import not_finite_along
-from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant, describe
 
 __all__ = ["DynamicsCorrection", "ends_linear"]
@@ -130,16 +127,7 @@ class DynamicsCorrection:
                 f'form="{self.form}" needs a simulator with rhs or step and states; {type(self.simulator).__name__} gives '
                 'trajectories only: use form="output", "static" or "series".'
             )
-        times = [plant.dt * np.arange(len(U)) for U in inputs]
-        record = Record.from_runs(inputs, measured, times, plant.dt)
-        with np.errstate(all="ignore"):
-            starts = np.repeat(plant.x0[None], len(inputs), axis=0)
-            self.noise = noise_of_differences(record.y, record.starts)
-            model, guess = prepared(PlantModel(plant), record, self.noise, [], np.zeros(0), starts, False, True)
-            steps = model.bind(np.zeros((0, 1)))(guess[:, None])
-        if not np.isfinite(steps).all(axis=0).any():
-            place = not_finite_along(model.inner, record)
-            raise SimulatorError(f"the simulator gives no finite step along the data: {place}")
+        model, guess, self.noise = plant_path(plant, inputs, measured)
         return plant, model, guess
 
     def judge(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> DynamicsCorrection:

@@ -78,6 +78,8 @@ def hybrid_state(correction: Any, U: np.ndarray, y0: np.ndarray | None, n_sub: i
             own = graph(x=own, u=row)["x_next"]
         return own
     n, o = correction.n_lags, correction.n_outputs
+    if y0 is not None and correction.starts is not None:
+        own = correction.starts(simulator, [U], [y0[:n]])[0]
     d, before = np.zeros((n, o)), np.repeat(U[:1], n, axis=0)
     step = None if simulator is None else to_graph(simulator, n_sub)
     for t in range(0 if y0 is None else len(y0)):

@@ -17,6 +17,7 @@ from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting
 from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
+from sksurrogate.compose._starts import Starts, fitted_starts, plain_starts
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import describe, simulated, simulated_batch
 
@@ -36,21 +37,29 @@ class Free:
 
 
 def simulate_runs(
-    simulator: Any, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], n_outputs: int
+    simulator: Any,
+    inputs: Sequence[np.ndarray],
+    first: Sequence[np.ndarray | None],
+    n_outputs: int,
+    starts: Starts | None = None,
+    x0: Sequence[np.ndarray] | None = None,
 ) -> list[np.ndarray]:
-    """Free runs of the simulator (zeros without one); states that are outputs start at the first measurement."""
+    """Free runs of the simulator (zeros without one).
+
+    They start at ``x0``; without it where ``starts`` finds them from the first rows; else states that are outputs start
+    at the first measurement, the others where the simulator starts.
+    """
     if simulator is None:
         return [np.zeros((len(U), n_outputs)) for U in inputs]
     plant = describe(simulator)
-    places = plant.output_states if plant.states else None
-    starts: list[Any] = []
-    for y in first:
-        x0 = None
-        if y is not None and len(y) and places is not None:
-            x0 = plant.x0.copy()
-            x0[list(places)] = y[0]
-        starts.append(x0)
-    out = _simulated(simulator, plant, inputs, starts)
+    begins: Sequence[Any] = plain_starts(simulator, first) if x0 is None else x0
+    given = [r for r, y in enumerate(first) if y is not None and len(y)]
+    if x0 is None and starts is not None and given:
+        found = starts(simulator, [inputs[r] for r in given], [first[r] for r in given])  # type: ignore[misc]
+        begins = list(begins)
+        for r, state in zip(given, found):
+            begins[r] = state
+    out = _simulated(simulator, plant, inputs, list(begins))
     if out and out[0].shape[1] != n_outputs:
         raise DataError(
             f"y has {n_outputs} columns, but the simulator gives {out[0].shape[1]} outputs: give y the outputs of the "
@@ -87,6 +96,8 @@ class OutputCorrection:
     inside = False
     _bases: dict[Piece, np.ndarray]
     domain: Domain
+    #: How initial states are found from the first rows; None: states that are outputs start at the first row.
+    starts: Starts | None
 
     def __init__(
         self, simulator: Any, residual: Any, form: str, loss: str, n_lags: int, fade: float, shrinkage: float, random_state: Any
@@ -100,7 +111,9 @@ class OutputCorrection:
     ) -> OutputCorrection:
         """Fit on runs; ``before``: a fitted correction to go on from."""
         self.n_outputs = measured[0].shape[1]
-        base = simulate_runs(self.simulator, inputs, measured, self.n_outputs)
+        found = None if self.simulator is None else fitted_starts(self.simulator, inputs, measured, self.n_lags)
+        self.starts, at = found if found is not None else (None, None)
+        base = simulate_runs(self.simulator, inputs, measured, self.n_outputs, x0=at)
         deviation = [y - b for y, b in zip(measured, base)]
         known = [self.known(U, b) for U, b in zip(inputs, base)]
         self._taught = (known, deviation, base)
@@ -125,7 +138,7 @@ class OutputCorrection:
         other = OutputCorrection(
             self.simulator, self.residual, self.form, self.loss, self.n_lags, self.fade, self.shrinkage, self.random_state
         )  # fmt: skip
-        other.n_outputs, other._taught, other._bases = self.n_outputs, self._taught, {}
+        other.n_outputs, other.starts, other._taught, other._bases = self.n_outputs, self.starts, self._taught, {}
         other._fit_deviations([known[r][a:b] for r, a, b in blocks], [deviation[r][a:b] for r, a, b in blocks], None)
         return other
 
@@ -147,11 +160,12 @@ class OutputCorrection:
 
     def _bases_of(self, pieces: Sequence[Piece], inputs: list, first: list) -> list[np.ndarray]:
         """Runs of the simulator over pieces, each simulated once; those from the start of a run are known."""
-        new = [k for k, piece in enumerate(pieces) if piece not in self._bases and piece.start > 0]
-        found = simulate_runs(self.simulator, [inputs[k] for k in new], [first[k] for k in new], self.n_outputs)
+        known = self.starts is None  # then runs of the data start as ``predict`` does
+        new = [k for k, piece in enumerate(pieces) if piece not in self._bases and not (known and piece.start == 0)]
+        found = self._alone([inputs[k] for k in new], [first[k] for k in new]) if new else []
         self._bases.update({pieces[k]: base for k, base in zip(new, found)})
         whole = self._taught[2]
-        return [self._bases[piece] if piece.start else whole[piece.run][: piece.stop] for piece in pieces]
+        return [self._bases[piece] if piece in self._bases else whole[piece.run][: piece.stop] for piece in pieces]
 
     def _fit_deviations(self, known: list, deviation: list, before: OutputCorrection | None) -> None:
         """Region, bounds and residual from the simulator's deviations."""
@@ -169,7 +183,12 @@ class OutputCorrection:
 
     def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True) -> Free:
         """Free runs from the first rows (None: from no deviation); ``spread``: those of every map too."""
-        return self._run(inputs, first, simulate_runs(self.simulator, inputs, first, self.n_outputs), spread)
+        return self._run(inputs, first, self._alone(inputs, first), spread)
+
+    def _alone(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None]) -> list[np.ndarray]:
+        """Free runs of the simulator from the first rows."""
+        first = [None if y is None else y[: self.n_lags] for y in first]
+        return simulate_runs(self.simulator, inputs, first, self.n_outputs, self.starts)
 
     def _run(
         self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], base: list[np.ndarray], spread: bool
@@ -197,7 +216,7 @@ class OutputCorrection:
 
     def one_step(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> list[np.ndarray]:
         """One step ahead from measured outputs; nan where the past is missing."""
-        base = simulate_runs(self.simulator, inputs, measured, self.n_outputs)
+        base = self._alone(inputs, measured)
         out = []
         for U, y, b in zip(inputs, measured, base):
             part = np.full(b.shape, np.nan)

@@ -1,0 +1,39 @@
+"""A simulator with states along measured runs: its model on the record, and a smoothed path of all states."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import noise_of_differences
+from sksurrogate.physics._fit_model import FitModel
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._not_finite import not_finite_along
+from sksurrogate.physics._prepare import prepared
+from sksurrogate.physics._simulator import Plant
+
+__all__ = ["plant_path"]
+
+
+def plant_path(
+    plant: Plant, inputs: list[np.ndarray], measured: list[np.ndarray]
+) -> tuple[FitModel, np.ndarray, np.ndarray]:
+    """Model over the record, states (n_states, n_rows) that follow the outputs, and sensor noise (n_outputs,).
+
+    Raises
+    ------
+    SimulatorError
+        No step along the data is finite.
+    """
+    times = [plant.dt * np.arange(len(U)) for U in inputs]
+    record = Record.from_runs(inputs, measured, times, plant.dt)
+    with np.errstate(all="ignore"):
+        starts = np.repeat(plant.x0[None], len(inputs), axis=0)
+        noise = noise_of_differences(record.y, record.starts)
+        model, guess = prepared(PlantModel(plant), record, noise, [], np.zeros(0), starts, False, True)
+        steps = model.bind(np.zeros((0, 1)))(guess[:, None])
+    if not np.isfinite(steps).all(axis=0).any():
+        place = not_finite_along(model.inner, record)
+        raise SimulatorError(f"the simulator gives no finite step along the data: {place}")
+    return model, guess, noise
