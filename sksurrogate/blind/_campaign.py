@@ -19,6 +19,7 @@ from sksurrogate.blind._cases import ARMS, draw
 from sksurrogate.blind._follow import followed
 from sksurrogate.blind._own import plant_of
 from sksurrogate.blind._retune import beyond_retuning
+from sksurrogate.blind._robot_arms import ROBOT_ARMS, draw_robot_case, score_robot_case
 from sksurrogate.blind._score import score
 from sksurrogate.blind._seal import close_seal
 from sksurrogate.blind._solve import DEFAULT, Solver
@@ -56,7 +57,8 @@ def run_blind_check(
     cases : int, default=100
         Number of cases, spread evenly over the arms.
     arms : "all", str or sequence of str, default="all"
-        Which questions are asked; see :data:`sksurrogate.blind.ARMS`.
+        Which questions are asked; see :data:`sksurrogate.blind.ARMS`. Robots (:data:`sksurrogate.blind.ROBOT_ARMS`) are asked
+        by name only: they need MuJoCo and more time.
     simulator : object with ``rhs``, optional
         Your own simulator in place of the built-in plants: what could and could not be seen there?
     seed : int, optional
@@ -161,9 +163,10 @@ def _arms(arms: str | Sequence[str]) -> list[str]:
         return list(ARMS)
     names = [arms] if isinstance(arms, str) else list(arms)
     names = [part for name in names for part in name.split(",") if part]
-    unknown = [name for name in names if name not in ARMS]
+    known = [*ARMS, *ROBOT_ARMS]
+    unknown = [name for name in names if name not in known]
     if unknown or not names:
-        raise SurrogateError(f"arms: {unknown or arms!r} unknown; use 'all' or one or several of {list(ARMS)}.")
+        raise SurrogateError(f"arms: {unknown or arms!r} unknown; use 'all' or one or several of {known}.")
     return names
 
 
@@ -224,9 +227,9 @@ def run_case(
     >>> row["verdict"]   # doctest: +SKIP
     'none'
     """
-    begun = time.perf_counter()
+    begun, robot = time.perf_counter(), arm in ROBOT_ARMS
     try:
-        case = draw(arm, entropy, plant=plant, runs=runs)
+        case: Any = draw_robot_case(arm, entropy) if robot else draw(arm, entropy, plant=plant, runs=runs)
     except SurrogateError as error:
         return {"arm": arm, "seed": entropy, "error": f"not drawn: {error}", "right": None}
     solver = solver or _SOLVERS.setdefault(diagnosis, Solver(diagnosis))
@@ -241,10 +244,10 @@ def run_case(
         raise SurrogateError("the seal holds another truth than the case: the run does not count.")
     if look is not None:
         look(case, answer)
-    row = score(case, answer)
+    row = score_robot_case(case, answer) if robot else score(case, answer)
     if arm == "detuned":
         row["gap_beyond_retuning"] = beyond_retuning(case)
-    if np.random.default_rng([case.facts["seed"], 18]).random() < follow_up:
+    if not robot and np.random.default_rng([case.facts["seed"], 18]).random() < follow_up:
         row |= followed(case, answer, row, solver.ask)
     return {**row, "diagnosis": diagnosis, "sha256": seal.sha256, "whole_seconds": time.perf_counter() - begun}
 

@@ -14,6 +14,7 @@ import numpy as np
 from sksurrogate._files import write_text
 from sksurrogate.blind import _bars
 from sksurrogate.blind._cases import ARMS
+from sksurrogate.blind._robot_arms import ROBOT_ARMS
 from sksurrogate.blind._pictures import embedded, missing_terms, overview
 from sksurrogate.exceptions import DataError
 
@@ -79,7 +80,7 @@ class BlindResult:
             error of a limit, in standard deviations of its signal), moment (median error of a time, in lengths of the
             run), shape (median correlation of the missing term with the true one).
         """
-        order = [*ARMS] if by == "arm" else sorted({str(row.get(by)) for row in self.rows})
+        order = [*ARMS, *ROBOT_ARMS] if by == "arm" else sorted({str(row.get(by)) for row in self.rows})
         groups = [(name, [row for row in self.rows if str(row.get(by)) == name]) for name in order]
         return [{by: name, **summary(rows)} for name, rows in groups if rows]
 
