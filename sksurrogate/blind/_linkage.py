@@ -39,7 +39,7 @@ def arm_rates(t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> Any:
     return v1, v2, (i2 * r1 - b * r2) / d, (a * r2 - b * r1) / d
 
 
-def _friction(kind: str, v: Any, u: Any, size: float, unit: float, dice: np.ndarray) -> Any:
+def _friction(kind: str, v: Any, u: Any, size: Any, unit: float, dice: np.ndarray) -> Any:
     """Torque of the friction."""
     if kind == "viscous":
         return -size * unit * v / 2.0
@@ -88,7 +88,9 @@ def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] |
         "m1": rng.uniform(0.5, 2), "m2": rng.uniform(0.3, 1.2), "l1": rng.uniform(0.25, 0.5), "l2": rng.uniform(0.2, 0.45),
         "g": 9.81 if rng.random() < 0.6 else 0.0,
     }  # fmt: skip
-    inertia = np.array([p["m1"] * p["l1"] ** 2 / 3 + p["m2"] * (p["l1"] + 0.5 * p["l2"]) ** 2, p["m2"] * p["l2"] ** 2 / 3])
+    inertia = np.array(
+        [p["m1"] * p["l1"] ** 2 / 3 + p["m2"] * (p["l1"] + 0.5 * p["l2"]) ** 2, p["m2"] * p["l2"] ** 2 / 3]
+    )
     p |= {"d1": float(inertia[0] * rng.uniform(0.5, 2)), "d2": float(inertia[1] * rng.uniform(0.5, 2))}
     dt, n_runs, n = float(rng.choice([0.01, 0.02])), int(rng.integers(4, 8)), int(rng.integers(120, 220))
     size, hold = inertia * rng.uniform(6, 14, 2) + 0.2 * p["g"] * inertia, int(rng.integers(10, 30))
@@ -97,10 +99,12 @@ def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] |
     nominal = _march(p, dt, U, X0)
     noise = float(np.exp(rng.uniform(np.log(1e-3), np.log(8e-3)))) * np.std(nominal[:n_runs], axis=(0, 1))
 
-    def real(s: float, few: int) -> np.ndarray:
+    def real(sizes: np.ndarray, few: int) -> np.ndarray:
+        each, times = np.repeat(sizes, few), len(sizes)
         unit = 8.0 * inertia[joint]
-        acting = joint, lambda v, u: _friction(str(kind), v, u, s, unit, dice)
-        return _march(p, dt, U[:few], X0[:few], acting)
+        acting = joint, lambda v, u: _friction(str(kind), v, u, each, unit, dice)
+        y = _march(p, dt, np.tile(U[:few], (times, 1, 1)), np.tile(X0[:few], (times, 1)), acting)
+        return y.reshape(times, few, *y.shape[1:])
 
     def over(y: np.ndarray) -> float:
         error = (y - nominal[: len(y)]) / noise
@@ -109,12 +113,12 @@ def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] |
     clean, gap, chosen = nominal, 0.0, 0.0
     if kind is not None:
         target = float(np.exp(rng.uniform(np.log(8.0), np.log(40.0))))
-        found = [over(real(float(s), 2)) for s in SIZES]
+        found = [over(y) for y in real(SIZES, 2)]
         able = [k for k, value in enumerate(found) if 6.0 <= value <= 80.0]
         if not able:
             return None
         chosen = float(SIZES[min(able, key=lambda i: abs(np.log(found[i] / target)))])
-        clean = real(chosen, len(U))
+        clean = real(np.array([chosen]), len(U))[0]
         gap = over(clean[:n_runs])
     if not np.isfinite(clean).all() or (kind is not None and not gap >= 5.0):
         return None

@@ -14,8 +14,8 @@ import numpy as np
 from sksurrogate._files import write_text
 from sksurrogate.blind import _bars
 from sksurrogate.blind._cases import ARMS
-from sksurrogate.blind._robot_arms import ROBOT_ARMS
 from sksurrogate.blind._pictures import embedded, missing_terms, overview
+from sksurrogate.blind._robot_arms import ROBOT_ARMS
 from sksurrogate.exceptions import DataError
 
 __all__ = ["BlindResult"]

@@ -224,7 +224,7 @@ def _told(
     kind: str,
     changes: Sequence[float],
 ) -> tuple[list[str], list[LawEffect]]:
-    """Laws as text, and as effects where they stand in a balance."""
+    """Laws as text, and as effects where they stand in a balance or at an input."""
     if not order:
         return [], []
     shapes = library(channel.Z[:, order], [channel.names[i] for i in order], channel.record.t, changes)
@@ -242,7 +242,7 @@ def _told(
     for share, chosen in found[:MOST_LAWS]:
         values = _coefficients(channel, J[:, chosen]) / shapes.size[chosen]
         texts.append(f"{_text(shapes, chosen, values)}  (explains {100 * share:.0f} %)")
-        if kind == "state":
+        if kind in ("state", "input"):  # a law at an input is one at a port
             effects.append(_effect(shapes, chosen, values, location))
     return texts, effects
 

@@ -1,0 +1,110 @@
+"""The robots of the check: drawn, marched without the package's own simulators, scored."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.blind import ROBOT_ARMS, run_blind_check
+from sksurrogate.blind._linkage import LINKAGE_ANSWERS, linkage_case
+from sksurrogate.blind._robot_arms import draw_robot_case, score_robot_case
+from sksurrogate.blind._robots import ANSWERS, robot_case
+from sksurrogate.exceptions import SurrogateError
+from sksurrogate.physics import MuJoCoSimulator
+
+mujoco = pytest.importorskip("mujoco")
+
+
+def drawn(make, kind, seed=0):
+    rng = np.random.default_rng([seed, len(kind or "")])
+    return next(case for case in (make(rng, kind) for _ in range(60)) if case is not None)
+
+
+def test_the_march_by_mujoco_alone_is_what_the_simulator_gives():
+    case = drawn(robot_case, None)
+    robot = case["robot"]
+    simulator = MuJoCoSimulator(robot.mjcf(), outputs=[f"{j}.pos" for j in robot.joints], dt=robot.dt)
+    for U, x0, y in zip(case["U"], case["X0"], case["clean"]):
+        np.testing.assert_allclose(simulator.simulate(U, x0=x0), y, atol=1e-9)
+
+
+def test_the_march_of_the_arm_is_what_its_equations_give():
+    case = drawn(linkage_case, None)
+    for U, x0, y in zip(case["U"][:2], case["X0"], case["clean"]):
+        np.testing.assert_allclose(case["simulator"].simulate(U, x0=x0), y, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ANSWERS)
+def test_every_kind_makes_a_gap_in_a_robot(kind):
+    case = drawn(robot_case, kind)
+    error = (case["clean"] - _nominal(case)) / case["noise"]
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(case["gap"]) and 5.0 <= case["gap"] < 200.0
+
+
+def _nominal(case):
+    robot = case["robot"]
+    simulator = MuJoCoSimulator(robot.mjcf(), outputs=[f"{j}.pos" for j in robot.joints], dt=robot.dt)
+    return np.stack([simulator.simulate(U, x0=x0) for U, x0 in zip(case["U"], case["X0"])])
+
+
+@pytest.mark.parametrize("kind", LINKAGE_ANSWERS)
+def test_every_friction_makes_a_gap_in_an_arm(kind):
+    assert 5.0 <= drawn(linkage_case, kind)["gap"] < 200.0
+
+
+def test_the_same_seed_draws_the_same_case():
+    one, other = (draw_robot_case("robot", 4) for _ in range(2))
+    assert one.facts == other.facts and np.array_equal(one.question.y, other.question.y)
+
+
+def answer(case, verdict, *effects):
+    named = [
+        {
+            "name": n,
+            "location": p,
+            "variable": None,
+            "params": {},
+            "intervals": {},
+            "probability": 1.0,
+            "equivalents": e,
+        }
+        for n, p, e in effects
+    ]
+    return {"verdict": verdict, "effects": named, "where": {"location": None}, "predicted": case.y_test}
+
+
+def test_right_are_the_names_of_a_kind_at_its_joint_up_to_twins():
+    case = draw_robot_case("robot", 4)
+    name, place = case.answers[0]
+    assert score_robot_case(case, answer(case, "explained", (name, place, [])))["right"]
+    twin = ("drift", "elsewhere", [[name, place, None]])
+    assert score_robot_case(case, answer(case, "explained", twin))["right"]
+    assert not score_robot_case(case, answer(case, "explained", ("drift", "elsewhere", [])))["right"]
+    both = answer(case, "explained", (name, place, []), ("drift", "elsewhere", []))
+    row = score_robot_case(case, both)
+    assert not row["right"] and row["false_names"] == 1 and row["shrink"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arm", "verdict"), [("linkage_none", "none"), ("robot_none", "none"), ("robot_unknown", "unknown")]
+)
+def test_nothing_and_the_unknown_have_no_name(arm, verdict):
+    case = draw_robot_case(arm, 1)
+    assert score_robot_case(case, answer(case, verdict))["right"]
+    assert not score_robot_case(case, {**answer(case, "partial", ("drift", "x", [])), "predicted": 0 * case.y_test})[
+        "right"
+    ]
+
+
+def says_nothing(question):
+    """A diagnosis that finds no gap."""
+    simulate = question.simulator.simulate
+    predicted = [simulate(U, x0=x0).tolist() for U, x0 in zip(question.X_test, question.x0_test)]
+    return {"verdict": "none", "effects": [], "predicted": predicted, "seconds": 0.0, "processor_seconds": 0.0}
+
+
+def test_a_robot_is_asked_like_the_others():
+    """Another diagnosis in the other process: it says that there is nothing."""
+    result = run_blind_check(1, "linkage_none", seed=0, diagnosis=f"{__name__}:says_nothing")
+    assert [row["right"] for row in result.rows] == [True] and set(ROBOT_ARMS) >= {row["arm"] for row in result.rows}
+    assert "linkage_none" in result.to_markdown()
+    with pytest.raises(SurrogateError, match="robot_unknown"):
+        run_blind_check(1, "robots")

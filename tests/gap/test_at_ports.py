@@ -1,0 +1,72 @@
+"""Diagnoses of an arm whose missing force enters at a torque and moves both joints."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.blind._linkage import arm_rates
+from sksurrogate.effects import AugmentedSimulator, build_effects
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+PARAMS = {"m1": 1.0, "m2": 0.6, "l1": 0.35, "l2": 0.3, "g": 0.0, "d1": 0.1, "d2": 0.02}
+RUNS, N = 3, 105
+
+
+def arm():
+    names = {"states": ["q1", "q2", "v1", "v2"], "inputs": ["t1", "t2"], "outputs": ["q1", "q2"]}
+    return ODESimulator(arm_rates, **names, params=PARAMS, dt=0.01)
+
+
+def recorded(friction):
+    """Inputs, readings and runs of the arm with a friction of the second joint."""
+
+    def rates(t, x, u, p):
+        return arm_rates(t, x, (u[0], u[1] - friction(x[3])), p)
+
+    real, rng = arm().set_params(rhs=rates), np.random.default_rng(0)
+    U = np.repeat(rng.uniform(-1, 1, size=(RUNS, N // 15, 2)) * [1.0, 0.3], 15, axis=1)
+    X0 = 0.3 * rng.normal(size=(RUNS, 4))
+    y = np.concatenate([real.simulate(u, x0) for u, x0 in zip(U, X0)])
+    return U.reshape(-1, 2), y + 2e-3 * rng.normal(size=y.shape), np.repeat(np.arange(RUNS), N), X0
+
+
+def dry(v):
+    return 0.06 * np.tanh(v / 1e-3)
+
+
+def test_dry_friction_in_a_joint_is_named_at_its_torque():
+    U, y, runs, _ = recorded(dry)
+    names = ["coulomb_friction", "linear_loss", "quadratic_drag", "input_delay"]
+    report = GapDiagnoser(arm(), effects=names, random_state=0).fit(U, y, groups=runs).report_
+    assert report.verdict == "explained"
+    assert [(e.name, e.location, e.variable) for e in report.effects] == [("coulomb_friction", "t2", "v2")]
+    assert report.effects[0].params["level"] == pytest.approx(0.06, rel=0.02)  # in the unit of the torque
+    assert (report.where.kind, report.where.location) == ("input", "t2")
+
+
+def test_a_missing_force_at_an_input_comes_as_an_effect():
+    U, y, runs, X0 = recorded(dry)
+    plant = describe(arm())
+    split = [np.flatnonzero(runs == r) for r in range(RUNS)]
+    record = Record.from_runs([U[k] for k in split], [y[k] for k in split], [0.01 * np.arange(N)] * RUNS, 0.01)
+    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v1", "v2"))
+    null = problem.fit((), np.zeros(0), smoothed.x)
+    law = missing_term(Channels(null), "t2", "input").effects[0]
+    assert law.location == "t2" and "v2" in law.variable
+    better = AugmentedSimulator(arm(), [law], [law.values])
+    left = [
+        np.concatenate([one.simulate(u, x) for u, x in zip(U.reshape(RUNS, N, 2), X0)]) - y for one in (arm(), better)
+    ]
+    assert np.std(left[1]) < 0.3 * np.std(left[0])
+
+
+def test_the_whole_catalogue_at_ports_takes_little_more():
+    found = build_effects(describe(arm()), ["v1", "v2"])
+    at_ports = [effect for effect in found if effect.kind == "state" and effect.location in ("t1", "t2")]
+    assert 0 < len(at_ports) < 0.3 * len(found)
+    assert len({effect.key for effect in found}) == len(found)
