@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.compose._left_out import LeftOut
-from sksurrogate.compose._support import Support, block_powers, supported
+from sksurrogate.compose._support import SHARES, Support, block_powers, supported
 
 __all__ = ["CorrectionReport", "keep_supported", "reach", "surrogate_alone"]
 
-#: Shares that are compared: a step of a twentieth costs at most a 400th of the squared gap.
-SHARES = np.linspace(0.0, 1.0, 21)
 #: Reach of a correction beyond its data, as a share of their range, from hardly any to as much again.
 FADES = (0.1, 0.3, 1.0)
 

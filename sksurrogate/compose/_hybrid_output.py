@@ -94,6 +94,8 @@ class OutputCorrection:
 
     #: It acts on the outputs.
     inside = False
+    #: Whether initial states that no sensor shows are looked for.
+    finds_starts = True
     _bases: dict[Piece, np.ndarray]
     domain: Domain
     #: How initial states are found from the first rows; None: states that are outputs start at the first row.
@@ -111,7 +113,8 @@ class OutputCorrection:
     ) -> OutputCorrection:
         """Fit on runs; ``before``: a fitted correction to go on from."""
         self.n_outputs = measured[0].shape[1]
-        found = None if self.simulator is None else fitted_starts(self.simulator, inputs, measured, self.n_lags)
+        asked = self.simulator is not None and self.finds_starts
+        found = fitted_starts(self.simulator, inputs, measured, self.n_lags) if asked else None
         self.starts, at = found if found is not None else (None, None)
         base = simulate_runs(self.simulator, inputs, measured, self.n_outputs, x0=at)
         deviation = [y - b for y, b in zip(measured, base)]

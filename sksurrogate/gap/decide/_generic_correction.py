@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,7 @@ Correction = Callable[[Record, np.ndarray], np.ndarray]
 Run = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 #: The correction is learned on this many parts only, by one small map: a bar beside the diagnosis, not its aim.
-FOLDS, MAPS, UNITS, ITERATIONS = 2, 1, 3, 8
+FOLDS, MAPS, UNITS, ITERATIONS, LAGS = 2, 1, 3, 8, 5
 
 
 class SimulatedOnce:
@@ -80,48 +80,112 @@ def known_runs(problem: OdeBackend) -> list[Run]:
 def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()) -> Correction:
     """The waterfall's learned correction: fitted on the training runs, free run on the others.
 
-    ``runs`` of the simulator that are known already (inputs, initial states, outputs) are not simulated again.
+    The default one keeps the share that left-out runs support: the share for one fold is that which the other folds,
+    predicted from the rest, support. ``runs`` of the simulator that are known already (inputs, initial states, outputs)
+    are not simulated again.
     """
-    from sklearn.base import clone
-
-    from sksurrogate.compose import HybridRegressor
-    from sksurrogate.compose._residual import FreeRunResidual
 
     def run(record: Record, fold: np.ndarray) -> np.ndarray:
-        model = correction
-        if correction is None:
-            model = HybridRegressor(
-                SimulatedOnce(simulator, runs), FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=ITERATIONS)
-            )
-        if not len(record.u):  # regressors want a column
-            return np.full(record.y.shape, np.nan)
-        row_of = record.run_of_row
         out = np.full(record.y.shape, np.nan)
-        fold = np.asarray(fold) % FOLDS
-        for k in np.unique(fold):
-            test = np.isin(row_of, np.flatnonzero(fold == k))
-            if test.all():  # one short run: nothing is left to learn from
+        if not len(record.u):  # regressors want a column
+            return out
+        parts = np.asarray(fold) % FOLDS
+        predict = _Supported(SimulatedOnce(simulator, runs)) if correction is None else _Own(correction)
+        for k in np.unique(parts):
+            taught, test = np.flatnonzero(parts != k), np.flatnonzero(parts == k)
+            if not len(taught):  # one short run: nothing is left to learn from
                 continue
             try:
-                fitted = clone(model).fit(record.u[:, ~test].T, record.y[:, ~test].T, groups=row_of[~test])
-                n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
-                labels_test = row_of[test]
-                firsts = np.stack(
-                    [record.y[:, record.starts[r] : record.starts[r] + n_lags].T for r in np.unique(labels_test)]
-                )
-                out[:, test] = (
-                    np.asarray(fitted.predict(record.u[:, test].T, y0=firsts, groups=labels_test))
-                    .reshape(test.sum(), -1)
-                    .T
-                )
+                predict.learn(record, taught, test)
             except (SurrogateError, ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
                 # The answers so far are worth more than the bar of the learned correction.
                 warnings.warn(
-                    f"correction: {type(model).__name__} failed on runs left out ({error}); its bar is left out.",
+                    f"correction: {predict.name} failed on runs left out ({error}); its bar is left out.",
                     UserWarning,
                     stacklevel=2,
                 )
-                continue
+        for r, y in predict.outputs():
+            out[:, record.starts[r] : record.starts[r] + record.lengths[r]] = y.T
         return out
 
     return run
+
+
+def _rows(record: Record, r: int) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs and outputs of a run, (n_samples, n_inputs | n_outputs)."""
+    rows = slice(record.starts[r], record.starts[r] + record.lengths[r])
+    return record.u[:, rows].T, record.y[:, rows].T
+
+
+class _Own:
+    """A user's correction: what it predicts is taken as it is."""
+
+    def __init__(self, model: Any):
+        self.model, self.name = model, type(model).__name__
+        self._found: list[tuple[int, np.ndarray]] = []
+
+    def learn(self, record: Record, taught: np.ndarray, test: np.ndarray) -> None:
+        """Fit on some runs, run on the others."""
+        from sklearn.base import clone
+
+        U, y = zip(*(_rows(record, r) for r in taught))
+        fitted = clone(self.model).fit(np.concatenate(U), np.concatenate(y), groups=_labels(U))
+        n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
+        V, z = zip(*(_rows(record, r) for r in test))
+        first = np.stack([part[:n_lags] for part in z])
+        found = np.asarray(fitted.predict(np.concatenate(V), y0=first, groups=_labels(V))).reshape(-1, len(record.y))
+        self._found += list(zip(test, np.split(found, np.cumsum([len(part) for part in V])[:-1])))
+
+    def outputs(self) -> list[tuple[int, np.ndarray]]:
+        """(run, its outputs)."""
+        return self._found
+
+
+def _labels(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Which part a row belongs to."""
+    return np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+
+
+class _Supported:
+    """The default: small nets on past deviations, as far as left-out runs support them."""
+
+    name = "HybridRegressor"
+
+    def __init__(self, simulator: Any):
+        self.simulator = simulator
+        self._folds: list[list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]] = []
+
+    def learn(self, record: Record, taught: np.ndarray, test: np.ndarray) -> None:
+        """Fit on some runs; simulator, hybrid and measurement of the others."""
+        from sksurrogate.compose._hybrid_output import OutputCorrection
+        from sksurrogate.compose._residual import FreeRunResidual
+
+        residual = FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=ITERATIONS)
+        correction = OutputCorrection(self.simulator, residual, "output", "shooting", LAGS, 1.0, 1e-2, 0)
+        correction.finds_starts = False  # as the simulator of the bar above starts
+        U, y = zip(*(_rows(record, r) for r in taught))
+        correction.fit(list(U), list(y))
+        V, z = zip(*(_rows(record, r) for r in test))
+        first = [part[:LAGS] for part in z]
+        whole = correction.run(V, first, spread=False).y
+        correction.keep(np.zeros(len(record.y)), 1.0)
+        self._folds.append(list(zip(test, correction.run(V, first, spread=False).y, whole, z)))
+
+    def outputs(self) -> list[tuple[int, np.ndarray]]:
+        """(run, its outputs); the share of a fold is that of the others."""
+        found = []
+        for k, fold in enumerate(self._folds):
+            share = self._share([run for j, other in enumerate(self._folds) if j != k for run in other])
+            found += [(r, alone + share * (whole - alone)) for r, alone, whole, _ in fold]
+        return found
+
+    @staticmethod
+    def _share(runs: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]) -> np.ndarray | float:
+        """The share of each output that these runs support; none without runs."""
+        from sksurrogate.compose._support import SHARES, block_powers, supported
+
+        if not runs:
+            return 0.0
+        errors = [(alone - y) + SHARES[:, None, None] * (whole - alone) for _, alone, whole, y in runs]
+        power = block_powers([error[:, LAGS:] for error in errors])
+        return np.array([supported(power[:, :, j], SHARES).factor for j in range(power.shape[2])])

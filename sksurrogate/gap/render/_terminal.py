@@ -94,9 +94,10 @@ def _errors(report: ReportData) -> list[str]:
     rows = waterfall(report)
     if not rows:
         return []
+    width = max(24, *(len(label) for label, _ in rows))
     longest = max([value for _, value in rows] + [1e-300])
     lines = ["RMSE of the free run on runs left out, over the deviation of each output"]
-    lines += [f"  {label:<24} {value:9.4g}  " + "#" * round(30 * value / longest) for label, value in rows]
+    lines += [f"  {label:<{width}} {value:9.4g}  " + "#" * round(30 * value / longest) for label, value in rows]
     shrink = report.shrink
     if np.isfinite(shrink.fraction):
         low, high = shrink.interval

@@ -10,12 +10,19 @@ __all__ = ["waterfall"]
 
 
 def waterfall(report: ReportData) -> list[tuple[str, float]]:
-    """Errors before, after re-tuning, after a generic correction, after the effects, and the noise."""
+    """Errors before, after re-tuning, after a generic correction, after the effects, and the noise.
+
+    What makes runs left out worse says so: it is no help.
+    """
     s = report.shrink
+
+    def helps(label: str, after: float) -> str:
+        return f"{label} (no help)" if after > s.before else label
+
     rows = [
         ("simulator", s.before),
-        ("parameters re-tuned", s.after_retuning),
-        ("generic correction", s.after_correction),
+        (helps("parameters re-tuned", s.after_retuning), s.after_retuning),
+        (helps("generic correction", s.after_correction), s.after_correction),
         ("effects added", s.after),
         ("law added too", s.after_law),
         ("noise", s.floor),
