@@ -7,6 +7,7 @@ import difflib
 import re
 from array import array
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -14,12 +15,15 @@ import numpy as np
 
 from sksurrogate.exceptions import DataError
 
-__all__ = ["read_csv"]
+__all__ = ["read_csv", "read_header"]
 
 #: A CSV larger than this is refused unread.
 LARGEST_CSV = 512 * 2**20
 #: A run label longer than this is no label (and would blow up the array of labels).
 LONGEST_LABEL = 200
+#: A number with a decimal comma and nothing that groups digits; the beginning of a date.
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+ISO_TIME = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d")
 
 
 def read_csv(
@@ -30,14 +34,14 @@ def read_csv(
     Parameters
     ----------
     path : path
-        UTF-8 text with a header; comma, semicolon or tabulator; decimal points. A quoted cell ends in its line. At most
-        512 MiB.
+        UTF-8 text with a header; comma, semicolon or tabulator. A quoted cell ends in its line. At most 512 MiB. Decimal
+        points; decimal commas too where cells are not separated by commas.
     wanted : sequence of str
         Numeric columns.
     run : str, optional
         Column of run labels.
     time : str, optional
-        Column of the time, numeric too.
+        Column of the time: numbers, or dates and times of ISO 8601, which become seconds from the first row.
 
     Returns
     -------
@@ -53,6 +57,16 @@ def read_csv(
     file = _text_file(path)
     with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
         return _read(stream, file.name, wanted, run, time)
+
+
+def read_header(path: Any) -> list[str]:
+    """Names of the columns of a CSV; empty where its first line cannot be read."""
+    with _text_file(path).open(newline="", encoding="utf-8-sig", errors="replace") as stream:
+        first = stream.readline(2**16)
+    try:
+        return [cell.strip() for cell in next(csv.reader([first], delimiter=max(",;\t", key=first.count)), [])]
+    except csv.Error:
+        return []
 
 
 def _text_file(path: Any) -> Path:
@@ -80,20 +94,27 @@ def _read(
     """Header, then rows."""
     first = stream.readline(2**16)
     stream.seek(0)
-    rows = _lines(csv.reader(stream, delimiter=max(",;\t", key=first.count), strict=True), name)
+    delimiter = max(",;\t", key=first.count)
+    rows = _lines(csv.reader(stream, delimiter=delimiter, strict=True), name)
     header = [cell.strip() for cell in next(rows, (1, []))[1]]
     _check_header(header, name, wanted, run, time)
     wanted = [*wanted, *([time] if time and time not in wanted else [])]
     places = [header.index(column) for column in wanted]
     label_at = header.index(run) if run else None
     values, labels = array("d"), []
+    clock = _Clock()
     for line, row in rows:
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(header):
             hint = " Are numbers written with decimal commas?" if len(row) > len(header) else ""
             raise DataError(f"{name}, line {line}: {len(row)} cells, expected {len(header)} as in the header.{hint}")
-        values.extend(_number(row[j], header[j], name, line) for j in places)
+        for j, column in zip(places, wanted):
+            text = row[j]
+            if delimiter != "," and DECIMAL_COMMA.fullmatch(text.strip()):
+                text = text.replace(",", ".")
+            seconds = clock.seconds(text) if column == time else None
+            values.append(_number(text, column, name, line) if seconds is None else seconds)
         if label_at is not None:
             label = row[label_at].strip()
             if len(label) > LONGEST_LABEL:
@@ -107,6 +128,25 @@ def _read(
     table = np.array(values).reshape(-1, len(places))
     columns = {column: table[:, j] for j, column in enumerate(wanted)}
     return columns, _labels(labels) if label_at is not None else None
+
+
+class _Clock:
+    """Dates and times as seconds from the first one."""
+
+    def __init__(self) -> None:
+        self.first: datetime | None = None
+
+    def seconds(self, text: str) -> float | None:
+        """None where the text is no date and time of ISO 8601."""
+        if not ISO_TIME.match(text.strip()):
+            return None
+        try:
+            moment = datetime.fromisoformat(text.strip())
+        except ValueError:
+            return None
+        moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
+        self.first = self.first or moment
+        return (moment - self.first).total_seconds()
 
 
 def _lines(reader: Any, name: str) -> Iterator[tuple[int, list[str]]]:
@@ -193,7 +233,7 @@ def _number(text: str, column: str, file: str, line: int) -> float:
                 f"{_short(text)} is a date or a clock: give the time as a number, for example seconds from the start."
             )
         elif "," in text:
-            problem = f"{_short(text)} is not a number. Decimal commas are not read: write 1.5, not 1,5."
+            problem = f"{_short(text)} is not a number. Decimal commas are read where cells are separated by semicolons or tabulators."
         else:
             problem = f"{_short(text)} is not a number: correct it, or delete the row (and start a new run there)."
         raise DataError(f"{file}, line {line}, column {column!r}: {problem}") from None

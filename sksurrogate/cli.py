@@ -5,18 +5,23 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import os
+import shlex
 import sys
 import tempfile
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sksurrogate import __version__
+from sksurrogate._argument_order import positionals_first
 from sksurrogate._command_options import add_knowledge, knowledge_of
-from sksurrogate._csv import read_csv
+from sksurrogate._csv import read_csv, read_header
+from sksurrogate._headers import assigned, columns_of, split_unit
+from sksurrogate._swapped import swapped_columns
 from sksurrogate._terminal import patient_terminal
 from sksurrogate.exceptions import DataError, RunError, SimulatorError, SurrogateError
 
@@ -25,7 +30,9 @@ __all__ = ["load_simulator", "main", "read_csv"]
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit status."""
-    arguments = _parser().parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    arguments = _parser().parse_args(positionals_first(words))
+    arguments.words = words
     with patient_terminal() as shown:
         status = _status(arguments)
         shown.flush()
@@ -64,6 +71,18 @@ def _parser() -> argparse.ArgumentParser:
         "--free", metavar="NAME", nargs="+", default=[], help="parameters to re-tune; all for every one"
     )
     add_knowledge(diagnose)
+    diagnose.add_argument(
+        "--effects", metavar="NAME", nargs="+", default=None, help="compare these effects only; default: the catalogue"
+    )
+    diagnose.add_argument(
+        "--columns",
+        metavar="SIGNAL=COLUMN",
+        nargs="+",
+        default=[],
+        help="columns whose names are not those of the signals",
+    )
+    diagnose.add_argument("--seed", type=int, default=0, help="of the bootstrap (default 0)")
+    diagnose.add_argument("--title", default="", help="title of the report")
     diagnose.add_argument("--html", metavar="FILE", help="write one self-contained page")
     diagnose.add_argument(
         "--json",
@@ -211,9 +230,11 @@ def _why(error: Exception) -> str:
 
 
 def _diagnose(arguments: argparse.Namespace) -> int:
+    from sklearn.base import clone
+
     from sksurrogate.effects._store import augmented_text, save_augmented
     from sksurrogate.gap import GapDiagnoser
-    from sksurrogate.physics._simulator import describe
+    from sksurrogate.physics._simulator import describe, units_of
 
     if arguments.jobs == 0:
         raise DataError("--jobs 0: give the number of worker processes, or -1 for one a core.")
@@ -224,44 +245,95 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         raise DataError(f"--html {arguments.html} and --save name one file: give each its own.")
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
-    signals = list(dict.fromkeys([*plant.inputs, *plant.outputs]))
-    columns, labels = read_csv(arguments.data, signals, arguments.run, arguments.time)
-    X = (
-        np.stack([columns[name] for name in plant.inputs], axis=1)
-        if plant.inputs
-        else np.zeros((len(columns[plant.outputs[0]]), 0))
-    )
-    y = np.stack([columns[name] for name in plant.outputs], axis=1)
+    X, y, clock, labels, units = _recording(arguments, plant, units_of(simulator))
+    if units and hasattr(simulator, "get_params") and "units" in simulator.get_params(deep=False):
+        simulator = clone(simulator).set_params(units={**units, **units_of(simulator)})
     free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
     diagnoser = GapDiagnoser(
         simulator,
+        effects=arguments.effects,
         free_params=free,
         n_jobs=arguments.jobs,
         verbose=0 if arguments.quiet else 1,
-        random_state=0,
+        random_state=arguments.seed,
         **knowledge_of(arguments),
     )
     try:
-        if arguments.time:
-            _check_time(arguments.time, X, y, columns[arguments.time], labels, plant.dt)
+        if clock is not None:
+            _check_time(arguments.time, X, y, clock, labels, plant.dt)
+        _say_swapped(simulator, X, y, labels, plant)
         diagnoser.fit(X, y, groups=labels)
     except DataError as error:
         if "row" not in str(error):
             raise
         raise type(error)(f"{error} Row 0 is the first line below the header of {arguments.data}.") from None
-    arguments.known, report, better = True, diagnoser.report_, diagnoser.augmented_
-    saved, safe = _written(
-        "augmented simulator", arguments.save, lambda path: save_augmented(better, path, verdict=report.verdict)
-    )
+    report, better = _with_command(diagnoser.report_, arguments), diagnoser.augmented_
+    arguments.known, notes = True, {"verdict": report.verdict, "complete": report.complete}
+    saved, safe = _written("augmented simulator", arguments.save, lambda path: save_augmented(better, path, **notes))
     page, whole = _written("page", arguments.html, report.to_html)
     if arguments.json == "-":
         print(report.to_json())
-        return 0 if safe and whole else 1
+        return _ended(report, safe and whole)
     text, plain = _written("report", arguments.json, report.to_json)
     print("\n".join([str(report), "", *page, *text, *saved]).rstrip("\n"))
     if arguments.save and not saved:
-        print(augmented_text(better, verdict=report.verdict), end="")
-    return 0 if safe and whole and plain else 1
+        print(augmented_text(better, **notes), end="")
+    return _ended(report, safe and whole and plain)
+
+
+def _ended(report: Any, written: bool) -> int:
+    """The exit status: done, a file is missing, ended by the time limit, interrupted."""
+    if not written:
+        return 1
+    if report.complete:
+        return 0
+    return 3 if any(note.startswith("The time limit") for note in report.notes) else 130
+
+
+def _with_command(report: Any, arguments: argparse.Namespace) -> Any:
+    """The report with the files, the command and the title in its provenance."""
+    origin = replace(
+        report.provenance,
+        title=arguments.title,
+        simulator=arguments.simulator,
+        files=(arguments.data,),
+        command=shlex.join(["sksurrogate", *arguments.words]),
+    )
+    return replace(report, provenance=origin)
+
+
+def _recording(
+    arguments: argparse.Namespace, plant: Any, known: Mapping[str, str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray | None, dict[str, str]]:
+    """Inputs, outputs, time, runs, and the units that the header names."""
+    signals = list(dict.fromkeys([*plant.inputs, *plant.outputs]))
+    header = read_header(arguments.data)
+    column = columns_of(signals, header, assigned(arguments.columns, signals))
+    marks = columns_of([name for name in (arguments.run, arguments.time) if name], header, {})
+    run, time = marks.get(arguments.run), marks.get(arguments.time)
+    wanted = list(dict.fromkeys(column[name] for name in signals))
+    columns, labels = read_csv(arguments.data, wanted, run, time)
+    n = len(next(iter(columns.values())))
+    X = np.stack([columns[column[name]] for name in plant.inputs], axis=1) if plant.inputs else np.zeros((n, 0))
+    y = np.stack([columns[column[name]] for name in plant.outputs], axis=1)
+    units = {name: unit for name in signals if (unit := split_unit(column[name])[1])}
+    if time and split_unit(time)[1]:
+        units["time"] = split_unit(time)[1]
+    for name, unit in units.items():
+        if known.get(name, unit) != unit:
+            print(
+                f"sksurrogate: {name!r} is in {unit} in {arguments.data} and in {known[name]} in the simulator: convert one of "
+                "them where these differ.",
+                file=sys.stderr,
+            )
+    return X, y, columns[time] if time else None, labels, units
+
+
+def _say_swapped(simulator: Any, X: np.ndarray, y: np.ndarray, labels: Any, plant: Any) -> None:
+    """Say where columns look swapped."""
+    first = slice(None) if labels is None else labels == labels[0]
+    for sentence in swapped_columns(simulator, X[first], y[first], plant.inputs, plant.outputs):
+        print(f"sksurrogate: {sentence}", file=sys.stderr)
 
 
 def _check_time(column: str, X: np.ndarray, y: np.ndarray, clock: np.ndarray, labels: Any, dt: float) -> None:

@@ -13,7 +13,18 @@ FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py"
 #: From the ground up; a folder or file imports from lower floors only.
 FLOORS = (
     {"exceptions", "_files", "_terminal", "_units"},
-    {"kernels", "export", "_command_options", "_csv", "_fingerprint", "_lags", "_tables"},
+    {
+        "kernels",
+        "export",
+        "_argument_order",
+        "_command_options",
+        "_headers",
+        "_swapped",
+        "_csv",
+        "_fingerprint",
+        "_lags",
+        "_tables",
+    },
     {"_parallel", "runs", "_checks", "_columns", "metrics"},
     {"_dynamic"},
     {"physics", "features", "linear", "neural", "displays"},

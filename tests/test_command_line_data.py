@@ -1,0 +1,143 @@
+"""Recordings as people have them: units in headers, other names, decimal commas, dates, swapped columns; options anywhere."""
+
+import json
+
+import numpy as np
+import pytest
+
+from sksurrogate._argument_order import positionals_first
+from sksurrogate._csv import read_csv, read_header
+from sksurrogate._headers import assigned, columns_of, split_unit
+from sksurrogate._swapped import swapped_columns
+from sksurrogate.cli import main
+from sksurrogate.exceptions import DataError
+from sksurrogate.physics import ODESimulator
+
+PLANT = """
+from sksurrogate.physics import ODESimulator
+def rhs(t, x, u, p):
+    return [u[0] - p["k"] * x[0]]
+plant = ODESimulator(rhs, states=["level"], inputs=["flow"], outputs=["level"], params={"k": 1.0}, dt=0.1)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A recording with a sensor offset of 0.2 m, semicolons, decimal commas, dates, units and other names."""
+    (tmp_path / "plant.py").write_text(PLANT)
+    rng = np.random.default_rng(0)
+    lines = ["clock [s];q (m^3/s);level [m];experiment"]
+    for run in "ab":
+        u, x = np.repeat(rng.uniform(0, 3, 20), 5), 0.5
+        for k in range(100):
+            moment = f"2026-03-01T10:0{k // 600}:{0.1 * (k % 600):04.1f}00"
+            cells = [f"{u[k]:.6f}", f"{x + 0.2 + 0.003 * rng.normal():.6f}"]
+            lines.append(";".join([moment, *(cell.replace(".", ",") for cell in cells), run]))
+            x = u[k] + (x - u[k]) * np.exp(-0.1)
+    (tmp_path / "data.csv").write_text("\n".join(lines) + "\n")
+    return tmp_path
+
+
+def test_a_recording_as_people_have_it_is_diagnosed(folder, capsys):
+    words = [
+        "diagnose", "--effects", "sensor_bias", "linear_loss", f"{folder / 'plant.py'}:plant", "--columns",
+        "flow=q (m^3/s)", str(folder / "data.csv"), "--run", "experiment", "--time", "clock", "--quiet", "--json",
+        "--seed", "3", "--title", "Tank 4",
+    ]  # fmt: skip
+    assert main(words) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [effect["name"] for effect in found["effects"]] == ["sensor_bias"]
+    assert found["effects"][0]["params"]["value"] == pytest.approx(0.2, abs=0.01)
+    assert found["units"] == {"flow": "m^3/s", "level": "m", "time": "s"}
+    origin = found["provenance"]
+    assert origin["title"] == "Tank 4" and origin["seed"] == "3" and origin["effects"] == "sensor_bias, linear_loss"
+    assert origin["files"] == [str(folder / "data.csv")] and origin["command"].startswith(
+        "sksurrogate diagnose --effects"
+    )
+
+
+def test_the_exit_status_and_what_is_saved_tell_an_early_end(folder, capsys):
+    words = [
+        "diagnose",
+        f"{folder / 'plant.py'}:plant",
+        str(folder / "data.csv"),
+        "--columns",
+        "flow=q (m^3/s)",
+        "--quiet",
+    ]
+    assert main([*words, "--run", "experiment", "--time-limit", "0.001", "--save", str(folder / "early.json")]) == 3
+    assert json.loads((folder / "early.json").read_text())["complete"] is False
+    assert "(interrupted)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("given", "ordered"),
+    [
+        (["--free", "a", "b", "p.py:p", "d.csv"], ["p.py:p", "d.csv", "--free", "a", "b"]),
+        (["p.py:p", "--free", "a", "b", "--run", "r", "d.csv"], ["p.py:p", "d.csv", "--free", "a", "b", "--run", "r"]),
+        (["p.py:p", "d.csv", "--free", "a", "b"], ["p.py:p", "d.csv", "--free", "a", "b"]),
+        (["--json", "p.py:p", "d.csv"], ["p.py:p", "d.csv", "--json"]),
+        (["--json", "out.json", "p.py:p", "d.csv"], ["p.py:p", "d.csv", "--json", "out.json"]),
+        (["--quiet", "p.py:p", "d.csv"], ["p.py:p", "d.csv", "--quiet"]),
+        (["--html", "a.csv", "p.py:p", "d.csv"], ["p.py:p", "d.csv", "--html", "a.csv"]),
+    ],
+)
+def test_simulator_and_data_stand_anywhere(given, ordered):
+    assert positionals_first(["diagnose", *given]) == ["diagnose", *ordered]
+    assert positionals_first(["blind", *given]) == ["blind", *given]
+
+
+def test_decimal_commas_and_dates_are_read(tmp_path):
+    (tmp_path / "d.csv").write_text("t;y\n2026-01-31 23:59:59,5;-1,5e1\n2026-02-01 00:00:00,0;,25\n")
+    columns, _ = read_csv(tmp_path / "d.csv", ["y"], time="t")
+    assert columns["y"].tolist() == [-15.0, 0.25] and columns["t"].tolist() == [0.0, 0.5]
+    (tmp_path / "d.csv").write_text("t,y\n2026-01-31T23:59:59Z,1\n2026-02-01T01:00:00+01:00,2\n")
+    assert read_csv(tmp_path / "d.csv", ["y"], time="t")[0]["t"].tolist() == [0.0, 1.0]
+    assert read_header(tmp_path / "d.csv") == ["t", "y"]
+
+
+def test_a_signal_is_found_behind_its_unit_and_never_guessed_between_two():
+    assert columns_of(["w"], ["w [rad/s]"], {}) == {"w": "w [rad/s]"}
+    assert columns_of(["w"], ["w", "w [rad/s]"], {}) == {"w": "w"}
+    assert columns_of(["w"], ["w [rpm]", "w [rad/s]"], {}) == {"w": "w"}  # reading says that there is none
+    assert columns_of(["w"], ["w", "other"], {"w": "other"}) == {"w": "other"}
+    assert split_unit("f(x) [1]") == ("f(x)", "1")
+
+
+@pytest.mark.parametrize("texts", [["speed"], ["sped=a"], ["speed=a", "speed=b"]])
+def test_mistakes_in_columns(texts):
+    with pytest.raises(DataError, match="--columns"):
+        assigned(texts, ["speed"])
+
+
+def test_another_unit_in_the_file_is_said_aloud(folder, capsys):
+    plant = PLANT.replace("dt=0.1", 'dt=0.1, units={"level": "cm"}').replace('"flow"', '"q"')
+    (folder / "plant.py").write_text(plant)
+    words = [
+        "diagnose",
+        f"{folder / 'plant.py'}:plant",
+        str(folder / "data.csv"),
+        "--effects",
+        "sensor_bias",
+        "--quiet",
+    ]
+    assert main([*words, "--run", "experiment"]) == 0
+    assert "'level' is in m in" in capsys.readouterr().err
+
+
+def swapped_plant():
+    def rhs(t, x, u, p):
+        return [x[1], u[0] - 4 * x[0] - 0.4 * x[1] + 5 * u[1]]
+
+    return ODESimulator(rhs, states=["q", "v"], inputs=["a", "b"], outputs=["q", "v"], params={}, dt=0.05)
+
+
+def test_swapped_columns_are_suspected_and_others_are_not():
+    plant, rng = swapped_plant(), np.random.default_rng(0)
+    U = np.repeat(rng.normal(size=(30, 2)), 10, axis=0)
+    Y = plant.simulate(U) + 0.05 * rng.normal(size=(300, 2))
+    names = ["a", "b"], ["q", "v"]
+    assert swapped_columns(plant, U, Y, *names) == []
+    assert "the outputs 'q' and 'v' look swapped" in swapped_columns(plant, U, Y[:, ::-1], *names)[0]
+    assert "the inputs 'a' and 'b' look swapped" in swapped_columns(plant, U[:, ::-1], Y, *names)[0]
+    assert swapped_columns(plant, U, rng.normal(size=(300, 2)), *names) == []
