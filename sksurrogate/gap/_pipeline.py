@@ -56,6 +56,8 @@ from sksurrogate.runs import Runs
 
 __all__ = ["STAGES", "DiagnosisPipeline"]
 
+#: A fault of the record is looked for before this share of a time limit is over: the diagnosis then begins again.
+SOON = 0.3
 INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
 
 
@@ -103,15 +105,17 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         self.book: RecordBook | None = None
         self.rows = np.arange(search.problem.record.n_samples)
 
-    def run(self, progress: Progress) -> GapReport:
-        """All stages, and the report of what is known after them."""
-        self.begun_at = progress.begun
+    def run(self, progress: Progress) -> GapReport | None:
+        """All stages, and the report of what is known after them; None where ``book`` has another record by then."""
+        self.begun_at, came = progress.begun, self.book
         try:
             for stage in STAGES:
                 progress.stage(stage.share)
                 until = progress.begun + stage.until * (self.time_limit or np.inf)
                 with quiet(), time_until(until):
                     self.ask(stage)
+                if self.book is not came:
+                    return None
         except KeyboardInterrupt:
             warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
             self.complete = self.inside.complete = False
@@ -162,9 +166,18 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             self.search.keep_best()
             raise
 
+    def look_at_the_record(self) -> None:
+        """What is seen on top of the names, and whether what they leave is a fault of the record."""
+        final, null = self.final, self.null
+        self.inside.look(final)
+        late = self.time_limit is not None and time.perf_counter() - self.begun_at > SOON * self.time_limit
+        if self.book is not None and not late:
+            bases = [final] if final.candidate is null.candidate else [final, null]
+            score = self.search.score(final.candidate) + 0.5 * max(self.inside.law_gain, 0.0)
+            self.book = self.book.looked_at(bases, self.rows, score)
+
     def weigh_names(self) -> None:
-        """What is seen on top of the names, and whether a law without a name does as well."""
-        self.inside.look(self.final)
+        """Whether a law without a name does as well as what was named."""
         self.weights = self.inside.weigh(self.final)
 
     def ask_whether_retuning_counts(self) -> None:
@@ -398,7 +411,8 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 STAGES = (
     Stage("null", DiagnosisPipeline.fit_null, "the simulator alone", 0.05, np.inf),
     Stage("names", DiagnosisPipeline.look_for_names, "", 0.45, 0.5),
-    Stage("law beside the names", DiagnosisPipeline.weigh_names, "", 0.2, 0.75),
+    Stage("record", DiagnosisPipeline.look_at_the_record, "", 0.02, 0.6),
+    Stage("law beside the names", DiagnosisPipeline.weigh_names, "", 0.18, 0.75),
     Stage("re-tuning", DiagnosisPipeline.ask_whether_retuning_counts),
     Stage("equivalents", DiagnosisPipeline.find_equivalents, "what these data cannot tell apart", 0.1, 0.82),
     Stage("held-out runs", DiagnosisPipeline.leave_runs_out, "how far the gap shrinks on runs left out", 0.09, 0.9),

@@ -94,6 +94,11 @@ class OdeInside:
         """Largest white noise of the sensors."""
         return MOST_NOISE * self.search.problem.sd
 
+    @property
+    def law_gain(self) -> float:
+        """Of the likeliest free curve on top of what is named, twice the log likelihood beyond its cost."""
+        return self.curve.gain if self.curve is not None else 0.0
+
     def begin(self) -> None:
         """The places of the gap are made once for one null."""
         self.channels = Channels(self.search.begun.candidate)

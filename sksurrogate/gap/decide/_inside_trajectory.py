@@ -67,6 +67,11 @@ class TrajectoryInside:
         """Largest white noise of the sensors: what the fit finds."""
         return np.full(len(self.search.problem.sd), np.inf)
 
+    @property
+    def law_gain(self) -> float:
+        """No law inside can be judged."""
+        return 0.0
+
     def begin(self) -> None:
         """Nothing is known of the inside before the search."""
 

@@ -10,14 +10,19 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.gap.faults._correction import BaseFault, Names
+from sksurrogate.gap.faults._look import fault_left
 from sksurrogate.gap.faults._readings import wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._data_faults import DataFaults
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
 __all__ = ["RecordBook", "first_look"]
+
+#: Faults of runs that are taken out one after another.
+MOST_ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +36,20 @@ class RecordBook:
     names : Names
     faults : tuple of BaseFault
         In the order in which they are taken out.
+    earlier : RecordBook or None
+        Before the last fault was found.
+    left : float
+        RMS over the noise that the diagnosis left with that one.
+    closed : bool
+        Whether no further fault is looked for.
     """
 
     raw: Record
     names: Names
     faults: tuple[BaseFault, ...] = ()
+    earlier: RecordBook | None = None
+    left: float = np.inf
+    closed: bool = False
 
     @cached_property
     def record(self) -> Record:
@@ -73,9 +87,37 @@ class RecordBook:
             tuple(fault.described(self.raw, self.names, share) for fault, share in zip(self.faults, shares))
         )
 
-    def with_faults(self, faults: Sequence[BaseFault]) -> RecordBook:
-        """With other faults."""
-        return replace(self, faults=tuple(faults))
+    def with_fault(self, fault: BaseFault, left: float) -> RecordBook:
+        """With one more, after a diagnosis that left so much without it."""
+        known = {one.key: one for one in self.faults}
+        known[fault.key] = known[fault.key].and_also(fault) if fault.key in known else fault
+        return replace(self, faults=tuple(known.values()), earlier=self, left=left)
+
+    def looked_at(self, bases: Sequence[Evidence], rows: np.ndarray, score: float) -> RecordBook:
+        """With the likeliest fault on top of one of several models; itself where none is the reason of what they leave.
+
+        Parameters
+        ----------
+        bases : sequence of Evidence
+            What was named first.
+        rows : ndarray of int
+            Rows of the record that they were fitted to.
+        score : float
+            What a fault must reach: the score of what was named beside a free curve.
+        """
+        if self.earlier is not None and bases[0].left > self.left:
+            return replace(self.earlier, closed=True)  # names find less without the fault than with it
+        if self.closed or self.depth >= MOST_ROUNDS:
+            return self
+        found = fault_left(bases, self.raw.run_of_row[rows])
+        if found is None or found.score < score:
+            return self
+        return self.with_fault(found.fault, bases[0].left)
+
+    @property
+    def depth(self) -> int:
+        """Rounds that led to this book."""
+        return 0 if self.earlier is None else 1 + self.earlier.depth
 
 
 def first_look(plant: Plant, runs: Runs, whole: Record) -> RecordBook:

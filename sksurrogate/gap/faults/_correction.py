@@ -46,6 +46,15 @@ class BaseFault(ABC):
     def corrected(self, record: Record) -> Record:
         """The record without the fault."""
 
+    @property
+    @abstractmethod
+    def n_parameters(self) -> int:
+        """Numbers that describe it."""
+
+    def and_also(self, other: Any) -> BaseFault:
+        """With what another fault of the same key found on top."""
+        return self
+
     @abstractmethod
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """For the report."""
@@ -78,6 +87,10 @@ class WrongReadings(BaseFault):
     @property
     def key(self) -> tuple[Any, ...]:
         return (self.kind, self.output)
+
+    @property
+    def n_parameters(self) -> int:
+        return len(self.rows)
 
     def corrected(self, record: Record) -> Record:
         """Without these readings."""

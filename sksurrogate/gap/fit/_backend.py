@@ -136,6 +136,10 @@ class BaseCandidate(ABC):
         """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
 
     @abstractmethod
+    def over(self, record: Record) -> BaseCandidate | None:
+        """The same over a record of the same runs, initial states fitted again; None where that has no free run."""
+
+    @abstractmethod
     def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:
         """Outputs on the test runs of a record of these samples, refitted on the training runs; None without a free run."""
 

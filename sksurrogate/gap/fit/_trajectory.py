@@ -136,6 +136,15 @@ class TrajectoryCandidate(BaseCandidate):
         tuned = replace(self.problem, free=free).fit((), np.zeros(len(free))) if names else None
         return self.untuned(), tuned
 
+    def over(self, record: Record) -> TrajectoryCandidate | None:
+        """The same over a record of the same runs; None where the simulator gives no finite run there."""
+        simulations = Simulations(self.problem.plant, record, self.problem.free, raised=self.problem.simulations.raised)
+        other = replace(self, problem=replace(self.problem, simulations=simulations))
+        try:
+            return other.with_values(self.effects, self.fit.theta, self.fit.J)
+        except Exception:  # a table knows its own inputs only, and a simulator may raise anything along others
+            return None
+
     def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:
         """Outputs on the test runs of a record of these samples, one linear step of the parameters from the training runs."""
         problem, fit = self.problem, self.fit

@@ -1,0 +1,159 @@
+"""Faults of runs as columns: to first order, what each would move the readings by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.gap.faults._correction import BaseFault
+from sksurrogate.gap.faults._run_faults import Gains, Hum, Offsets, Shifts
+from sksurrogate.kernels.record import Record
+
+__all__ = ["Proposal", "later", "proposals", "tone"]
+
+#: A tone has this many periods in a run or more: less is a trend.
+LEAST_PERIODS = 3.0
+#: Parts into which a step of the periodogram is divided where a tone is placed.
+FINE = 40
+#: Longest shift that is tried, as a share of the shortest run.
+LONGEST_SHIFT = 0.2
+#: A shift is there whole, not in part: its column has a weight of one, more or less.
+WHOLE_SHIFT = (0.5, 1.7)
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A fault of runs beside a model.
+
+    Attributes
+    ----------
+    columns : ndarray (n_outputs, n_columns, n_samples)
+        What it adds to the readings, by its weights.
+    fault : callable (weights) -> BaseFault or None
+        The fault at some weights; None where these are not possible.
+    extra : int
+        Parameters that were chosen before (a frequency, a number of samples).
+    """
+
+    columns: np.ndarray
+    fault: Callable[[np.ndarray], BaseFault | None]
+    extra: int = 0
+
+
+def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarray) -> Iterator[Proposal]:
+    """All faults of runs, each in one run alone and in every run.
+
+    Parameters
+    ----------
+    record : Record
+        Runs, or pieces of them.
+    run : ndarray of int (n_samples,)
+        Number of the run of every row.
+    y : ndarray (n_outputs, n_samples)
+        Outputs of the model.
+    residual : ndarray (n_outputs, n_samples)
+        Measured less these.
+    """
+    n_runs = int(run[-1]) + 1
+    if n_runs > 1:
+        inside = np.arange(n_runs)[:, None] == run  # (n_runs, n_samples)
+        some = [np.array([r]) for r in range(n_runs)] + [np.arange(n_runs)]
+        for j in range(len(y)):
+            for runs in some:
+                yield _by_run(Offsets, j, runs, inside[runs].astype(float), y.shape, n_runs)
+                yield _by_run(Gains, j, runs, inside[runs] * y[j], y.shape, n_runs)
+    yield from _shifts(record, run, y)
+    for j in range(len(y)):
+        found = tone(record, residual[j])
+        if found is not None:
+            yield _hum(record, run, j, found, y.shape)
+
+
+def _by_run(
+    kind: type[Offsets] | type[Gains], j: int, runs: np.ndarray, moved: np.ndarray, shape: tuple[int, ...], n_runs: int
+) -> Proposal:
+    """One value for each of some runs, at output j."""
+    columns = np.zeros((shape[0], len(runs), shape[1]))
+    columns[j] = moved
+
+    def fault(weights: np.ndarray) -> BaseFault | None:
+        values = np.zeros(n_runs)
+        values[runs] = weights
+        return kind(j, values) if kind is Offsets or np.all(np.abs(weights) < 0.9) else None
+
+    return Proposal(columns, fault)
+
+
+def later(y: np.ndarray, k: int) -> np.ndarray:
+    """Signals (n_outputs, n_rows) k samples later, earlier where k < 0; the end values are held.
+
+    Examples
+    --------
+    >>> later(np.array([[1.0, 2.0, 3.0]]), 1)
+    array([[1., 1., 2.]])
+    """
+    n = y.shape[1]
+    return y[:, np.clip(np.arange(n) - k, 0, n - 1)]
+
+
+def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal]:
+    """The best whole number of samples in every run: the run that gains most alone, and every run with its own."""
+    most, n_runs = int(LONGEST_SHIFT * record.lengths.min()), int(run[-1]) + 1
+    edges = np.r_[record.starts, record.n_samples]
+    spread = np.maximum(np.std(record.y, axis=1), 1e-300)[:, None]
+    steps = np.arange(-most, most + 1)
+    cost = np.zeros((n_runs, len(steps)))
+    for a, b in zip(edges[:-1], edges[1:]):
+        inner = slice(most, max(b - a - most, most + 1))  # where no end value is held
+        for i, k in enumerate(steps):
+            cost[run[a], i] += np.sum(((record.y[:, a:b] - later(y[:, a:b], int(k))) / spread)[:, inner] ** 2)
+    values, moved = steps[np.argmin(cost, axis=1)], np.zeros_like(y)
+    for a, b in zip(edges[:-1], edges[1:]):
+        moved[:, a:b] = later(y[:, a:b], int(values[run[a]])) - y[:, a:b]
+    if not values.any():
+        return
+    gains = cost[:, most] - cost.min(axis=1)
+    one = np.where(np.arange(n_runs) == int(np.argmax(gains)), values, 0)
+    for some in (one, values):
+        runs = np.flatnonzero(some)
+        columns = np.stack([np.where(run == r, moved, 0.0) for r in runs], axis=1)
+        yield Proposal(columns, _shift_of(some), extra=len(runs))
+
+
+def _shift_of(values: np.ndarray) -> Callable[[np.ndarray], BaseFault | None]:
+    """Shifts whose columns have weights of about one."""
+
+    def fault(weights: np.ndarray) -> BaseFault | None:
+        low, high = WHOLE_SHIFT
+        return Shifts(values) if np.all((weights > low) & (weights < high)) else None
+
+    return fault
+
+
+def tone(record: Record, residual: np.ndarray) -> float | None:
+    """Angular frequency of the strongest tone (n_samples,) of unknown phase in every run; None where runs are too short."""
+    n = int(record.lengths.max())
+    if n < 4 * LEAST_PERIODS:
+        return None
+    edges = np.r_[record.starts, record.n_samples]
+    parts = [residual[a:b] - residual[a:b].mean() for a, b in zip(edges[:-1], edges[1:])]
+    power = np.sum([np.abs(np.fft.rfft(part, 2 * n)) ** 2 for part in parts], axis=0)
+    power[: int(2 * LEAST_PERIODS)] = 0.0
+    at = 2 * np.pi * (np.argmax(power) + np.arange(-FINE, FINE + 1) / FINE) / (2 * n)  # rad per sample
+    rows = [np.arange(len(part)) for part in parts]
+    explained = [sum(abs(part @ np.exp(-1j * w * row)) ** 2 / len(part) for part, row in zip(parts, rows)) for w in at]
+    return float(at[int(np.argmax(explained))] / record.dt)
+
+
+def _hum(record: Record, run: np.ndarray, j: int, w: float, shape: tuple[int, ...]) -> Proposal:
+    """Sine and cosine in every run, at output j."""
+    n_runs = int(run[-1]) + 1
+    first = np.searchsorted(run, np.arange(n_runs))
+    phase = w * (record.t - record.t[first][run])
+    columns = np.zeros((shape[0], 2 * n_runs, shape[1]))
+    for r in range(n_runs):
+        columns[j, 2 * r] = np.where(run == r, np.sin(phase), 0.0)
+        columns[j, 2 * r + 1] = np.where(run == r, np.cos(phase), 0.0)
+    return Proposal(columns, lambda weights: Hum(j, w, weights.reshape(n_runs, 2)), extra=1)
