@@ -15,11 +15,12 @@ from sksurrogate._parallel._second import Aside
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import Progress
-from sksurrogate.gap._stage import Stage, quiet
+from sksurrogate.gap._stage import INTERRUPTED, SOON, Stage, quiet
 from sksurrogate.gap.decide._baseline import Baseline
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
+from sksurrogate.gap.decide._canonical import canonical_classes
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
-from sksurrogate.gap.decide._equivalence import Slot, equivalents
+from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._estimates import estimates
 from sksurrogate.gap.decide._experiment import name_of
 from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
@@ -32,7 +33,7 @@ from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._probability import probabilities
 from sksurrogate.gap.decide._ranking import ranking
 from sksurrogate.gap.decide._rules import decide
-from sksurrogate.gap.faults._book import RecordBook
+from sksurrogate.gap.faults._book import RecordBook, faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
@@ -40,7 +41,6 @@ from sksurrogate.gap.fit._retuned import retuned_table
 from sksurrogate.gap.render._notes import at_a_bound, interruption, lost_candidates, of_the_inputs
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of, undecided_sentence
-from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
@@ -55,10 +55,6 @@ from sksurrogate.kernels.clock import TimeIsUp, time_left, time_until
 from sksurrogate.runs import Runs
 
 __all__ = ["STAGES", "DiagnosisPipeline"]
-
-#: A fault of the record is looked for before this share of a time limit is over: the diagnosis then begins again.
-SOON = 0.3
-INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
 
 
 class DiagnosisPipeline(LawStage, Generic[C]):
@@ -114,7 +110,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
                 until = progress.begun + stage.until * (self.time_limit or np.inf)
                 with quiet(), time_until(until):
                     self.ask(stage)
-                if self.book is not came:
+                if self.book is not came and self.book is not None and self.book.changed:
                     return None
         except KeyboardInterrupt:
             warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
@@ -168,13 +164,9 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
-        final, null = self.final, self.null
-        self.inside.look(final)
-        late = self.time_limit is not None and time.perf_counter() - self.begun_at > SOON * self.time_limit
-        if self.book is not None and not late:
-            bases = [final] if final.candidate is null.candidate else [final, null]
-            score = self.search.score(final.candidate) + 0.5 * max(self.inside.law_gain, 0.0)
-            self.book = self.book.looked_at(bases, self.rows, score)
+        self.inside.look(self.final)
+        if self.book is not None and time.perf_counter() - self.begun_at < SOON * (self.time_limit or np.inf):
+            self.book = self.book.looked_at(self.search, self.rows, self.inside.law_gain)
 
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""
@@ -191,8 +183,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     def find_equivalents(self) -> None:
         """What could stand in the place of each name; then what stands is settled."""
-        self.found.slots = equivalents(self.search, self.final)
-        self.search.settle()
+        self.found.slots, self.weights = canonical_classes(self.search, self.weights)
 
     def leave_runs_out(self) -> None:
         """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment aside."""
@@ -325,14 +316,18 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         found, final, problem = self.found, self.final, self.problem
         verdict, reasons = self.decided()
         effects = self.effects(verdict) if verdict != "none" else []
-        shrink, remainder, data = found.shrink or NOT_KNOWN, self.remainder(), self.data()
+        shrink, remainder, data = (
+            found.shrink or NOT_KNOWN,
+            self.remainder(),
+            faults_of(self.book, self.null.candidate, self.rows),
+        )
         place, term = self.place_and_term(verdict, effects)
         sentence = undecided_sentence(effects)
         if reasons is not UNDECIDED:
             sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder, self.include_law)
         return GapReport(
             verdict,
-            " ".join(part for part in (sentence, data.sentence) if part),
+            f"{sentence} {data.sentence}".rstrip(),
             effects,
             ranking(self.search, final),
             self.retuned(),
@@ -353,12 +348,6 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             remainder,
             data=data,
         )
-
-    def data(self) -> DataFaults:
-        """What is wrong with the record itself."""
-        if self.book is None or not self.book.faults:
-            return NO_FAULTS
-        return self.book.described(self.null.candidate, self.rows)
 
     def place_and_term(self, verdict: str, effects: list[EffectEstimate]) -> tuple[Where, MissingTerm | None]:
         """Where the gap lies and the shape of what is missing there, as far as there is time."""

@@ -11,7 +11,11 @@ import numpy as np
 
 from sksurrogate._parallel._second import one_thread
 
-__all__ = ["Stage", "quiet"]
+__all__ = ["INTERRUPTED", "SOON", "Stage", "quiet"]
+
+#: A fault of the record is looked for before this share of a time limit is over: the diagnosis then begins again.
+SOON = 0.3
+INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,18 @@
 import json
 import pickle
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.faults._noisy_input import smoothings
+from sksurrogate.gap.faults._outlying import outlying_rows
+from sksurrogate.gap.faults._proposals import tone
+from sksurrogate.gap.faults._run_faults import Gains, Hum, Offsets, Shifts
+from sksurrogate.kernels.record import Record
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from record_cases import make_case
@@ -70,3 +76,93 @@ def test_the_pages_tell_the_record(spiky):
     assert entry["kind"] == "spikes" and entry["rows"] == list(spiky.data[0].rows)
     assert pickle.loads(pickle.dumps(spiky)).data == spiky.data
     assert spiky.data.table()[0]["readings"] == len(spiky.data[0].rows)
+
+
+# ---- faults of runs --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("kind", ["offset", "gain", "shift", "hum"])
+def test_a_fault_of_runs_is_no_effect(kind):
+    report = diagnosed(make_case("cart", kind, False)).report_
+    assert kind in report.data.kinds
+    assert report.verdict == "none" and report.effects == []
+    fault = next(one for one in report.data if one.kind == kind)
+    if kind in ("offset", "gain"):
+        truth = {"offset": [-0.3, 0.25, 0.1, -0.15, 0.35], "gain": [-0.12, 0.1, 0.05, -0.07, 0.15]}[kind]
+        spread = np.std(make_case("cart", "nothing", False).Y) if kind == "offset" else 1.0
+        assert sorted(fault.values.values()) == pytest.approx(sorted(np.array(truth) * spread), abs=0.03 * spread)
+        assert fault.effect == {"offset": "sensor_bias", "gain": "sensor_gain"}[kind]
+        assert fault.share > 0.9
+    if kind == "shift":
+        assert fault.runs == (1,) and fault.values[1] in range(3, 7) and fault.location is None
+
+
+def test_offsets_and_friction_are_both_found():
+    report = diagnosed(make_case("cart", "offset", True)).report_
+    assert report.data.kinds == ("offset",)
+    assert [effect.name for effect in report.effects] == ["coulomb_friction"]
+
+
+def record(n_runs=3, n=100, dt=0.1):
+    rng = np.random.default_rng(0)
+    return Record(
+        rng.normal(size=(1, n_runs * n)),
+        rng.normal(size=(2, n_runs * n)).cumsum(axis=1),
+        np.tile(dt * np.arange(n), n_runs),
+        np.arange(0, n_runs * n, n),
+        dt,
+    )
+
+
+def test_corrections_undo_what_was_done_to_a_record():
+    clean, run = record(), record().run_of_row
+    b, g = np.array([0.5, 0.0, -1.0]), np.array([0.1, -0.2, 0.0])
+    y = clean.y.copy()
+    y[1] += b[run]
+    np.testing.assert_allclose(Offsets(1, b).corrected(replace(clean, y=y)).y, clean.y, atol=1e-12)
+    y = clean.y.copy()
+    y[0] *= 1 + g[run]
+    np.testing.assert_allclose(Gains(0, g).corrected(replace(clean, y=y)).y, clean.y, atol=1e-12)
+    weights, y = np.array([[1.0, 0.5], [0.0, 2.0], [-1.0, 0.0]]), clean.y.copy()
+    y[0] += weights[run, 0] * np.sin(3.0 * clean.t) + weights[run, 1] * np.cos(3.0 * clean.t)
+    np.testing.assert_allclose(Hum(0, 3.0, weights).corrected(replace(clean, y=y)).y, clean.y, atol=1e-12)
+
+
+def test_a_shift_is_undone_and_what_is_missing_is_not_measured():
+    clean, y = record(), record().y.copy()
+    y[:, 103:200] = clean.y[:, 100:197]  # the second run comes three samples late
+    back = Shifts(np.array([0, 3, 0])).corrected(replace(clean, y=y))
+    assert back.known is not None
+    np.testing.assert_allclose(back.y[back.known], clean.y[back.known])
+    assert np.flatnonzero(~back.known[0]).tolist() == [197, 198, 199]
+
+
+def test_two_looks_at_one_fault_add_up():
+    clean = record()
+    a, b = Gains(0, np.array([0.1, 0.0, 0.2])), Gains(0, np.array([-0.05, 0.3, 0.0]))
+    np.testing.assert_allclose(b.corrected(a.corrected(clean)).y, a.and_also(b).corrected(clean).y, rtol=1e-12)
+
+
+@pytest.mark.parametrize("w", [1.3, 7.77, 25.0])
+def test_a_tone_is_found_at_its_frequency(w):
+    clean, rng = record(4, 150), np.random.default_rng(1)
+    phase = rng.uniform(0, 6, 4)[clean.run_of_row]
+    residual = np.sin(w * clean.t + phase) + 0.5 * rng.normal(size=clean.n_samples)
+    # Cramer and Rao: the deviation of the frequency is sqrt(24 / (runs n^3)) / (amplitude over noise) / dt.
+    assert tone(clean, residual) == pytest.approx(w, abs=5 * np.sqrt(24 / (4 * 150**3)) * 0.5 / 0.1)
+
+
+def test_smoothed_inputs_keep_their_edges():
+    u = np.repeat([0.0, 1.0, -2.0], 60)
+    noisy = u + 0.05 * np.random.default_rng(2).normal(size=180)
+    best = min(np.std(v - u) for v in smoothings(noisy))
+    assert best < 0.03
+
+
+def test_outliers_of_a_residual_are_not_its_waves():
+    rng, k = np.random.default_rng(3), np.arange(600)
+    wave = 5.0 * np.sin(0.05 * k) + rng.normal(size=600)
+    assert outlying_rows(wave, np.array([0])).size == 0
+    r = rng.normal(size=600)
+    r[[100, 101, 333]] += 20.0
+    assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]
+    r[400:460] += 20.0  # long: the plant's, not a reading's
+    assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]

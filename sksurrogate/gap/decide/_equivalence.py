@@ -36,11 +36,14 @@ class Slot(Generic[C]):
         Rivals with another effect in this slot that these data cannot reject.
     identical : list of bool
         Whether the prediction of each twin is the same within a fraction of the noise.
+    own : BaseCandidate or None
+        With the named effect itself in the last place; None where it was not fitted so.
     """
 
     index: int
     twins: list[C]
     identical: list[bool]
+    own: C | None = None
 
 
 def equivalents(search: BaseSearch[C], final: Evidence[C]) -> list[Slot[C]]:
@@ -55,13 +58,13 @@ def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
     def worth(rival: C) -> float:
         return judged_under(rival, [final.noise]).log_likelihood - 0.5 * search.prior_cost(rival)
 
-    level, found = worth(named), []
+    level, found, itself = worth(named), [], named if named.keys[-1] == own else None
     for rival in search.in_place_of(final, i):
         value = worth(rival)
         if rival.effects[-1].key != own:
             found.append((value, rival))
         elif rival.fit.cost < final.fit.cost + CLOSE:  # readings in steps have slopes that promise what no fit keeps
-            level = min(level, value)
+            level, itself = min(level, value), itself or rival
     found = _with_own_noise(search, final, level, found)
     twins, identical = [], []
     size = len(final.effects[i].parameters)
@@ -75,7 +78,7 @@ def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
         else:
             twins.append(rival)
             identical.append(same)
-    return Slot(i, twins, identical)
+    return Slot(i, twins, identical, itself)
 
 
 def predicts_the_same(rival: BaseCandidate, final: Evidence) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -10,19 +9,25 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.gap.faults._correction import BaseFault, Names
-from sksurrogate.gap.faults._look import fault_left
+from sksurrogate.gap.faults._look import fault_left, tone_left
+from sksurrogate.gap.faults._noisy_input import NoisyInput
+from sksurrogate.gap.faults._outlying import outlying
 from sksurrogate.gap.faults._readings import wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.results._data_faults import DataFaults
+from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["RecordBook", "first_look"]
+__all__ = ["RecordBook", "faults_of", "first_look"]
 
 #: Faults of runs that are taken out one after another.
 MOST_ROUNDS = 4
+#: Single effects, the likeliest and the nearest, on top of which a fault is looked for.
+MOST_SINGLES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +47,8 @@ class RecordBook:
         RMS over the noise that the diagnosis left with that one.
     closed : bool
         Whether no further fault is looked for.
+    changed : bool
+        Whether the last fault changed the record: it is diagnosed again.
     """
 
     raw: Record
@@ -50,6 +57,7 @@ class RecordBook:
     earlier: RecordBook | None = None
     left: float = np.inf
     closed: bool = False
+    changed: bool = True
 
     @cached_property
     def record(self) -> Record:
@@ -93,31 +101,49 @@ class RecordBook:
         known[fault.key] = known[fault.key].and_also(fault) if fault.key in known else fault
         return replace(self, faults=tuple(known.values()), earlier=self, left=left)
 
-    def looked_at(self, bases: Sequence[Evidence], rows: np.ndarray, score: float) -> RecordBook:
-        """With the likeliest fault on top of one of several models; itself where none is the reason of what they leave.
+    def looked_at(self, search: BaseSearch[Any], rows: np.ndarray, law_gain: float) -> RecordBook:
+        """With the likeliest fault on top of what was named, or of nothing; itself where none is the reason of what is left.
 
         Parameters
         ----------
-        bases : sequence of Evidence
-            What was named first.
+        search : BaseSearch
+            After it has named effects.
         rows : ndarray of int
-            Rows of the record that they were fitted to.
-        score : float
-            What a fault must reach: the score of what was named beside a free curve.
+            Rows of the record that it saw.
+        law_gain : float
+            What a free curve gains on top of what was named, twice the log likelihood: a fault must gain more.
         """
-        if self.earlier is not None and bases[0].left > self.left:
-            return replace(self.earlier, closed=True)  # names find less without the fault than with it
+        final = search.final or search.begun
+        if self.earlier is not None and final.left > self.left:
+            return replace(self.earlier, closed=True)  # the names leave more without the fault than with it
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
-        found = fault_left(bases, self.raw.run_of_row[rows])
-        if found is None or found.score < score:
+        odd = outlying(final.candidate)
+        if odd is not None:
+            return self.with_fault(replace(odd, rows=rows[odd.rows]), np.inf)
+        if final.left < AT_THE_NOISE or search.begun.left < AT_THE_NOISE:
+            near = final if final.left < AT_THE_NOISE else search.begun
+            hum = tone_left(near, self.raw.run_of_row[rows])
+            return self if hum is None else self.with_fault(hum, np.inf)
+        found = fault_left(_bases(search, final), self.raw.run_of_row[rows], search)
+        if found is None or found.score < search.score(final.candidate) + 0.5 * max(law_gain, 0.0):
             return self
-        return self.with_fault(found.fault, bases[0].left)
+        again = not isinstance(found.fault, NoisyInput) or found.fault.taken_out
+        return replace(self.with_fault(found.fault, final.left), changed=again)
 
     @property
     def depth(self) -> int:
         """Rounds that led to this book."""
         return 0 if self.earlier is None else 1 + self.earlier.depth
+
+
+def _bases(search: BaseSearch[Any], final: Evidence) -> list[Evidence]:
+    """What stands, the simulator alone, and the best single effects where what stands is far from the noise."""
+    out = {final.candidate: final, search.begun.candidate: search.begun}
+    singles = search.first_round if final.left > CLOSED else []
+    for rival in [*singles[:MOST_SINGLES], *sorted(singles, key=lambda one: one.fit.cost)[:MOST_SINGLES]]:
+        out.setdefault(rival, search.judged.get(rival, Evidence(rival, search.begun.noise, -np.inf)))
+    return list(out.values())
 
 
 def first_look(plant: Plant, runs: Runs, whole: Record) -> RecordBook:
@@ -140,3 +166,8 @@ def first_look(plant: Plant, runs: Runs, whole: Record) -> RecordBook:
 def _outputs(simulator: Any, run: Any) -> np.ndarray:
     """Outputs (n_samples, n_outputs) along one run."""
     return np.asarray(simulator.simulate(run.X), dtype=float).reshape(len(run), -1)
+
+
+def faults_of(book: RecordBook | None, null: BaseCandidate, rows: np.ndarray) -> DataFaults:
+    """For the report; none where nothing was looked at."""
+    return book.described(null, rows) if book is not None and book.faults else NO_FAULTS

@@ -92,6 +92,10 @@ class WrongReadings(BaseFault):
     def n_parameters(self) -> int:
         return len(self.rows)
 
+    def and_also(self, other: WrongReadings) -> WrongReadings:
+        """With these and those."""
+        return replace(self, rows=np.union1d(self.rows, other.rows), size=max(self.size, other.size))
+
     def corrected(self, record: Record) -> Record:
         """Without these readings."""
         wrong = np.zeros(record.y.shape, bool)
@@ -118,6 +122,6 @@ class WrongReadings(BaseFault):
 
 
 def masked(record: Record, wrong: np.ndarray) -> Record:
-    """A record some of whose readings (n_outputs, n_samples) were not measured: they take no part in any comparison."""
+    """A record some of whose readings (n_outputs, n_samples) were not measured."""
     known = ~wrong if record.known is None else record.known & ~wrong
     return replace(record, y=bridged(record.y, known, record.starts), known=known)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from sksurrogate.gap.faults._correction import BaseFault
-from sksurrogate.gap.faults._noisy_input import smoother_inputs
-from sksurrogate.gap.faults._proposals import Proposal, proposals
+from sksurrogate.gap.faults._noisy_input import NoisyInput, smoother_inputs
+from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
+from sksurrogate.gap.faults._run_faults import Hum
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED
-from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._closeness import CLOSED
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._normal_equations import scaled
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
@@ -25,8 +28,8 @@ CLEAR = 10.0
 MOST_OF_IT = 0.8
 #: The same of noise on an input: what was really given to the plant is only known smoothed.
 MOST_OF_NOISE = 0.5
-#: Proposals that are followed with a noise of their own.
-FOLLOWED = 3
+#: Faults beside a model that are followed with a noise of their own.
+FOLLOWED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,40 +52,81 @@ class Found:
     gain: float
     removed: float
 
+    @property
+    def enough(self) -> bool:
+        """Whether it is the reason of what is left."""
+        return self.removed > (MOST_OF_NOISE if isinstance(self.fault, NoisyInput) else MOST_OF_IT)
 
-def fault_left(bases: Sequence[Evidence], run: np.ndarray) -> Found | None:
+
+def fault_left(bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any]) -> Found | None:
     """The likeliest fault of the record on top of one of several models, None where none is the reason of what they leave.
 
     Parameters
     ----------
     bases : sequence of Evidence
-        What was named, and the simulator alone. Where one of them is at the noise nothing is wrong.
+        What was named, the simulator alone, and other sets of effects that the search has fitted: what is named beside a fault
+        that nothing stands for may be a stack of wrong names.
     run : ndarray of int (n_samples,)
         Number of the run of every row.
+    search : BaseSearch
+        For scores.
     """
-    if any(base.left < AT_THE_NOISE for base in bases):
+    null = next(base.candidate for base in bases if not base.effects)
+    smoother = [Proposal(moved[:, None], _smoother(fault)) for fault, moved in smoother_inputs(null)]
+    seen: list[tuple[float, _Fit, Proposal, int]] = []
+    for base in bases:
+        fit = fit_beside(base)
+        if fit is None:
+            continue
+        record = base.candidate.problem.record
+        tried = [*proposals(record, run, record.y - fit.r, fit.r), *smoother]
+        seen += [(fit.first_sight(proposal), fit, proposal, len(tried)) for proposal in tried]
+    seen.sort(key=lambda one: -one[0])
+    followed = [fit.followed(proposal, tried, search) for _, fit, proposal, tried in seen[:FOLLOWED]]
+    clear = [one for one in followed if one is not None and one.gain > CLEAR]
+    good = [one for one in clear if one.enough]
+    known = [
+        replace(one, fault=replace(one.fault, taken_out=False)) for one in clear if isinstance(one.fault, NoisyInput)
+    ]
+    return max(good or known, key=lambda one: one.score, default=None)
+
+
+def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
+    """A tone within what passes for noise: fast tones are part of what differences of the readings show as noise."""
+    fit = fit_beside(base)
+    if fit is None:
         return None
-    found = [one for base in bases for one in (_best(base, run), _noisy_input(base)) if one is not None]
-    return max(found, key=lambda one: one.score, default=None)
+    record, found = base.candidate.problem.record, []
+    for proposal in tones(record, run, fit.r):
+        try:
+            gain = 2.0 * (fit.fitted(proposal.columns)[0] - fit.fitted(proposal.columns[:, :0])[0])
+            theta = fit.fitted(proposal.columns)[1]
+        except np.linalg.LinAlgError:
+            continue
+        fault = proposal.fault(theta[fit.J.shape[1] :])
+        if gain - fit.cost(proposal, len(record.y)) > CLEAR and isinstance(fault, Hum):
+            found.append((gain, fault))
+    return max(found, key=lambda one: one[0])[1] if found else None
 
 
-def _best(base: Evidence, run: np.ndarray) -> Found | None:
-    """The likeliest fault of runs on top of one model."""
+def _smoother(fault: NoisyInput) -> Callable[[np.ndarray], BaseFault | None]:
+    """A smoother input is there whole, not in part."""
+    low, high = WHOLE
+    return lambda weights: fault if low < weights[0] < high else None
+
+
+def fit_beside(base: Evidence) -> _Fit | None:
+    """A model to which faults can be added; None where it cannot be linearised."""
     model = base.candidate
     r, J, precision, pull = model.columns()
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(model.disturbance.A)) and np.all(np.isfinite(r))):
         return None
-    fit = _Fit(model, base.noise, r, J, precision, pull)
-    tried = list(proposals(model.problem.record, run, model.problem.record.y - r, r))
-    order = sorted(tried, key=fit.first_sight, reverse=True)[:FOLLOWED]
-    found = [one for one in (fit.followed(proposal, len(tried)) for proposal in order) if one is not None]
-    good = [one for one in found if one.gain > CLEAR and one.removed > MOST_OF_IT]
-    return max(good, key=lambda one: one.score, default=None)
+    return _Fit(model, base.noise, r, J, precision, pull)
 
 
 def _excess(model: BaseCandidate, residual: np.ndarray) -> float:
     """Squares over the noise of a residual, initial states taken out, beyond those of noise alone."""
-    return float(np.sum(model.without_starts(residual[None]) ** 2)) - residual.size
+    return float(np.sum(model.without_starts(residual[None]) ** 2)) - model.problem.record.n_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +139,11 @@ class _Fit:
     J: np.ndarray
     precision: np.ndarray
     pull: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Measured values."""
+        return self.model.problem.record.n_values
 
     @property
     def noises(self) -> list[Noise]:
@@ -110,13 +159,12 @@ class _Fit:
         theta = self.solved(flat @ flat.T)
         rest = flat[0] - theta @ flat[1:]
         # The variance is unknown: what is left may be large.
-        n = self.r.size
-        return -n * float(np.log(max(float(rest @ rest), n))) - self.cost(proposal, 1)
+        return -self.n * float(np.log(max(float(rest @ rest), self.n))) - self.cost(proposal, 1)
 
     def cost(self, proposal: Proposal, tried: int) -> float:
         """``k ln N + 2 ln M``."""
         k = proposal.columns.shape[1] + proposal.extra
-        return float(k * np.log(self.r.size) + 2.0 * np.log(tried))
+        return float(k * np.log(self.n) + 2.0 * np.log(tried))
 
     def solved(self, G: np.ndarray) -> np.ndarray:
         """Weights of all columns, from the Gram of residual and columns."""
@@ -140,40 +188,24 @@ class _Fit:
         G, _ = D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
         return float(value), self.solved(G)
 
-    def followed(self, proposal: Proposal, tried: int) -> Found | None:
-        """A fault with a noise of its own; None where its weights are not possible."""
+    def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
+        """A fault with a noise of its own, and the model fitted again without it; None where its weights are not possible."""
         try:
-            alone, own = self.fitted(proposal.columns[:, :0])
+            alone, _ = self.fitted(proposal.columns[:, :0])
             value, theta = self.fitted(proposal.columns)
         except np.linalg.LinAlgError:
             return None
-        fault = proposal.fault(theta[self.J.shape[1] :])
-        if fault is None:
+        fault, model = proposal.fault(theta[self.J.shape[1] :]), self.model
+        again = None if fault is None else model.refitted(fault.corrected(model.problem.record))
+        if fault is None or again is None:
             return None
-        before = _excess(self.model, self.r - np.einsum("okt,k->ot", self.J, own))
-        moved = np.einsum("okt,k->ot", np.concatenate([self.J, proposal.columns], axis=1), theta)
-        after = _excess(self.model, self.r - moved)
+        before, after = _excess(model, model.residual), _excess(again, again.residual)
         removed = 1.0 - max(after, 0.0) / before if before > 0 else 0.0
-        if after < (CLOSED**2 - 1.0) * self.r.size and before > 2.0 * after:
+        if after < (CLOSED**2 - 1.0) * self.n and before > 2.0 * after:
             removed = 1.0  # at the noise
-        n, cost = self.r.size, self.cost(proposal, tried)
-        score = value - 0.5 * (self.model.n_parameters * np.log(n) + cost)
+        cost = self.cost(proposal, tried)
+        score = max(value, estimate_noise(again, self.noises[1], max_iterations=8).log_likelihood)
+        score -= 0.5 * (search.prior_cost(again) + model.n_parameters * np.log(self.n) + cost)
+        if isinstance(fault, NoisyInput):
+            fault = replace(fault, removed=removed)
         return Found(fault, float(score), 2.0 * (value - alone) - cost, removed)
-
-
-def _noisy_input(base: Evidence) -> Found | None:
-    """The likeliest smoother input on top of one model."""
-    model = base.candidate
-    before = _excess(model, model.residual)
-    found = []
-    tried = list(smoother_inputs(model))
-    for fault, other in tried:
-        after = _excess(other, other.residual)
-        removed = 1.0 - max(after, 0.0) / before if before > 0 else 0.0
-        n = model.residual.size
-        # Sizes, not noises: a noisy input is itself what the noise of the model calls a force.
-        gain = n * float(np.log((before + n) / (max(after, 0.0) + n))) - np.log(n) - 2.0 * np.log(len(tried))
-        score = base.log_likelihood + 0.5 * gain - 0.5 * model.n_parameters * np.log(n)
-        found.append(Found(replace(fault, removed=removed), float(score), float(gain), removed))
-    good = [one for one in found if one.gain > CLEAR and one.removed > MOST_OF_NOISE]
-    return max(good, key=lambda one: one.removed, default=None)

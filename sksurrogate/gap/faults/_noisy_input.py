@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,11 +30,14 @@ class NoisyInput(BaseFault):
         Of :func:`smoothings`.
     removed : float
         Share of the gap that it removes.
+    taken_out : bool
+        Whether the record is corrected: noise that is slow beside the plant cannot be told from the input.
     """
 
     input: int
     way: int
     removed: float = 0.0
+    taken_out: bool = True
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -51,6 +53,10 @@ class NoisyInput(BaseFault):
 
     def corrected(self, record: Record) -> Record:
         """With the smoother input."""
+        return self.smoother(record) if self.taken_out else record
+
+    def smoother(self, record: Record) -> Record:
+        """The record with the smoother input."""
         u, edges = record.u.copy(), np.r_[record.starts, record.n_samples]
         for a, b in zip(edges[:-1], edges[1:]):
             u[self.input, a:b] = smoothings(record.u[self.input, a:b])[self.way]
@@ -58,10 +64,11 @@ class NoisyInput(BaseFault):
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """With the deviation of the noise."""
-        size = float(np.std(record.u[self.input] - self.corrected(record).u[self.input]))
+        size = float(np.std(record.u[self.input] - self.smoother(record).u[self.input]))
         remedy = "Record the input that the actuator is given, or filter its measurement forwards and backwards."
+        share = self.removed if self.taken_out else np.nan
         where = (names.inputs[self.input], "input", tuple(names.labels), ())
-        return DataFault("input_noise", *where, size, self.removed, remedy=remedy)
+        return DataFault("input_noise", *where, size, share, remedy=remedy, taken_out=self.taken_out)
 
 
 def smoothings(u: np.ndarray) -> list[np.ndarray]:
@@ -89,12 +96,13 @@ def _between_edges(u: np.ndarray, median: np.ndarray) -> np.ndarray:
     return out
 
 
-def smoother_inputs(model: BaseCandidate) -> Iterator[tuple[NoisyInput, BaseCandidate]]:
-    """Every input smoothed in several ways, and the model along it, initial states fitted again."""
-    record = model.problem.record
+def smoother_inputs(model: BaseCandidate) -> list[tuple[NoisyInput, np.ndarray]]:
+    """Every input smoothed in several ways, and what that moves the readings of a model by (n_outputs, n_samples)."""
+    record, found = model.problem.record, []
     for i, u in enumerate(record.u):
         for way in range(len(smoothings(u[:9])) if np.ptp(u) > 0 else 0):
             fault = NoisyInput(i, way)
-            other = model.over(fault.corrected(record))
+            other = model.refitted(fault.corrected(record))
             if other is not None:
-                yield fault, other
+                found.append((fault, other.fit.y - model.fit.y))
+    return found

@@ -11,7 +11,7 @@ from sksurrogate.gap.faults._correction import BaseFault
 from sksurrogate.gap.faults._run_faults import Gains, Hum, Offsets, Shifts
 from sksurrogate.kernels.record import Record
 
-__all__ = ["Proposal", "later", "proposals", "tone"]
+__all__ = ["WHOLE", "Proposal", "later", "proposals", "tone", "tones"]
 
 #: A tone has this many periods in a run or more: less is a trend.
 LEAST_PERIODS = 3.0
@@ -19,8 +19,8 @@ LEAST_PERIODS = 3.0
 FINE = 40
 #: Longest shift that is tried, as a share of the shortest run.
 LONGEST_SHIFT = 0.2
-#: A shift is there whole, not in part: its column has a weight of one, more or less.
-WHOLE_SHIFT = (0.5, 1.7)
+#: A shift or a smoother input is there whole, not in part: its column has a weight of one, more or less.
+WHOLE = (0.5, 1.7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,15 @@ def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarr
                 yield _by_run(Offsets, j, runs, inside[runs].astype(float), y.shape, n_runs)
                 yield _by_run(Gains, j, runs, inside[runs] * y[j], y.shape, n_runs)
     yield from _shifts(record, run, y)
-    for j in range(len(y)):
+    yield from tones(record, run, residual)
+
+
+def tones(record: Record, run: np.ndarray, residual: np.ndarray) -> Iterator[Proposal]:
+    """The strongest tone on every output."""
+    for j in range(len(residual)):
         found = tone(record, residual[j])
         if found is not None:
-            yield _hum(record, run, j, found, y.shape)
+            yield _hum(record, run, j, found, residual.shape)
 
 
 def _by_run(
@@ -108,7 +113,10 @@ def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal
     for a, b in zip(edges[:-1], edges[1:]):
         inner = slice(most, max(b - a - most, most + 1))  # where no end value is held
         for i, k in enumerate(steps):
-            cost[run[a], i] += np.sum(((record.y[:, a:b] - later(y[:, a:b], int(k))) / spread)[:, inner] ** 2)
+            missed = (record.y[:, a:b] - later(y[:, a:b], int(k))) / spread
+            if record.known is not None:
+                missed = missed * record.known[:, a:b]
+            cost[run[a], i] += np.sum(missed[:, inner] ** 2)
     values, moved = steps[np.argmin(cost, axis=1)], np.zeros_like(y)
     for a, b in zip(edges[:-1], edges[1:]):
         moved[:, a:b] = later(y[:, a:b], int(values[run[a]])) - y[:, a:b]
@@ -126,7 +134,7 @@ def _shift_of(values: np.ndarray) -> Callable[[np.ndarray], BaseFault | None]:
     """Shifts whose columns have weights of about one."""
 
     def fault(weights: np.ndarray) -> BaseFault | None:
-        low, high = WHOLE_SHIFT
+        low, high = WHOLE
         return Shifts(values) if np.all((weights > low) & (weights < high)) else None
 
     return fault

@@ -181,7 +181,8 @@ class Shifts(BaseFault):
             source = np.arange(a, b) + int(k)
             wrong[:, a:b] = (source < a) | (source >= b)
             rows[a:b] = np.clip(source, a, b - 1)
-        return masked(replace(record, y=record.y[:, rows]), wrong)
+        known = None if record.known is None else record.known[:, rows]
+        return masked(replace(record, y=record.y[:, rows], known=known), wrong)
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """With the samples of every run."""

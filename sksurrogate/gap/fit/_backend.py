@@ -136,8 +136,8 @@ class BaseCandidate(ABC):
         """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
 
     @abstractmethod
-    def over(self, record: Record) -> BaseCandidate | None:
-        """The same over a record of the same runs, initial states fitted again; None where that has no free run."""
+    def refitted(self, record: Record) -> BaseCandidate | None:
+        """The same effects fitted to a record of the same runs; None where that has no free run."""
 
     @abstractmethod
     def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:

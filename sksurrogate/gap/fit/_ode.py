@@ -159,9 +159,9 @@ class OdeCandidate(BaseCandidate):
         """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
         return self.frozen(np.r_[self.fit.theta[: self.n_parameters], np.zeros(len(self.problem.free))])
 
-    def over(self, record: Record) -> OdeCandidate | None:
-        """The same over a record of the same runs, initial states fitted again; None where that has no free run."""
-        return replace(self.problem, record=record).candidate(self.effects, self.fit).frozen(self.fit.theta)
+    def refitted(self, record: Record) -> OdeCandidate | None:
+        """The same effects fitted to a record of the same runs; None where that has no free run."""
+        return replace(self.problem, record=record).fit(self.effects, self.fit.theta, self.fit.x, settled=True)
 
     def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:
         """Outputs on the test runs of a record of these samples, refitted on the training runs; None without a free run."""

@@ -136,12 +136,13 @@ class TrajectoryCandidate(BaseCandidate):
         tuned = replace(self.problem, free=free).fit((), np.zeros(len(free))) if names else None
         return self.untuned(), tuned
 
-    def over(self, record: Record) -> TrajectoryCandidate | None:
-        """The same over a record of the same runs; None where the simulator gives no finite run there."""
-        simulations = Simulations(self.problem.plant, record, self.problem.free, raised=self.problem.simulations.raised)
-        other = replace(self, problem=replace(self.problem, simulations=simulations))
+    def refitted(self, record: Record) -> TrajectoryCandidate | None:
+        """The same effects fitted to a record of the same runs; None where the simulator gives no finite run there."""
+        known = self.problem.simulations
+        simulations = Simulations(known.plant, record, known.free, raised=known.raised)
+        problem = replace(self.problem, simulations=simulations, disturbances={})
         try:
-            return other.with_values(self.effects, self.fit.theta, self.fit.J)
+            return problem.fit(self.effects, self.fit.theta, self.fit.J.transpose(1, 0, 2))
         except Exception:  # a table knows its own inputs only, and a simulator may raise anything along others
             return None
 

@@ -35,4 +35,4 @@ def record_html(faults: DataFaults) -> str:
     if not faults:
         return ""
     entries = "".join(f"<li>{escape(str(fault))}</li>" for fault in faults)
-    return f"<h2>The record</h2><p>Taken out before effects were compared:</p><ul>{entries}</ul>"
+    return f"<h2>The record</h2><p>What is wrong with the data themselves:</p><ul>{entries}</ul>"

@@ -43,6 +43,8 @@ class DataFault:
         Name of the effect of the catalogue that has this form, acting in these runs only.
     remedy : str
         What to do.
+    taken_out : bool
+        Whether effects were compared on a record without it.
 
     Examples
     --------
@@ -61,6 +63,7 @@ class DataFault:
     values: Mapping[Any, float] = field(default_factory=dict)
     effect: str | None = None
     remedy: str = ""
+    taken_out: bool = True
 
     def __str__(self) -> str:
         share = "" if np.isnan(self.share) else f"; {100 * self.share:.0f} % of the gap"
@@ -119,10 +122,12 @@ class DataFaults:
     @property
     def sentence(self) -> str:
         """All faults in words; empty where there are none."""
-        if not self.entries:
-            return ""
-        told = "; ".join(f"{fault.location or 'all outputs'}: {fault.what}" for fault in self.entries)
-        return f"The record itself has faults, which were taken out before effects were compared: {told}."
+        out, left = (
+            "; ".join(f"{one.location or 'all outputs'}: {one.what}" for one in self.entries if one.taken_out is taken)
+            for taken in (True, False)
+        )
+        text = f"The record itself has faults, which were taken out before effects were compared: {out}." if out else ""
+        return f"{text} The record itself holds part of what is left: {left}.".strip() if left else text
 
     def table(self) -> Table:
         """One row a fault."""

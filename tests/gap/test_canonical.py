@@ -1,0 +1,92 @@
+"""Which of two exact twins is named does not depend on units or on the order of the states."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.decide._canonical import rank
+from sksurrogate.physics import ODESimulator
+
+RUNS, ROWS = 3, 150
+
+
+def tank(x, u, p):
+    return [(u[0] - p["k"] * x["level"]) / p["area"]]
+
+
+def cart(x, u, p):
+    return [x["speed"], (u[0] - p["k"] * x["place"] - p["c"] * x["speed"]) / p["m"]]
+
+
+def heater(x, u, p):
+    return [u[0] - p["h"] * (x["core"] - x["wall"]), p["h"] * (x["core"] - x["wall"]) - p["l"] * x["wall"]]
+
+
+#: Equations, states, outputs, parameters, sample time, what the real plant adds, the twins that compete.
+PLANTS = {
+    "tank": (tank, ("level",), ("level",), {"k": 0.5, "area": 2.0}, 0.5, {"level": lambda x: -0.15},
+             ["input_bias", "constant_bias"]),
+    "cart": (cart, ("place", "speed"), ("place",), {"k": 4.0, "c": 0.4, "m": 1.0}, 0.05,
+             {"speed": lambda x: -0.35 * x["speed"]}, ["linear_loss", "parameter_error"]),
+    "heater": (heater, ("core", "wall"), ("wall",), {"h": 0.4, "l": 0.2}, 0.5,
+               {"wall": lambda x: -0.05 * x["wall"] ** 2}, ["quadratic_loss", "quadratic_drag"]),
+}  # fmt: skip
+
+
+def simulators(name, order, unit):
+    """The simulator and the real plant, with its states in an order and time in a unit."""
+    law, states, outputs, params, dt, missing, _ = PLANTS[name]
+    names = [states[k] for k in order]
+
+    def rates(x, u, p, real):
+        x = dict(zip(names, x))
+        rate = dict(zip(states, law(x, u, p)))
+        for state, term in missing.items() if real else ():
+            rate[state] = rate[state] + term(x)
+        return [rate[state] / unit for state in names]
+
+    common = {"states": names, "inputs": ["u"], "outputs": list(outputs), "params": params, "dt": dt * unit}
+    return (
+        ODESimulator(lambda t, x, u, p: rates(x, u, p, False), **common),
+        ODESimulator(lambda t, x, u, p: rates(x, u, p, True), **common),
+    )
+
+
+def named(name, order, unit):
+    effects = PLANTS[name][-1]
+    simulator, real = simulators(name, order, unit)
+    rng = np.random.default_rng(1)
+    U = np.repeat(rng.uniform(0.2, 1.5, (RUNS, ROWS // 10, 1)), 10, axis=1)
+    Y = np.concatenate([real.simulate(u) for u in U])
+    Y = Y + 0.01 * np.std(Y) * np.random.default_rng(2).normal(size=Y.shape)
+    diagnoser = GapDiagnoser(simulator, effects=effects, n_jobs=1, random_state=0)
+    report = diagnoser.fit(U.reshape(-1, 1), Y, np.repeat(np.arange(RUNS), ROWS)).report_
+    assert report.verdict == "explained"
+    (effect,) = report.effects
+    others = {(key[0], key[1]) for key in effect.equivalents}
+    saved = [(e.name, e.location) for e in diagnoser.augmented_.effects]
+    assert saved == [(effect.name, effect.location)]
+    return (effect.name, effect.location), others
+
+
+@pytest.mark.parametrize(
+    ("name", "first"), [("tank", "constant_bias"), ("cart", "parameter_error"), ("heater", "quadratic_loss")]
+)
+def test_the_same_twin_is_named_in_every_unit_and_order(name, first):
+    n = len(PLANTS[name][1])
+    told = named(name, tuple(range(n)), 1.0)
+    assert told[0][0] == first and told[1]
+    assert named(name, tuple(range(n)), 1000.0) == told
+    assert named(name, tuple(range(n)), 1.0 / 60.0) == told
+    if n > 1:
+        assert named(name, (1, 0), 1.0) == told
+
+
+def test_the_order_of_twins_is_total():
+    keys = [("sensor_bias", "a"), ("sensor_bias", "b"), ("input_bias", "a"), ("coulomb_friction", "v", "v")]
+    keys.append(("coulomb_friction", "w", "w"))
+    effects = [CATALOGUE[name](*where) for name, *where in keys]
+    keys = [rank(effect) for effect in effects]
+    assert len(set(keys)) == len(keys)
+    assert sorted(effects, key=rank) == [effects[3], effects[4], effects[2], effects[0], effects[1]]
