@@ -33,6 +33,7 @@ ARMS: dict[str, tuple[str, str]] = {
     "time": ("an effect from some time on", "explained"),
     "outside": ("the effect and its twins deleted from the catalogue", "unknown"),
     "novel": ("an effect that no catalogue holds", "unknown"),
+    "law": ("a law that no catalogue holds: a balance, an input, a sensor, two signals, the recent past", "unknown"),
     "outside_disturbed": ("as the two before, coloured disturbance of 1 %", "unknown"),
     "none": ("no effect", "none"),
     "spikes": ("no effect, one reading in fifty is off by 5 to 50 times the noise", "none"),
@@ -54,6 +55,9 @@ REAL_GAPS = {"weak": (0.3, 1.6), "sizes": (0.0, 12.0)}
 #: By how much all parameters of the simulator are off.
 OFF = {"detuned": 0.08, "far": 0.20}
 
+#: Range of the runs beyond the range, over that of the test runs.
+FAR_RANGE = 1.5
+
 #: Attempts at a drawing.
 ATTEMPTS = 60
 
@@ -74,6 +78,8 @@ class Question:
     X_test : ndarray (n_runs, n_samples, n_inputs)
         Inputs of runs that nobody fits, to be predicted.
     x0_test : ndarray (n_runs, n_states)
+    X_far, x0_far : ndarray, optional
+        Of the arm ``law`` runs at 1.5 times the range, to be predicted too.
 
     Examples
     --------
@@ -91,6 +97,8 @@ class Question:
     effects: list[str] | None
     X_test: np.ndarray
     x0_test: np.ndarray
+    X_far: np.ndarray | None = None
+    x0_far: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +125,8 @@ class Case:
         True initial states of the recorded runs.
     unit : ndarray (n_plant_outputs,)
         Noise of each output of the plant, infinite for those not measured.
+    y_far : ndarray (n_runs, n_samples, n_outputs), optional
+        True outputs of the runs beyond the range; none where the plant does not hold there.
 
     Examples
     --------
@@ -137,6 +147,7 @@ class Case:
     noise: np.ndarray
     starts: np.ndarray
     unit: np.ndarray
+    y_far: np.ndarray | None = None
 
 
 def draw(arm: str, entropy: int | None = None, *, plant: PlantSpec | None = None, runs: Any = None) -> Case:
@@ -294,11 +305,13 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
     test = march(plant, X_test, x0_test, truths, substeps=12).outputs[..., read]
     if not np.isfinite(test).all():
         return None
+    X_far, x0_far, y_far = _beyond(plant, X_test, x0_test, truths, read) if arm == "law" else (None, None, None)
     counting = plant.simulator(params, setting.outputs, counting=True)
     question = Question(
         counting, course.inputs.reshape(n_runs * n_samples, -1), y.reshape(n_runs * n_samples, -1),
         np.repeat(np.arange(n_runs), n_samples), "all" if arm in OFF else (),
         remaining([truth.name for truth in truths]) if arm in ("outside", "outside_disturbed") else None, X_test, x0_test,
+        X_far, x0_far,
     )  # fmt: skip
     facts = {
         "arm": arm, "seed": seed, "plant": plant.name, "domain": plant.domain, "excitation": setting.excitation,
@@ -324,4 +337,15 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
         noise,
         course.states[:, 0].copy(),
         _unit(setting),
+        y_far,
     )
+
+
+def _beyond(plant: PlantSpec, X: np.ndarray, x0: np.ndarray, truths: tuple[Truth, ...], read: list[int]) -> Any:
+    """Runs at 1.5 times the range of inputs and initial states, with their outputs; none where the plant does not hold there."""
+    about = 0.0 if plant.positive else X.mean(axis=(0, 1))
+    centre = 0.0 if plant.positive else x0.mean(axis=0)
+    X_far, x0_far = about + FAR_RANGE * (X - about), centre + FAR_RANGE * (x0 - centre)
+    far, plain = (march(plant, X_far, x0_far, acting, substeps=12) for acting in (truths, ()))
+    holds = all(np.isfinite(course.outputs).all() and plant.holds(course.states) for course in (far, plain))
+    return (X_far, x0_far, far.outputs[..., read]) if holds else (None, None, None)

@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.blind._excite import EXCITATIONS, Controller, coloured, initial_states, inputs
 from sksurrogate.blind._inexact import INEXACT
+from sksurrogate.blind._laws import GROUPS, family
 from sksurrogate.blind._march import Course, march
 from sksurrogate.blind._plants import PlantSpec
 from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Scene, Truth
@@ -83,7 +84,7 @@ def make_setting(rng: np.random.Generator, plant: PlantSpec, runs: Any, arm: str
     """Experiments and sensors."""
     partial = len(plant.partial) < len(plant.outputs) and rng.random() < 0.4
     outputs = plant.partial if partial else plant.outputs
-    noise = float(rng.choice([0.005, 0.01, 0.02]))
+    noise = float(rng.choice([0.01, 0.02] if arm == "law" else [0.005, 0.01, 0.02]))
     if runs is not None:
         shortest = min(len(run) for run in runs)
         excitation, repeats = "recorded", False
@@ -139,6 +140,9 @@ def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen]
         name = str(rng.choice([*DISTINCT, *NOVEL]))
     elif arm == "novel":
         name = str(rng.choice(list(NOVEL)))
+    elif arm == "law":
+        groups, shares = zip(*GROUPS)
+        name = str(rng.choice(list(groups[int(rng.choice(len(groups), p=shares))])))
     elif arm == "inexact":
         name = str(rng.choice(list(INEXACT)))
     elif arm == "three":
@@ -175,7 +179,7 @@ def _any_name(rng: np.random.Generator) -> str:
 
 def _one(rng: np.random.Generator, name: str, setting: Setting) -> Chosen | None:
     """Where an effect sits and what drives it."""
-    plant, kind = setting.plant, KINDS.get(name) or NOVEL[name]
+    plant, kind = setting.plant, family(name)
     if (kind.needs == "positive" and not plant.positive) or (kind.needs == "warm" and not plant.warm):
         return None
     places: Sequence[str] = {

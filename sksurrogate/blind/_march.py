@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.blind._inexact import SAMPLED, form_of, wandering
+from sksurrogate.blind._laws import family
 from sksurrogate.blind._plants import PlantSpec
-from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Term, Truth, sign
+from sksurrogate.blind._truths import Kind, Term, Truth, sign
 
 __all__ = ["Course", "march"]
 
@@ -110,7 +111,7 @@ class _Machine:
         self.n, self.n_runs = len(plant.states), len(U)
         self.index = {name: i for i, name in enumerate(plant.states)}
         self.force = None if force is None else (self.index[force[0]], force[1])
-        placed: list[tuple[Truth, Kind]] = [(truth, KINDS.get(truth.name) or NOVEL[truth.name]) for truth in truths]
+        placed: list[tuple[Truth, Kind]] = [(truth, family(truth.name)) for truth in truths]
 
         def at(place: str) -> list[tuple[Truth, Kind]]:
             return [(truth, kind) for truth, kind in placed if kind.place == place]
@@ -235,7 +236,8 @@ class _Machine:
         z = np.zeros((self.size, x0.shape[1]))
         z[: self.n] = x0
         for truth in self.hidden:
-            if truth.name in ("hidden_relaxation", "hidden_mode") and truth.variable in self.index:
+            settled = truth.name in ("hidden_relaxation", "hidden_mode") or truth.name.startswith("law_")
+            if settled and truth.variable in self.index:
                 z[self.slots[id(truth)].start] = x0[self.index[truth.variable]]
         return z
 
@@ -312,6 +314,8 @@ class _Machine:
             dz[i] -= p["stiffness"] * own[0]
         elif truth.name == "hidden_relaxation":
             dz[i] -= p["coefficient"] * (v - own[0])
+        elif truth.name.startswith("law_"):
+            dz[i] += equation(truth, family(truth.name))(0.0, x[i], own[0], 1.0, p, truth.width)
         else:
             dz[i] += p["gain"] * (own[0] - v)
 
@@ -325,7 +329,7 @@ class _Machine:
         if truth.name == "lugre_friction":
             g = p["level"] + (p["static_level"] - p["level"]) * np.exp(-((v / p["velocity"]) ** 2))
             return v - p["stiffness"] * v * sign(v, truth.width) * own[0] / g
-        if truth.name == "hidden_relaxation":
+        if truth.name == "hidden_relaxation" or truth.name.startswith("law_"):
             return (v - own[0]) / p["time_constant"]
         w = p["angular_frequency"]
         return np.stack([own[1], w * w * (v - own[0]) - 2.0 * p["damping"] * w * own[1]])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.blind._cases import ARMS, Case
+from sksurrogate.blind._law_score import law_score
 from sksurrogate.blind._march import march
 from sksurrogate.blind._shape import active, region_score, shape_curve, shape_score
 from sksurrogate.blind._truths import KINDS, NOVEL, Truth
@@ -73,6 +74,7 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
     row["covered"] = _covered(case.truths, answer["effects"]) if truths else []
     row |= _shrinks(case, answer, oracle)
     row |= _regions(case, answer)
+    row |= law_score(case, answer)
     row["calls"] = _calls(case, answer)
     row["imitated"] = bool(
         answer["verdict"] in ("explained", "partial")

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.blind._cases import Case
-from sksurrogate.blind._truths import KINDS, NOVEL, Truth
+from sksurrogate.blind._laws import family
+from sksurrogate.blind._truths import KINDS, Truth
 
 __all__ = ["active", "region_score", "rows_of_rule", "shape_curve", "shape_score", "true_curve"]
 
@@ -69,7 +70,7 @@ def region_score(case: Case, rules: Sequence[Mapping[str, Any]]) -> float | None
 
 def true_curve(truth: Truth, at: np.ndarray) -> np.ndarray | None:
     """The missing term over its variable; None where it is no function of one variable."""
-    kind = KINDS.get(truth.name) or NOVEL[truth.name]
+    kind = family(truth.name)
     if kind.form is None or kind.variable in ("product", "other", "gate", "input", "output"):
         return None
     if kind.place == "balance" and truth.variable is not None and "*" not in truth.variable:

@@ -66,6 +66,8 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
             "interval": list(shrink.interval), "retuning": shrink.fraction_retuning, "correction": shrink.fraction_correction,
         },
         "missing_term": missing(report.missing_term),
+        "law": law(report.missing_term),
+        "predicted_far": None if question.X_far is None else predict(diagnoser.augmented_, question, far=True),
         "next_experiment": suggestion(report.next_experiment),
         "notes": list(report.notes),
         "predicted": predict(diagnoser.augmented_, question),
@@ -96,6 +98,25 @@ def missing(term: Any) -> dict[str, Any] | None:
     return {"location": term.location, "kind": term.kind, "curves": curves, "candidates": list(term.candidates)}
 
 
+def law(term: Any) -> dict[str, Any] | None:
+    """The formula for what is missing: text, place, and the shapes and drivers of each of its terms."""
+    found = getattr(term, "law", None)
+    if found is None:
+        return None
+    terms = [
+        {"shapes": [f[0] for f in one.factors], "drivers": list(one.variables)}
+        for one in found.effect.terms
+        if one.factors
+    ]
+    return {
+        "text": str(found),
+        "location": found.location,
+        "kind": found.kind,
+        "certified": found.certified,
+        "terms": terms,
+    }
+
+
 def suggestion(following: Any) -> dict[str, Any] | None:
     """The next experiment: the best option and its gain in nats."""
     if following is None:
@@ -105,10 +126,11 @@ def suggestion(following: Any) -> dict[str, Any] | None:
     return {"sentence": following.sentence, "best": best["experiment"], "gain": best["gain"]}
 
 
-def predict(simulator: Any, question: Question) -> list[Any]:
-    """Free runs over the test inputs; nan where they run away."""
+def predict(simulator: Any, question: Question, far: bool = False) -> list[Any]:
+    """Free runs over the test inputs, or over those beyond the range; nan where they run away."""
     found = []
-    for U, x0 in zip(question.X_test, question.x0_test):
+    runs = (question.X_far, question.x0_far) if far else (question.X_test, question.x0_test)
+    for U, x0 in zip(*runs):
         try:
             found.append(np.asarray(simulator.simulate(U, x0=x0)).tolist())
         except Exception:  # a prediction that fails is scored as no prediction
