@@ -15,6 +15,7 @@ def level(c, law):
     return ODESimulator(
         lambda t, x, u, p: [u[0] - p["k"] * x[0] - p["c"] * law(x[0])],
         states=["h"], inputs=["flow"], outputs=["h"], params={"k": 1.2, "c": c}, dt=0.1,
+        units={"h": "m", "flow": "m/s", "time": "s"},
     )  # fmt: skip
 
 
@@ -81,6 +82,14 @@ def test_the_law_is_written_for_latex_and_sympy(monod):
     expression, h = law.sympy(), sympy.Symbol("h", real=True)
     assert r"\frac" in law.latex
     assert float(expression.subs(h, 1.3)) == pytest.approx(float(law.value({"h": 1.3})))
+
+
+def test_the_page_draws_the_law_with_its_numbers(monod):
+    law = monod.report_.missing_term.law
+    assert law.units == {"c0": "m/s", "k0": "m"}
+    page, terminal = monod.report_.to_html(), str(monod.report_)
+    assert f"<strong>{law}</strong>" in page and "dashed the law" in page and "+-" in page
+    assert f"  {law} in the balance of h" in terminal and "law added" in terminal
 
 
 def test_without_the_law_the_augmented_simulator_stays_as_it_was(monod):

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.effects._formula import signal_names
+from sksurrogate._units import over, times, to_power
+from sksurrogate.effects._formula import SHAPES, signal_names
 from sksurrogate.gap.decide._choice_by_fold import by_run, chosen_without
 from sksurrogate.gap.decide._features import CERTIFICATE
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
@@ -19,8 +20,9 @@ from sksurrogate.gap.results._interval import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._search import Search
-from sksurrogate.gap.unnamed._formula_fit import FittedLaw
+from sksurrogate.gap.unnamed._formula_fit import AnyLaw, FittedLaw
 from sksurrogate.physics._simulator import Plant
+from sksurrogate.physics._simulator import units_of as units_by_name
 
 __all__ = ["CertifiedLaw", "certified_law", "held_out_law", "law_of"]
 
@@ -100,7 +102,7 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
         effect,
         dict(zip(names, map(float, theta))),
         dict(zip(names, (float(s) if np.isfinite(s) else float("nan") for s in spread))),
-        units_of(effect, plant),
+        units_of(effect, fitted.kind, plant),
         float(np.clip(closed, 0.0, 1.0)) if np.isfinite(closed) else float("nan"),
         {name: (float(np.min(signals[name])), float(np.max(signals[name]))) for name in drivers},
         fitted.curve,
@@ -117,17 +119,31 @@ def signals_of(candidate: OdeCandidate, plant: Plant, kind: str) -> dict[str, np
     return dict(zip([*plant.states, *plant.inputs], [*candidate.fit.x[: len(plant.states)], *record.u]))
 
 
-def units_of(effect: object, plant: Plant) -> dict[str, str]:
-    """Units of the parameters; names of states and inputs give way to the units that the simulator states."""
-    given = dict(getattr(plant.simulator, "units", None) or {})
-    location = str(effect.location)  # type: ignore[attr-defined]
-    out = {}
-    for p in effect.parameters:  # type: ignore[attr-defined]
-        text = p.unit
-        if given:
-            own = given.get(location, location)
-            text = text.replace("dx/dt", f"{own}/time") if text.startswith("dx/dt") else text
-            if p.name.startswith("c") and location in given and text[:2] in ("u ", "y "):
-                text = own + text[1:]
-        out[p.name] = text
-    return out
+#: Powers of its signal that a shape has as its unit; the others have none.
+POWERS = {"v": 1, "square": 2, "cube": 3, "fourth": 4, "drag": 2, "size": 1, "above": 1, "below": 1, "dead_zone": 1, "clip": 1,
+          "fading": 1, "inverse": -1}  # fmt: skip
+#: Units of the constants of a shape as powers of its signal, where they are not one.
+POWERS_OF_CONSTANTS = {"power": (0,), "wave": (-1,), "swing": (-1, 0), "hill": (1, 0)}
+
+
+def units_of(effect: AnyLaw, kind: str, plant: Plant) -> dict[str, str]:
+    """Units of the parameters, as far as the simulator names those of its signals; empty where they do not follow."""
+    given = units_by_name(plant.simulator)
+    time, own = given.get("time", ""), given.get(str(effect.location), "")
+    placed = over(own, time) if kind == "state" else own
+    coefficients, constants = [], []
+    for term in effect.terms:
+        unit = placed
+        for shape, name, *_ in term.factors:
+            v = given.get(signal_names(name)[0], "")
+            power = POWERS.get(shape, 0)
+            unit = over(unit, to_power(v, power)) if power > 0 else times(unit, v) if power < 0 else unit
+            unit = "" if shape in ("root", "flow", "power") else unit
+            powers = POWERS_OF_CONSTANTS.get(shape, (1, 1))
+            constants += [
+                "1" if p == 0 else v if p == 1 else over("1", v) for p, _ in zip(powers, SHAPES[shape].bounds)
+            ]
+        coefficients.append(unit)
+    known = [*coefficients, *(constants if effect.free else [])]
+    names = [p.name for p in effect.parameters]
+    return dict(zip(names, [*known, *[time] * (len(names) - len(known))]))

@@ -26,7 +26,7 @@ from sksurrogate.kernels.disturbance import Noise
 __all__ = ["Draft", "curve_at", "drafts_at"]
 
 #: Terms of a formula; formulae kept while it grows; further terms tried for each.
-MOST_TERMS, BEAM, TRIED = 3, 6, 6
+MOST_TERMS, BEAM, TRIED = 5, 6, 6
 #: Formulae whose constants are fitted; steps of Gauss-Newton; halvings of a step.
 REFINED, STEPS, HALVINGS = 10, 6, 3
 #: Numbers that all columns together may take (8 bytes each): more terms are thinned to those that follow the smoothed signal.
