@@ -129,8 +129,8 @@ def suggestion(following: Any) -> dict[str, Any] | None:
 def predict(simulator: Any, question: Question, far: bool = False) -> list[Any]:
     """Free runs over the test inputs, or over those beyond the range; nan where they run away."""
     found = []
-    runs = (question.X_far, question.x0_far) if far else (question.X_test, question.x0_test)
-    for U, x0 in zip(*runs):
+    inputs, starts = (question.X_far, question.x0_far) if far else (question.X_test, question.x0_test)
+    for U, x0 in zip([] if inputs is None else inputs, [] if starts is None else starts):
         try:
             found.append(np.asarray(simulator.simulate(U, x0=x0)).tolist())
         except Exception:  # a prediction that fails is scored as no prediction

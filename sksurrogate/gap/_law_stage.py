@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap.decide._augmented import augmented_simulator
+from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import law_of
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._law import Law
+from sksurrogate.gap.search._stopping import STACK
 
 __all__ = ["LawStage"]
+
+#: Said of names that one law does without.
+INSTEAD = "{names} passed the evidence, but one law without a name explains the gap better than all of them; no name is given."
 
 
 class LawStage:
@@ -25,15 +31,37 @@ class LawStage:
         found, verdict = self.found, self.decided()[0]  # type: ignore[attr-defined]
         if found.held is None or found.shrink is None or not found.shrink.measurable:
             return
-        if verdict not in ("partial", "unknown"):
-            return
         pipeline: Any = self
-        base = pipeline.final if verdict == "partial" else pipeline.null
-        beside = pipeline.inside.law_beside(base, pipeline.final, found.held)
+        final, null = pipeline.final, pipeline.null
+        beside, stack = None, verdict in ("partial", "explained") and len(final.effects) >= STACK
+        if stack:
+            beside = pipeline.inside.law_beside(null, final, found.held)
+            if beside is not None and pipeline.inside.law_instead(beside, final):
+                names = ", ".join(effect.name for effect in final.effects)
+                self.withdraw(INSTEAD.format(names=names))
+                pipeline.share_the_gap()
+                beside = replace(beside, held=replace(found.held, law=beside.held.law))
+            else:
+                beside = None
+        if beside is None and verdict in ("partial", "unknown"):
+            beside = pipeline.inside.law_beside(final if verdict == "partial" else null, final, found.held)
         if beside is not None:
             found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
             pipeline.measure()
             found.law = law_of(beside, pipeline.problem.plant, found.shrink)
+
+    def withdraw(self, why: str) -> None:
+        """The names are withdrawn: the null stands."""
+        pipeline: Any = self
+        found, null, held = self.found, pipeline.null, self.found.held
+        assert held is not None
+        found.uncertified = why
+        pipeline.search.final, found.slots, found.finals = null, [], []
+        found.shares, found.probabilities, found.fitted, found.bounds, found.experiment = [], [], None, None, None
+        pipeline.inside.withdraw(null)
+        after = held.retuned if pipeline.problem.free else held.before
+        found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
+        pipeline.measure()
 
     @property
     def carried_law(self) -> Law | None:

@@ -24,7 +24,7 @@ from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._estimates import estimates
 from sksurrogate.gap.decide._experiment import name_of
 from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
-from sksurrogate.gap.decide._held_out import HeldOut, held_out, measure, notes_on_names, same_names, shares, traces
+from sksurrogate.gap.decide._held_out import held_out, measure, notes_on_names, same_names, shares, traces
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.decide._intervals import intervals, parameter_errors
@@ -206,14 +206,9 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         if not final.effects or held is None or found.shrink is None or certified(found.shrink, final.left):
             return
         names = ", ".join(effect.name for effect in final.effects)
-        found.uncertified = (
+        self.withdraw(
             f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
         )
-        self.search.final, found.slots, found.finals = self.null, [], []
-        self.inside.withdraw(self.null)
-        after = held.retuned if self.problem.free else held.before
-        found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
-        self.measure()
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""

@@ -148,6 +148,10 @@ class TrajectoryInside:
         """None: laws are looked for where the inside is known."""
         return None
 
+    def law_instead(self, beside: CertifiedLaw, final: Evidence[TrajectoryCandidate]) -> bool:
+        """No law stands in the place of names."""
+        return False
+
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         """None: nothing inside can be tested."""
         return []

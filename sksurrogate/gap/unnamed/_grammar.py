@@ -25,6 +25,8 @@ BENDS, HALVES = (0.15, 0.4, 1.0, 2.5), (0.1, 0.35, 1.0, 3.0)
 ANGLES = (1.5, 3.0, 5.0, 8.0, 12.0, 18.0, 26.0)
 #: Drivers of which products are formed; shapes of the second factor.
 MOST_OF_PRODUCTS = 6
+#: Shapes whose product with a square is tried: a rate that depends on a temperature, an opening.
+OF_SQUARES = ("v", "activated", "exp", "saturating", "tanh")
 #: Differences of drivers are drivers too where there are no more than so many of them.
 MOST_OF_DIFFERENCES = 5
 #: A driver takes one sign where it stays on one side of zero; both where each side reaches this share of its spread.
@@ -125,6 +127,7 @@ def terms_of(drivers: Drivers) -> list[Term]:
         for b in first:
             if a != b:
                 out += [Term((factor, _plain("v", b))) for factor in single[a] if factor[0] != "v"]
+                out += [Term((factor, _plain("square", b))) for factor in single[a] if factor[0] in OF_SQUARES]
     if len(now) <= MOST_OF_DIFFERENCES:
         for i, a in enumerate(now):
             for b in now[i + 1 :]:
