@@ -29,6 +29,10 @@ __all__ = ["Draft", "curve_at", "drafts_at"]
 MOST_TERMS, BEAM, TRIED = 5, 6, 6
 #: Formulae whose constants are fitted; steps of Gauss-Newton; halvings of a step.
 REFINED, STEPS, HALVINGS = 10, 6, 3
+#: Formulae whose terms are chosen again, and rounds of it.
+SWAPPED, SWAPS = 3, 4
+#: Terms of an affine beginning.
+MOST_AFFINE = 4
 #: Numbers that all columns together may take (8 bytes each): more terms are thinned to those that follow the smoothed signal.
 MOST_NUMBERS = 12_000_000
 #: A column of which less than this share (power) is its own beside others tells nothing more.
@@ -214,6 +218,8 @@ class _Regression:
         self.K = self.base @ known.transpose(1, 0, 2).reshape(known.shape[1], -1).T
         self.half_log = 0.5 * np.log(channel.r.size)
         self.n_drivers, self.log_det = len(self.drivers.moving), 0.0
+        now = [name for name in self.drivers.moving if name not in self.drivers.late]
+        self.linear_forms = [(), *((("v", name),) for name in now)]
 
     def weights(self, columns: np.ndarray) -> np.ndarray:
         """``S^-1`` of columns (n_outputs, n_columns, n_samples): (n_columns, n_outputs * n_samples)."""
@@ -238,22 +244,50 @@ class _Regression:
         self.costs = np.array(
             [price_of([t], self.n_drivers) + self.half_log * (1 + len(t.constants)) for t in library.terms]
         )
-        beams: list[tuple[int, ...]] = [()]
         everything: dict[tuple[int, ...], float] = {}
-        best = 0.0
+        for start in dict.fromkeys([(), self.affine()]):
+            everything.update(self.beam(start))
+        for chosen in self.apart(sorted(everything, key=lambda one: -everything[one]), SWAPPED):
+            everything.update(self.swapped(chosen, everything[chosen]))
+        best_first = sorted(everything, key=lambda chosen: -everything[chosen])
+        refined = [self.refined(self.draft_of(chosen)) for chosen in self.apart(best_first, REFINED)]
+        return sorted(refined, key=lambda draft: -draft.worth)
+
+    def affine(self) -> tuple[int, ...]:
+        """A constant and the drivers as they are, where they are few: a simulator that was linearised lacks these too."""
+        plain = [k for k, term in enumerate(self.library.terms) if structure([term])[0] in self.linear_forms]
+        return (
+            tuple(plain)
+            if len(plain) <= MOST_AFFINE and self.drivers.allows([self.library.terms[k] for k in plain])
+            else ()
+        )
+
+    def beam(self, start: tuple[int, ...]) -> dict[tuple[int, ...], float]:
+        """Formulae that grow from some terms, the best of every size."""
+        beams, everything, best = [start], dict[tuple[int, ...], float](), 0.0
         for _ in range(MOST_TERMS):
             grown: dict[tuple[int, ...], float] = {}
             for chosen in beams:
                 grown.update(self.grown(chosen))
-            ranked = sorted(grown.items(), key=lambda item: -item[1])
-            beams = self.apart([chosen for chosen, _ in ranked], BEAM)
+            beams = self.apart(sorted(grown, key=lambda one: -grown[one]), BEAM)
             everything.update({chosen: grown[chosen] for chosen in beams})
             if not beams or grown[beams[0]] < best + 1.0:
                 break
             best = grown[beams[0]]
-        best_first = sorted(everything, key=lambda chosen: -everything[chosen])
-        refined = [self.refined(self.draft_of(chosen)) for chosen in self.apart(best_first, REFINED)]
-        return sorted(refined, key=lambda draft: -draft.worth)
+        return everything
+
+    def swapped(self, chosen: tuple[int, ...], worth: float) -> dict[tuple[int, ...], float]:
+        """A formula with terms chosen again, one at a time with the others kept, as long as that gains."""
+        out: dict[tuple[int, ...], float] = {}
+        for _ in range(SWAPS):
+            others = [self.grown(tuple(k for k in chosen if k != out_of)) for out_of in chosen]
+            tried = [one for found in others for one in found.items()]
+            best, value = max(tried, key=lambda one: one[1], default=(chosen, worth))
+            if value < worth + 1.0:
+                break
+            chosen, worth = best, value
+            out[chosen] = worth
+        return out
 
     def apart(self, ranked: Sequence[tuple[int, ...]], most: int) -> list[tuple[int, ...]]:
         """The best of every structure."""
