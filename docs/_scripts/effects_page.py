@@ -19,6 +19,28 @@ symbols: x is the state of the `location`, v is the `variable` that drives the e
 [an effect of your own](extending.md).
 """
 
+PORTS = """
+## At a port
+
+A *port* is where a force, a flow or heat enters: every input, and every joint of `MuJoCoSimulator`. Every law of the tables
+*on the balance of a state* and *with a hidden state*, limits and overflow apart, can act at a port. It adds to what enters
+there: `location` is the port, `variable` a state, and c has the unit of the port. x is the input.
+
+- The diagnosis tries laws at inputs that move several balances, and at the joints that a simulator offers. Where an input
+  enters one balance in proportion, a law there is a law of that balance, and only that one is tried.
+- By default a speed drives frictions and losses, a position drives springs, stops and hidden parts, a level drives outflows:
+
+| driven by | laws |
+| --- | --- |
+"""
+
+DRIVERS = {
+    "speed": "the speed of a joint",
+    "position": "its position",
+    "level": "a level that a flow moves",
+    "time": "time",
+}
+
 PLACES = {
     "parameter": "On a parameter",
     "state": "On the balance of a state",
@@ -61,9 +83,18 @@ def section(place: str) -> str:
     return f"\n## {PLACES[place]}\n\n" + "\n".join(rows) + "\n"
 
 
+def ports() -> str:
+    """Laws at ports by what drives them."""
+    rows = []
+    for what, words in DRIVERS.items():
+        names = [name for name, cls in CATALOGUE.items() if what in getattr(cls, "at_port", ())]
+        rows.append(f"| {words} | {', '.join(f'`{name}`' for name in names)} |")
+    return PORTS + "\n".join(rows) + "\n\nYou can ask for others by name and place.\n"
+
+
 def page() -> str:
     """The whole page."""
-    return HEAD + "".join(section(place) for place in PLACES)
+    return HEAD + "".join(section(place) for place in PLACES) + ports()
 
 
 if __name__ == "__main__":

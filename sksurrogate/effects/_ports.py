@@ -1,7 +1,8 @@
 """Laws at a port: ``- c f(v)`` added to a force, flow or heat that enters; at which ports they are sought, and what drives them.
 
-A force at a port may move several balances at once, as a torque does through the inverse of a mass matrix. Where it moves
-one balance only, and always in proportion, a law there is a law of that balance and is sought there.
+A force at a port may move several balances at once, as a torque does through the inverse of a mass matrix. Where an input
+moves one balance only, and always in proportion, a law there is a law of that balance and is sought there. Ports that a
+simulator offers beside its inputs (joints) say where its forces enter: laws are sought there, not in what they make.
 """
 
 from __future__ import annotations
@@ -121,12 +122,15 @@ def places_of(plant: Plant, balances: Sequence[str]) -> Places:
 
 def _is_sought(structure: Structure, plant: Plant, k: int, speeds: Sequence[str]) -> bool:
     """Whether laws are sought at a port: it is no balance, and no further port says the same."""
-    if not np.isfinite(structure.gain[:, k]).any() or not structure.moved[:, k].any() or structure.is_a_balance(k):
+    first = len(plant.inputs)
+    if not np.isfinite(structure.gain[:, k]).any() or not structure.moved[:, k].any():
         return False
     moved = [plant.states[i] for i in np.flatnonzero(structure.moved[:, k])]
+    offered = k >= first and set(moved) <= set(speeds)
+    if structure.is_a_balance(k) and not offered:
+        return False
     if len(moved) == 1 and moved[0] not in speeds:  # a flow times a state in one balance: a law of that balance, nearly
         return False
-    first = len(plant.inputs)
     others = range(first, len(plant.ports)) if k < first else range(first, k)
     return not any(structure.parallel(k, other) for other in others)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
 from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._simulator import AugmentedSimulator
+from sksurrogate.effects._trajectory import retuned_simulator
 from sksurrogate.exceptions import DataError
 
 __all__ = ["augmented_text", "load_augmented", "save_augmented"]
@@ -27,6 +29,9 @@ LARGEST = 2**20
 
 def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> None:
     """Write effects, their values and re-tuned parameters as JSON; the simulator itself is not stored.
+
+    With a path that ends in ``.xml`` and a simulator that writes its own model (``MuJoCoSimulator``), the model with what it
+    can say of the effects is written instead; a warning and a comment at its end list the effects that it cannot say.
 
     Parameters
     ----------
@@ -59,7 +64,38 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     ...     load_augmented(make_reactor(), os.path.join(folder, "better.json")).values
     [{'time_constant': 0.05}]
     """
+    if str(path).lower().endswith(".xml"):
+        _write_model(augmented, path)
+        return
     write_text(path, augmented_text(augmented, **notes))
+
+
+def _write_model(augmented: AugmentedSimulator, path: Any) -> None:
+    """The simulator's own model with the effects that are parameters of it."""
+    simulator = augmented.simulator
+    if not callable(getattr(simulator, "as_parameters", None)) or not callable(getattr(simulator, "to_mjcf", None)):
+        raise DataError(
+            f"path={str(path)!r}: {type(simulator).__name__} does not write its own model; give a path that ends in .json, "
+            "or use MuJoCoSimulator for a model in MJCF."
+        )
+    tuned = retuned_simulator(simulator, augmented.retuned)
+    values = [
+        {p.name: float(v) for p, v in zip(e.parameters, _values(e, given))}
+        for e, given in zip(augmented.effects, augmented.values)
+    ]
+    patched, left = tuned.as_parameters(augmented.effects, values)
+    patched.to_mjcf(path)
+    if not left:
+        return
+    rest = "; ".join(
+        f"{augmented.effects[k].name} at {augmented.effects[k].location} "
+        f"({', '.join(f'{name} {value:.6g}' for name, value in values[k].items())})"
+        for k in left
+    )
+    write_text(path, Path(path).read_text(encoding="utf-8").rstrip() + f"\n<!-- not in this model: {rest} -->\n")
+    warnings.warn(
+        f"{path} does not hold {rest}: use the simulator with its effects for these.", UserWarning, stacklevel=3
+    )
 
 
 def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:

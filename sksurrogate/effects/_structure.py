@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._model import PlantModel
 
 __all__ = ["Structure", "kinematic_states", "largest_gains", "motions", "rate_gains", "structure_of"]
@@ -188,6 +189,11 @@ def _integrals(model: PlantModel, n_points: int, random_state: int) -> dict[str,
         for i, j in zip(*np.nonzero(same & ~np.eye(n, dtype=bool))):
             found.setdefault(plant.states[int(i)], plant.states[int(j)])
     declared = tuple(getattr(plant.simulator, "kinematic", None) or ())
+    unknown = [name for name in declared if name not in plant.states]
+    if unknown:
+        raise SimulatorError(
+            f"kinematic={list(declared)}: {unknown[0]!r} is no state; states are {list(plant.states)}."
+        )
     return {name: found.get(name) for name in plant.states if name in found or name in declared}
 
 

@@ -50,6 +50,8 @@ class ODESimulator(ParametricSimulator):
         Measured outputs where they are not states.
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
+    kinematic : list of str, optional
+        States that are integrals of others, beside those whose rate is seen to be another state: no force is sought there.
     events : list of (when, then), optional
         Two functions of ``(t, x, u, p)``: the states become ``then`` at the moment ``when`` falls through zero, for instance
         ``[(lambda t, x, u, p: x[0], lambda t, x, u, p: (0 * x[0], -p["e"] * x[1]))]`` for a ball that bounces. With them the
@@ -93,6 +95,7 @@ class ODESimulator(ParametricSimulator):
         method: str = "auto",
         output: Callable[..., Any] | None = None,
         x0: Any = None,
+        kinematic: Sequence[str] | None = None,
         events: Sequence[tuple[Callable[..., Any], Callable[..., Any]]] | None = None,
         units: Mapping[str, str] | None = None,
     ):
@@ -106,6 +109,7 @@ class ODESimulator(ParametricSimulator):
         self.method = method
         self.output = output
         self.x0 = x0
+        self.kinematic = kinematic
         self.events = events
         self.units = units
 

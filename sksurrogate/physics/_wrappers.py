@@ -276,6 +276,8 @@ class StepSimulator(ParametricSimulator):
     output : callable ``output(t, x, u, p)``, optional
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
+    kinematic : list of str, optional
+        States that are integrals of others, beside those whose rate is seen to be another state: no force is sought there.
     units : dict of str, optional
         Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
@@ -298,6 +300,7 @@ class StepSimulator(ParametricSimulator):
         dt: float = 1.0,
         output: Callable[..., Any] | None = None,
         x0: Any = None,
+        kinematic: Sequence[str] | None = None,
         units: Mapping[str, str] | None = None,
     ):
         self.step = step
@@ -308,6 +311,7 @@ class StepSimulator(ParametricSimulator):
         self.dt = dt
         self.output = output
         self.x0 = x0
+        self.kinematic = kinematic
         self.units = units
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:

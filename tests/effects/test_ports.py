@@ -17,6 +17,7 @@ from sksurrogate.effects._catalogue import kinematic_states
 from sksurrogate.effects._law import LawEffect, Term
 from sksurrogate.effects._ports import Port, places_of
 from sksurrogate.effects._structure import structure_of
+from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics import ODESimulator, StepSimulator
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe
@@ -225,3 +226,13 @@ def test_a_law_at_a_port_of_a_step_is_that_of_the_right_hand_side():
     U, loss = steps(5, 2), CATALOGUE["linear_loss"]("t2", "v2")
     found = [AugmentedSimulator(one, [loss], [{"coefficient": 0.2}]).simulate(U) for one in (arm(), stepper)]
     assert np.max(np.abs(found[0] - found[1])) < 0.02 * np.ptp(found[0] - arm().simulate(U))
+
+
+def test_states_can_be_declared_kinematic():
+    names = {"states": ["q", "v"], "inputs": ["force"], "outputs": ["q"], "params": {"k": 20.0, "m": 2.0}, "dt": 0.02}
+    scaled = ODESimulator(lambda t, x, u, p: (0.1 * x[1], u[0] - x[0]), **names)  # in other units
+    assert kinematic_states(PlantModel(describe(scaled))) == ()
+    declared = scaled.set_params(kinematic=["q"])
+    assert kinematic_states(PlantModel(describe(declared))) == ("q",)
+    with pytest.raises(SimulatorError, match=r"kinematic=\['p'\]: 'p' is no state; states are \['q', 'v'\]"):
+        kinematic_states(PlantModel(describe(scaled.set_params(kinematic=["p"]))))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE, AugmentedSimulator, build_effects
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, build_effects, save_augmented
 from sksurrogate.effects._ports import Port, places_of
 from sksurrogate.physics import MuJoCoSimulator
 from sksurrogate.physics._model import PlantModel
@@ -136,3 +136,23 @@ def test_geoms_that_cannot_touch_have_no_friction_to_be_tried():
     assert not any(name.endswith("friction") for name in arm().params)
     floor = MuJoCoSimulator(ARM.replace("<worldbody>", '<worldbody><geom name="floor" type="plane" size="1 1 1"/>'))
     assert {"floor.friction", "geom1.friction", "geom2.friction"} < set(floor.params)
+
+
+def test_a_lone_joint_is_a_port_too():
+    alone = ARM[: ARM.index('<body name="lower"')] + '<site name="tip"/></body></worldbody></mujoco>'
+    plant = describe(MuJoCoSimulator(alone, outputs=["shoulder.pos"], dt=0.01))
+    found = [effect.key for effect in build_effects(plant, ["shoulder.vel"], "coulomb_friction")]
+    assert found == [("coulomb_friction", "shoulder", "shoulder.vel")]
+
+
+def test_the_model_that_is_written_says_what_it_cannot_hold(tmp_path):
+    effects = [CATALOGUE["coulomb_friction"]("elbow", "elbow.vel"), CATALOGUE["input_delay"]("motor1")]
+    found = AugmentedSimulator(arm(), effects, [(0.15,), {"delay": 0.03}], {"elbow.damping": 0.25})
+    path = tmp_path / "model.xml"
+    with pytest.warns(UserWarning, match=r"does not hold input_delay at motor1 \(delay 0.03\)"):
+        save_augmented(found, path)
+    assert "not in this model: input_delay at motor1 (delay 0.03)" in path.read_text()
+    read = MuJoCoSimulator(path, outputs=["shoulder.pos", "elbow.pos"], dt=0.01)
+    assert read.params["elbow.frictionloss"] == 0.15 and read.params["elbow.damping"] == 0.25
+    without = AugmentedSimulator(arm(), effects[:1], [(0.15,)], {"elbow.damping": 0.25})
+    assert np.allclose(read.simulate(inputs()), without.simulate(inputs()), rtol=0, atol=1e-12)
