@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._formula import Term
-from sksurrogate.gap.unnamed._grammar import Drivers, price_of, structure, terms_of
+from sksurrogate.gap.unnamed._formula_library import NO_TERMS, Library
+from sksurrogate.gap.unnamed._grammar import Drivers, price_of, structure
 from sksurrogate.gap.unnamed._shape import Channel
 from sksurrogate.kernels.disturbance import Noise
 
@@ -33,12 +34,8 @@ REFINED, STEPS, HALVINGS = 10, 6, 3
 SWAPPED, SWAPS = 3, 4
 #: Terms of an affine beginning.
 MOST_AFFINE = 4
-#: Numbers that all columns together may take (8 bytes each): more terms are thinned to those that follow the smoothed signal.
-MOST_NUMBERS = 12_000_000
 #: A column of which less than this share (power) is its own beside others tells nothing more.
 OWN = 1e-5
-#: Two columns with a correlation above this on a sample of rows are one: the first, which is the simpler, stays.
-SAME = 1.0 - 1e-7
 #: Pieces of a free curve; share of the samples beyond either end of it.
 PIECES, EDGE = 10, 0.002
 #: Share of its size by which a constant moves in a difference, and at most in a step.
@@ -93,7 +90,7 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
     """
     if not drivers.moving:
         return []
-    library = _Library.of(channel, drivers)
+    library = Library.of(channel, drivers)
     if not len(library.terms):
         return []
     found: dict[Any, Draft] = {}
@@ -141,72 +138,13 @@ def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Dra
     return _Regression(channel, drivers, NO_TERMS, noise).judged(draft)
 
 
-@dataclass(frozen=True, eq=False)
-class _Library:
-    """Terms, and what they move the outputs by: (n_terms, n_outputs * n_samples), each for a signal of unit RMS."""
-
-    terms: list[Term]
-    late: list[float | None]
-    sizes: np.ndarray
-    columns: np.ndarray
-
-    @classmethod
-    def of(cls, channel: Channel, drivers: Drivers) -> _Library:
-        """All terms of the grammar that are finite and distinct along the path."""
-        t = channel.record.t - channel.record.t[channel.record.starts][channel.record.run_of_row]
-        terms = terms_of(drivers)
-        values = np.full((len(terms), len(t)), np.nan)
-        with np.errstate(all="ignore"):
-            for k, term in enumerate(terms):
-                values[k] = drivers.value(term, t)
-        sizes = np.sqrt(np.mean(values**2, axis=1))
-        good = np.isfinite(sizes) & (sizes > 1e-12)
-        kept = np.flatnonzero(good)
-        unit = values[kept] / sizes[kept, None]
-        kept, unit = _distinct(kept, unit)
-        most = MOST_NUMBERS // channel.r.size
-        if len(kept) > most:
-            follows = _correlation(unit, channel.force())
-            chosen = np.sort(np.argsort(-follows, kind="stable")[:most])
-            kept, unit = kept[chosen], unit[chosen]
-        columns = channel.respond(unit).transpose(1, 0, 2).reshape(len(kept), -1)
-        finite = np.isfinite(columns).all(axis=1)
-        kept, columns = kept[finite], columns[finite]
-        return cls([terms[k] for k in kept], [_late(terms[k], drivers) for k in kept], sizes[kept], columns)
-
-
-#: Where formulae are given.
-NO_TERMS = _Library([], [], np.zeros(0), np.zeros((0, 0)))
-
-
-def _late(term: Term, drivers: Drivers) -> float | None:
-    """Time constant of the recent past in a term."""
-    return next((drivers.late[f[1]] for f in term.factors if f[1] in drivers.late), None)
-
-
-def _distinct(kept: np.ndarray, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Without columns that repeat an earlier one, up to the sign."""
-    sample = unit[:, :: max(unit.shape[1] // 400, 1)]
-    sample = sample / np.maximum(np.linalg.norm(sample, axis=1, keepdims=True), 1e-300)
-    alike = np.abs(sample @ sample.T) > SAME
-    first = np.argmax(alike, axis=1) == np.arange(len(kept))
-    return kept[first], unit[first]
-
-
-def _correlation(unit: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Of columns with a signal."""
-    z = unit - unit.mean(axis=1, keepdims=True)
-    w = force - force.mean()
-    return np.asarray(np.abs(z @ w) / np.maximum(np.linalg.norm(z, axis=1), 1e-300))
-
-
 @dataclass(eq=False)
 class _Regression:
     """A residual explained by parameters of the simulator and by terms, under one noise."""
 
     channel: Channel
     drivers: Drivers
-    library: _Library
+    library: Library
     noise: Noise
     weighted: dict[int, np.ndarray] = field(default_factory=dict)
 
