@@ -27,8 +27,8 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, wa
     data : array-like or frame
     names : sequence of str, optional
         Signals of the simulator.
-    run : None, column name, int or "index"
-        The run column, which is kept; a position leaves the frame as it is.
+    run : None, column name, int or "index", or a list of such
+        The run column (and that of the time), which is kept; a position leaves the frame as it is.
     warn : bool, default=True
         Whether a frame with other names is worth a word; not where its names have been seen before.
 
@@ -47,10 +47,11 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, wa
         None of the columns carries a name of the simulator: they are taken in their own order. Names that nobody chose
         (u0, y1, 0, 1) on either side pass without a word.
     """
-    if names is None or not hasattr(data, "columns") or (run is not None and not isinstance(run, str)):
+    others = run if isinstance(run, list) else [] if run is None else [run]
+    if names is None or not hasattr(data, "columns") or not all(isinstance(name, str) for name in others):
         return unmasked(data)
     wanted = [names] if isinstance(names, str) else [str(name) for name in names]
-    kept = [run] if run is not None and run != "index" else []
+    kept = [name for name in others if name != "index"]
     there = [str(column) for column in data.columns]
     missing = [name for name in wanted if name not in there]
     if missing and len(there) == len(wanted) + len(kept) and not set(there) & set(wanted):

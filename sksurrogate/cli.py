@@ -23,7 +23,7 @@ from sksurrogate._csv import read_csv, read_header
 from sksurrogate._headers import assigned, columns_of, split_unit
 from sksurrogate._swapped import swapped_columns
 from sksurrogate._terminal import patient_terminal
-from sksurrogate.exceptions import DataError, RunError, SimulatorError, SurrogateError
+from sksurrogate.exceptions import DataError, SimulatorError, SurrogateError
 
 __all__ = ["load_simulator", "main", "read_csv"]
 
@@ -248,25 +248,26 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     X, y, clock, labels, units = _recording(arguments, plant, units_of(simulator))
     if units and hasattr(simulator, "get_params") and "units" in simulator.get_params(deep=False):
         simulator = clone(simulator).set_params(units={**units, **units_of(simulator)})
+    timed = X if clock is None else np.column_stack([X, clock])
     free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
     diagnoser = GapDiagnoser(
         simulator,
         effects=arguments.effects,
         free_params=free,
+        time=None if clock is None else X.shape[1],
         n_jobs=arguments.jobs,
         verbose=0 if arguments.quiet else 1,
         random_state=arguments.seed,
         **knowledge_of(arguments),
     )
     try:
-        if clock is not None:
-            _check_time(arguments.time, X, y, clock, labels, plant.dt)
         _say_swapped(simulator, X, y, labels, plant)
-        diagnoser.fit(X, y, groups=labels)
+        diagnoser.fit(timed, y, groups=labels)
     except DataError as error:
-        if "row" not in str(error):
-            raise
-        raise type(error)(f"{error} Row 0 is the first line below the header of {arguments.data}.") from None
+        said = str(error).replace(f"time={X.shape[1]}", f"--time {arguments.time}") if clock is not None else str(error)
+        if "row" not in said:
+            raise type(error)(said) from None
+        raise type(error)(f"{said} Row 0 is the first line below the header of {arguments.data}.") from None
     report, better = _with_command(diagnoser.report_, arguments), diagnoser.augmented_
     arguments.known, notes = True, {"verdict": report.verdict, "complete": report.complete}
     saved, safe = _written("augmented simulator", arguments.save, lambda path: save_augmented(better, path, **notes))
@@ -334,24 +335,6 @@ def _say_swapped(simulator: Any, X: np.ndarray, y: np.ndarray, labels: Any, plan
     first = slice(None) if labels is None else labels == labels[0]
     for sentence in swapped_columns(simulator, X[first], y[first], plant.inputs, plant.outputs):
         print(f"sksurrogate: {sentence}", file=sys.stderr)
-
-
-def _check_time(column: str, X: np.ndarray, y: np.ndarray, clock: np.ndarray, labels: Any, dt: float) -> None:
-    """The time column is even, and its step is the simulator's."""
-    from sksurrogate.runs import resolve_runs
-
-    try:
-        found = resolve_runs(np.column_stack([X, clock]), y, groups=labels, time=X.shape[1]).dt
-    except RunError:
-        raise
-    except DataError as error:
-        raise DataError(str(error).replace(f"time={X.shape[1]}", f"--time {column}")) from None
-    if not np.isclose(found, dt, rtol=1e-3):
-        unit = " (milliseconds in the data?)" if np.isclose(found, 1000 * dt, rtol=1e-3) else ""
-        raise DataError(
-            f"--time {column}: the sample time of the data is {found:g}, that of the simulator {dt:g}{unit}: "
-            f"set dt={found:g} there, or bring both to one unit."
-        )
 
 
 def _demo(arguments: argparse.Namespace) -> int:

@@ -26,7 +26,7 @@ FLOORS = (
         "_tables",
     },
     {"_parallel", "runs", "_checks", "_columns", "metrics"},
-    {"_dynamic"},
+    {"_dynamic", "_stamps"},
     {"physics", "features", "linear", "neural", "displays"},
     {"effects", "model_selection", "datasets"},
     {"compose"},

@@ -154,8 +154,11 @@ OPTIONS = {
     "folder of the page": (["--html", "nowhere/x.html"], "there is no folder 'nowhere'; make it first"),
     "folder of the file": (["--save", "nowhere/x.json"], "there is no folder 'nowhere'; make it first"),
     "jobs": (["--jobs", "0"], "--jobs 0: give the number"),
-    "time of another unit": (["--time", "ms"], r"data is 100, .* simulator 0.1.*milliseconds"),
-    "uneven time": (["--time", "uneven"], "--time uneven, run None: uneven sampling after row 4: .*resample"),
+    "time of another unit": (["--time", "ms"], r"--time ms: the usual step of the data is 100, .*milliseconds"),
+    "time with a hole": (
+        ["--time", "uneven"],
+        "--time uneven, run None: 7 rows are spread over .* samples.*label the parts",
+    ),
     "time runs back": (["--time", "back"], "--time back, run None: time does not increase after row 0"),
     "runs mixed up": (["--run", "mixed"], "run 'a' is in two pieces: rows 0..4 and again from row 10"),
 }
@@ -165,7 +168,7 @@ OPTIONS = {
 def test_an_option_with_a_mistake_gets_a_way_out(case, folder, capsys):
     options, message = OPTIONS[case]
     lines = ["flow,level,ms,uneven,back,mixed"]
-    lines += [f"{k % 3},{k % 2},{100 * k},{0.1 * k + (k > 4)},{-0.1 * k},{'ab'[k // 5 % 2]}" for k in range(15)]
+    lines += [f"{k % 3},{k % 2},{100 * k},{0.1 * k + 50 * (k > 7)},{-0.1 * k},{'ab'[k // 5 % 2]}" for k in range(15)]
     (folder / "d.csv").write_text("\n".join(lines))
     assert main(["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "d.csv"), "--quiet", *options]) == 2
     assert re.search(message, capsys.readouterr().err.replace("\n", " "))

@@ -18,6 +18,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
+from sksurrogate.effects._readings import read_sensors
 from sksurrogate.effects._whole_step import held_for, whole_step
 from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
@@ -161,7 +162,7 @@ class AugmentedModel:
     @property
     def plain_outputs(self) -> tuple[int, ...] | None:
         """Positions of the states that are the outputs; None with an output function or a sensor effect."""
-        if any(isinstance(effect, SensorEffect) for effect in self.effects):
+        if self.record.offset is not None or any(isinstance(effect, SensorEffect) for effect in self.effects):
             return None
         return self.plant.output_states
 
@@ -256,7 +257,10 @@ class BoundModel:
             x = whole_step(self, t, x, mean, self._varied(t), has_rates, bool(self._at_ports))
             return self.clip(x, True) if self._has_limits else x
         clip = self.clip if self._has_limits else None
-        return rk4(self.derivative, t, x, mean, half, self.h, clip)
+        h: float | np.ndarray = self.h
+        if self.record.steps is not None:
+            h = (self.record.steps if rows is None else self.record.steps[rows]) / len(mean)
+        return rk4(self.derivative, t, x, mean, half, h, clip)
 
     def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What enters at the ports: the inputs ``u``, with the laws that act there."""
@@ -343,28 +347,12 @@ class BoundModel:
         a, record = self.a, self.record
         shown = self.shown if a.plant.output_states is not None else self.entering(record.t, x, self.shown)
         y = a.model.output(record.t, x[: a.n_nominal], shown, self._varied(record.t))
-        sensors = sorted(
-            ((e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, SensorEffect)), key=lambda item: item[:2]
-        )
-        if not sensors:
+        sensors = [(i, effect) for i, effect in enumerate(a.effects) if isinstance(effect, SensorEffect)]
+        if not sensors and record.offset is None:
             return y
-        raw, y = y, y.copy()
-        paths: dict[int, SensorPath] = {}
-        for _, i, effect in sensors:
-            place = a.plant.outputs.index(str(effect.location))
-            if effect.memory:
-                path = paths.get(place) or self._path(x, raw, place)
-                paths[place] = effect.follow(path, self._parameters[i], record.dt, record.starts)
-                y[place] = paths[place].y
-            else:
-                other = raw[a.plant.outputs.index(effect.variable)] if effect.variable else None
-                given = (y[place], other, record.t, self._parameters[i])
-                y[place] = (
-                    effect.read(*given) if sharp else effect.soft(*given, 1.0 / a.sharpness, record.readings(place))
-                )
-        return y
+        return read_sensors(self, x, y, [(e, self._parameters[i]) for i, e in sensors], sharp)
 
-    def _path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
+    def path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
         """One output between the samples: values and slopes from the right-hand side, before and after the input moves."""
         record = self.record
         first = self.shown

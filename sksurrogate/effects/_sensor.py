@@ -11,6 +11,7 @@ from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPa
 from sksurrogate.effects._input import delays, levels_inside, neighbouring_steps, quantize, step_sizes, times
 from sksurrogate.effects._lattice import LEVELS, lattice_steps, shows_steps
 from sksurrogate.kernels.banded import first_order_scan
+from sksurrogate.kernels.sampling import read_between
 from sksurrogate.physics._simulator import Plant
 
 __all__ = [
@@ -126,7 +127,15 @@ class SensorLag(SensorEffect):
 
 
 class SensorDelay(SensorEffect):
-    """A reading that comes late: ``y(t - c)``; before the first row its value."""
+    """A reading that comes late: ``y(t - c)``; before the first row its value.
+
+    Parameters
+    ----------
+    location : str, optional
+    variable : None
+    earliest : float, default=0
+        Least delay. Below 0 the clock of this sensor may be ahead of the others: a reading shows what is to come.
+    """
 
     name = "sensor_delay"
     order = 1
@@ -137,35 +146,23 @@ class SensorDelay(SensorEffect):
     twins = ("input_delay", "sensor_lag", "input_lag")
     linear = False
 
+    def __init__(self, location: str | None = None, variable: str | None = None, earliest: float = 0.0):
+        super().__init__(location, variable)
+        self.earliest = earliest
+
     def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
         """The cubic piece in which ``t - c`` lies, exactly there."""
-        shift = np.maximum(np.reshape(theta[0], (-1, 1)), 0.0) / dt
-        shape = np.broadcast_shapes(path.y.shape, (len(shift), 1))
-        y, right, left, end = (np.broadcast_to(v, shape) for v in (path.y, path.right, path.left, path.before))
-        rows = np.arange(shape[1])
-        first = np.repeat(starts, np.diff(np.r_[starts, shape[1]]))
-        whole = np.floor(shift)
-        s = 1.0 - (shift - whole)  # place within the piece, in (0, 1]
-        piece = rows - np.minimum(whole, shape[1]).astype(int) - 1
-        inside = piece >= first
-        here = np.broadcast_to(np.where(inside, piece, first), shape)
-        last = np.broadcast_to(np.where(inside, piece + 1, first), shape)
-        y0 = np.take_along_axis(y, here, 1)
-        y1 = np.take_along_axis(np.where(whole == shift, y, end), last, 1)
-        m0, m1 = dt * np.take_along_axis(right, here, 1), dt * np.take_along_axis(left, last, 1)
-        q = 1.0 - s
-        late = (1 + 2 * s) * q * q * y0 + s * s * (3 - 2 * s) * y1 + s * q * q * m0 - s * s * q * m1
-        slope = (6 * s * q * (y1 - y0) + (1 - 4 * s + 3 * s * s) * m0 + (3 * s * s - 2 * s) * m1) / dt
-        late, before = np.where(inside, late, y0), np.where(inside, slope, 0.0)
-        # At the end of a piece the slope to the right is that of the next one.
-        beyond = np.clip(piece + 1, first, rows)
-        at_node = np.take_along_axis(right, np.broadcast_to(beyond, shape), 1)
-        started = piece + 1 >= first
-        return SensorPath(late, np.where((q == 0) & started, at_node, before), before)
+        shift = np.reshape(theta[0], (-1, 1)) / dt
+        return SensorPath(*read_between(path.y, path.right, path.left, path.before, shift, dt, starts))
+
+    def lower_bounds(self, duration: float) -> tuple[float, ...]:
+        """0, or how early the clock of the sensor may be."""
+        return (float(self.earliest),)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """0.3 to 30 samples, at first amid each."""
-        return delays(probe)
+        """0.3 to 30 samples, at first amid each; as many ahead where the clock may be."""
+        late = delays(probe)
+        return [*late, *((-delay,) for (delay,) in late if -delay >= self.earliest)]
 
 
 class SensorCoupling(SensorEffect):

@@ -11,6 +11,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 
 from sksurrogate._columns import by_name
+from sksurrogate._stamps import on_grid, with_rows_in_gaps
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
@@ -51,6 +52,11 @@ class GapDiagnoser(BaseEstimator):
         ``{"k": (2.0, 0.1)}`` a mean and a standard deviation in the unit of k. A parameter keeps its sign: the prior is
         log-normal (of that median and relative standard deviation), and normal where the simulator's value is 0. A free
         parameter without a prior has a relative standard deviation of 10 % with heavy tails (Student's t).
+    time : column name or int, optional
+        Column of X that holds the time of every row; by default rows are ``simulator.dt`` apart. Stamps may jitter and have gaps:
+        a right-hand side is integrated from stamp to stamp; other simulators run on their even grid, and their outputs are
+        compared with the readings at their stamps. Inputs are held (or joined) from one stamp to the next. What follows a gap
+        across which an input differs is a run of its own, where the initial states can be fitted.
     tolerance : float, default=0.1
         Share of the gap (amplitude, on runs left out) that a model may leave and yet count as explained: no form of an effect
         is exact on a real plant.
@@ -125,6 +131,7 @@ class GapDiagnoser(BaseEstimator):
         free_params: Sequence[str] | str | None = (),
         bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
         priors: Mapping[str, float | tuple[float, float]] | None = None,
+        time: str | int | None = None,
         tolerance: float = 0.1,
         include_law: bool = True,
         correction: Any = None,
@@ -139,6 +146,7 @@ class GapDiagnoser(BaseEstimator):
         self.free_params = free_params
         self.bounds = bounds
         self.priors = priors
+        self.time = time
         self.tolerance = tolerance
         self.include_law = include_law
         self.correction = correction
@@ -181,18 +189,23 @@ class GapDiagnoser(BaseEstimator):
     def _fit(self, X: Any, y: Any, groups: Any, progress: Progress) -> GapDiagnoser:
         """The whole diagnosis."""
         seed = int(check_random_state(self.random_state).randint(2**31 - 1))
-        X, y = (
-            by_name(X, getattr(self.simulator, "inputs", None)),
-            by_name(y, getattr(self.simulator, "outputs", None)),
-        )
-        runs = resolve_runs(X, y, groups=groups, dt=getattr(self.simulator, "dt", None), unmeasured=True, min_rows=8)
+        inputs, clock = getattr(self.simulator, "inputs", None), self.time if isinstance(self.time, str) else None
+        X, y = by_name(X, inputs, clock), by_name(y, getattr(self.simulator, "outputs", None))
+        dt = getattr(self.simulator, "dt", None)
+        runs = resolve_runs(X, y, groups=groups, time=self.time, dt=dt, allow_uneven=True, unmeasured=True, min_rows=8)
         if runs[0].y is None:
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
         free = _free(self.free_params, plant.params)
         _refuse_still([run.y for run in runs], plant.outputs)
         user_knows = _known(self.bounds, self.priors, plant.params)
-        whole = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], runs.dt)
+        offsets, uneven, first_parts = None, False, np.arange(len(runs))
+        if self.time is not None and plant.access == "rhs":
+            runs, uneven, first_parts = with_rows_in_gaps(runs, plant.dt, plant.hold, self.time)
+        elif self.time is not None:
+            runs, offsets = on_grid(runs, plant.dt, plant.hold, self.time)
+        parts = [r.X for r in runs], [r.y for r in runs], [r.t for r in runs]
+        whole = Record.from_runs(*parts, plant.dt, offsets, uneven)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
         pipeline, rows, report = diagnosed_in_rounds(
             lambda record: begin(self, Task(plant, runs, record, free, user_knows, seed, progress)),
@@ -208,6 +221,7 @@ class GapDiagnoser(BaseEstimator):
         known = np.isin(first, whole.starts)
         self.initial_states_ = np.full((len(runs), at_start.shape[1]), np.nan)
         self.initial_states_[np.searchsorted(whole.starts, first[known])] = at_start[known]
+        self.initial_states_ = self.initial_states_[first_parts]
         return self
 
     def _check_parameters(self) -> None:

@@ -29,7 +29,7 @@ def rk4(
     x: np.ndarray,
     mean: np.ndarray,
     half: np.ndarray | None,
-    h: float,
+    h: float | np.ndarray,
     clip: Clip | None = None,
 ) -> np.ndarray:
     """Fourth-order Runge-Kutta over one sample in ``n_sub`` steps.
@@ -42,7 +42,7 @@ def rk4(
     x : ndarray (n_states, *s)
     mean, half : ndarray (n_sub, n_inputs, *s)
         Inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
-    h : float
+    h : float or ndarray (*s)
         Width of a substep.
     clip : callable, optional
         Limits on the states, in force at every stage so that other balances see the limited state; a second argument

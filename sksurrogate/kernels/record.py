@@ -53,6 +53,10 @@ class Record:
     dt : float
     known : ndarray of bool (n_outputs, n_samples) or None
         Which values of ``y`` were measured; None where all were.
+    offset : ndarray (n_samples,) or None
+        How long after ``t`` the readings of a row were taken; None where all were taken at ``t``.
+    steps : ndarray (n_samples,) or None
+        Time from every row to the next; None where that is ``dt`` everywhere.
     """
 
     u: np.ndarray
@@ -61,10 +65,18 @@ class Record:
     starts: np.ndarray
     dt: float
     known: np.ndarray | None = None
+    offset: np.ndarray | None = None
+    steps: np.ndarray | None = None
 
     @classmethod
-    def from_runs(cls, U: Sequence[np.ndarray], Y: Sequence[np.ndarray], t: Sequence[np.ndarray], dt: float) -> Record:
-        """From one array (n_samples, n) a run; nan in Y was not measured."""
+    def from_runs(
+        cls, U: Sequence[np.ndarray], Y: Sequence[np.ndarray], t: Sequence[np.ndarray], dt: float,
+        offsets: Sequence[np.ndarray] | None = None, uneven: bool = False,
+    ) -> Record:  # fmt: skip
+        """From one array (n_samples, n) a run; nan in Y was not measured; ``offsets`` as :attr:`offset` run by run.
+
+        Where rows are ``uneven`` they are as far apart as ``t`` says.
+        """
         starts = np.cumsum([0] + [len(part) for part in U[:-1]]).astype(int)
         y = np.ascontiguousarray(np.concatenate(Y).T)
         known = ~np.isnan(y)
@@ -76,6 +88,8 @@ class Record:
             starts,
             float(dt),
             None if whole else known,
+            None if offsets is None else np.concatenate(offsets),
+            np.concatenate([np.diff(part, append=part[-1] + dt) for part in t]) if uneven else None,
         )
 
     # ---- what was measured ------------------------------------------------------------------------------------------
@@ -154,7 +168,9 @@ class Record:
     def rows(self, rows: np.ndarray, starts: np.ndarray) -> Record:
         """Some rows, cut into runs that begin at ``starts`` of them."""
         known = None if self.known is None else self.known[:, rows]
-        return Record(self.u[:, rows], self.y[:, rows], self.t[rows], starts, self.dt, known)
+        offset = None if self.offset is None else self.offset[rows]
+        steps = None if self.steps is None else self.steps[rows]
+        return Record(self.u[:, rows], self.y[:, rows], self.t[rows], starts, self.dt, known, offset, steps)
 
     def select(self, runs: Sequence[int]) -> Record:
         """Some of the runs."""

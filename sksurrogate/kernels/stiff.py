@@ -38,7 +38,7 @@ def one_sample(
     x: np.ndarray,
     mean: np.ndarray,
     half: np.ndarray | None,
-    dt: float,
+    dt: float | np.ndarray,
     stiff: bool,
 ) -> np.ndarray:
     """The states one sample later, by Runge-Kutta with a step for each substep of the inputs or by :func:`rosenbrock`.
@@ -51,7 +51,7 @@ def one_sample(
     x : ndarray (n_states, *s)
     mean, half : ndarray (n_sub, n_inputs, *s)
         Inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
-    dt : float
+    dt : float or ndarray (*s)
         Width of a sample.
     stiff : bool
 
@@ -66,7 +66,13 @@ def one_sample(
 
 
 def rosenbrock(
-    derivative: Derivative, t: np.ndarray, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, dt: float, refine: int = 1
+    derivative: Derivative,
+    t: np.ndarray,
+    x: np.ndarray,
+    u0: np.ndarray,
+    u1: np.ndarray,
+    dt: float | np.ndarray,
+    refine: int = 1,
 ) -> np.ndarray:
     """The states one sample later.
 
@@ -80,7 +86,7 @@ def rosenbrock(
     x : ndarray (n_states, *s)
     u0, u1 : ndarray (n_inputs, *s)
         Inputs at the start and at the end of the sample, joined linearly.
-    dt : float
+    dt : float or ndarray (*s)
         Width of a sample.
     refine : int, default=1
         Each of the 14 steps is cut into as many.
@@ -99,7 +105,7 @@ def rosenbrock(
 
 
 def _substep(
-    derivative: Derivative, t: np.ndarray, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, h: float
+    derivative: Derivative, t: np.ndarray, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, h: float | np.ndarray
 ) -> np.ndarray:
     """One step of width h."""
     n, shape = len(x), x.shape[1:]
@@ -113,7 +119,7 @@ def _substep(
         moved = x.copy()
         moved[j] = x[j] + step
         J[..., j] = np.moveaxis((derivative(t, moved, u0) - f0) / (moved[j] - x[j]), 0, -1)
-    W = np.eye(n) * (2.0 / h) - J
+    W = np.eye(n) * np.asarray(2.0 / h)[..., None, None] - J
     if not np.all(np.isfinite(W)):
         return np.full_like(x, np.nan)
     inverse = np.linalg.inv(W)

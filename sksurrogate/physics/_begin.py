@@ -71,7 +71,8 @@ def coarse_start(
     options : mapping
         Of the fit.
     """
-    begun = _telling_rows(record, sd, inner.plant.hold == "zoh") if inner.plant.access == "rhs" else None
+    even = record.steps is None and inner.plant.access == "rhs"
+    begun = _telling_rows(record, sd, inner.plant.hold == "zoh") if even else None
     if begun is None:
         return None
     few, every = begun

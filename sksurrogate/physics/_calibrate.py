@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
@@ -15,6 +16,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
 
 from sksurrogate._columns import by_name
+from sksurrogate._stamps import with_rows_in_gaps
 from sksurrogate._tables import no_inputs, without_nan
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.heap import keep_freed_memory
@@ -29,8 +31,8 @@ from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._prior import Prior, weighed
-from sksurrogate.physics._simulator import describe, simulated
-from sksurrogate.runs import Runs, resolve_runs
+from sksurrogate.physics._simulator import Plant, describe, simulated
+from sksurrogate.runs import Run, Runs, resolve_runs
 
 __all__ = ["CalibratedSimulator"]
 
@@ -42,6 +44,8 @@ _SETTLED = 3e-2
 _NEAR = 2e-2
 #: Dampings of a step before the descent ends, each ten times the last.
 _TRIES = 12
+#: Runge-Kutta steps of a prediction from stamp to stamp, a sample.
+STEPS_AT_STAMPS = 8
 
 
 class CalibratedSimulator(RegressorMixin, BaseEstimator):
@@ -66,6 +70,9 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         Iterations.
     run : None, column name, int or "index"
         Where X says which run a row belongs to; ``groups`` wins.
+    time : column name or int, optional
+        Column of X that holds the time of every row; by default rows are ``simulator.dt`` apart. Stamps may jitter and have gaps;
+        a right-hand side is integrated from stamp to stamp.
 
     Attributes
     ----------
@@ -131,6 +138,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         confidence: float = 0.9,
         max_iter: int = 50,
         run: Any = None,
+        time: str | int | None = None,
     ):
         self.simulator = simulator
         self.params = params
@@ -140,6 +148,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.confidence = confidence
         self.max_iter = max_iter
         self.run = run
+        self.time = time
 
     @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None, x0: Any = None) -> CalibratedSimulator:
@@ -179,7 +188,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         runs = self._resolve(X, y, groups, reset=True)
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
         names = asked_names(plant, self.params)
-        record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], plant.dt)
+        runs, uneven, first = self._from_stamp_to_stamp(runs, plant)
+        record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], plant.dt, None, uneven)
         starts = initial_states(plant, x0, len(runs))
         theta = nominal_values(plant, names)
         low, high = asked_bounds(self.bounds, names)
@@ -201,7 +211,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             fit, prior = weighed(model, fit, sd, prior, unit, (low, high), self.fit_x0)
             lin = fit.linearised or linearise(model, fit.theta, fit.x, unit)
         self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
-        self.x0_ = fit.x[:, record.starts].T.copy()
+        self.x0_ = fit.x[:, record.starts[first]].T.copy()
         residual = record.residual(fit.y)
         if names and _worse_than_constant(record, residual, sd):
             warnings.warn(
@@ -254,15 +264,35 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                     "first rows of every run."
                 )
             starts[:, list(plant.output_states)] = first[0] if first.ndim == 2 else first[:, 0]
-        stacked = runs.stack([simulated(self.simulator_, run.X, start) for run, start in zip(runs, starts)])
+        stacked = runs.stack([self._simulated(run, start, plant) for run, start in zip(runs, starts)])
         return stacked[:, 0] if self.y_is_1d_ else stacked
+
+    def _simulated(self, run: Run, start: np.ndarray, plant: Plant) -> np.ndarray:
+        """Free run of one run; at its stamps where a time column is named."""
+        if self.time is None or np.allclose(np.diff(run.t), plant.dt, rtol=1e-3, atol=0.0):
+            return np.asarray(simulated(self.simulator_, run.X, start))
+        n = len(run)
+        one = Record(
+            run.X.T,
+            np.zeros((len(plant.outputs), n)),
+            run.t - run.t[0],
+            np.array([0]),
+            plant.dt,
+            None,
+            None,
+            np.diff(run.t, append=run.t[-1] + plant.dt),
+        )
+        longest = max(1, math.ceil(float(np.max(one.steps)) / plant.dt))
+        model = FitModel(PlantModel(plant), [], one, STEPS_AT_STAMPS * longest, np.ones(len(plant.states)))
+        x = free_run(model, np.zeros(0), start[:, None])
+        return model.bind(np.zeros((0, 1))).outputs(x[:, None])[:, 0].T
 
     def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
         """R2 of the free run; initial states are estimated from y with the parameters held."""
         check_is_fitted(self, "simulator_")
         runs = self._resolve(X, y, groups)
         held = replace_params(self, self.simulator_).fit(X, y, groups=groups)
-        truth = runs.stack([run.y for run in runs])
+        truth = runs.stack([np.asarray(run.y) for run in runs])
         predicted = self.predict(X, groups=groups, x0=held.x0_).reshape(truth.shape)
         weight = np.ones(len(truth)) if sample_weight is None else np.asarray(sample_weight)
         known = np.isfinite(truth)
@@ -282,7 +312,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         """Checks that scikit-learn asks for, then runs."""
         inputs = getattr(self.simulator, "inputs", None)
         X = no_inputs(y, groups) if X is None and inputs is not None and not len(inputs) else X
-        X = by_name(X, inputs, self.run, warn=reset)
+        X = by_name(X, inputs, [name for name in (self.run, self.time) if name is not None] or None, warn=reset)
         y = by_name(y, getattr(self.simulator, "outputs", None), warn=reset)
         fewest = 0 if inputs is not None and len(inputs) == 0 else 1
         if hasattr(X, "columns"):
@@ -301,17 +331,33 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                 y = checked if whole is y else y
             except ValueError as error:
                 if "NaN" in str(error) or "infinity" in str(error):
-                    resolve_runs(X, y, run=self.run, unmeasured=True)  # names the row
+                    resolve_runs(
+                        X, y, run=self.run, time=self.time, allow_uneven=True, unmeasured=True
+                    )  # names the row
                 raise
         return resolve_runs(
             X,
             y,
             groups=groups,
             run=self.run,
+            time=self.time,
+            allow_uneven=True,
             dt=getattr(self.simulator, "dt", None),
             unmeasured=True,
             min_rows=2 if y is not None else 1,
         )
+
+    def _from_stamp_to_stamp(self, runs: Runs, plant: Plant) -> tuple[Runs, bool, np.ndarray]:
+        """The runs with rows in their gaps, whether rows are uneven, and which begin a run that was given."""
+        if self.time is None:
+            return runs, False, np.arange(len(runs))
+        runs, uneven, first = with_rows_in_gaps(runs, plant.dt, plant.hold, self.time)
+        if uneven and plant.access != "rhs":
+            raise DataError(
+                f"time={self.time!r}: sampling is uneven, and {type(self.simulator).__name__} has no right-hand side that could be "
+                "integrated from stamp to stamp: resample to an even grid, or give the simulator rhs."
+            )
+        return runs, uneven, first
 
     def _fitted(
         self, inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, unit: np.ndarray,
@@ -369,4 +415,6 @@ def _worse_than_constant(record: Record, residual: np.ndarray, sd: np.ndarray) -
 
 def replace_params(estimator: CalibratedSimulator, simulator: Any) -> CalibratedSimulator:
     """The same estimator with no parameter free: only initial states are fitted."""
-    return CalibratedSimulator(simulator, [], fit_x0=True, max_iter=estimator.max_iter, run=estimator.run)
+    return CalibratedSimulator(
+        simulator, [], fit_x0=True, max_iter=estimator.max_iter, run=estimator.run, time=estimator.time
+    )

@@ -130,20 +130,26 @@ class BoundFitModel:
         """States (n_states, n_columns, n_samples) one sample later; with ``rows``, only those samples."""
         m, shape = self.m, x.shape
         t, mean, half = m.points(shape[1]) if rows is None else m.points_at(rows, shape[1])
-        params = self.params(shape[2])
+        params, steps = self.params(shape[2]), m.record.steps
+        if steps is not None:
+            steps = np.tile(steps if rows is None else steps[rows], shape[1])
         points = x.reshape(len(x), -1)
         if m.stiff or points.shape[1] < 2 * _BLOCK:
-            return self._moved(t, points, mean, half, params).reshape(shape)
+            return self._moved(t, points, mean, half, params, steps).reshape(shape)
         out = np.empty(points.shape)
         for a in range(0, points.shape[1], _BLOCK):
             b = slice(a, a + _BLOCK)
             some = {k: v[b] if isinstance(v, np.ndarray) else v for k, v in params.items()}
-            out[:, b] = self._moved(t[b], points[:, b], mean[..., b], None if half is None else half[..., b], some)
+            part = None if steps is None else steps[b]
+            out[:, b] = self._moved(
+                t[b], points[:, b], mean[..., b], None if half is None else half[..., b], some, part
+            )
         return out.reshape(shape)
 
     def _moved(
-        self, t: np.ndarray, x: np.ndarray, mean: np.ndarray, half: np.ndarray | None, params: Mapping[str, Any]
-    ) -> np.ndarray:
+        self, t: np.ndarray, x: np.ndarray, mean: np.ndarray, half: np.ndarray | None, params: Mapping[str, Any],
+        steps: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """The same on flat points."""
         m = self.m
         if m.inner.plant.access == "step":
@@ -152,7 +158,7 @@ class BoundFitModel:
         def derivative(now: Any, z: np.ndarray, u: np.ndarray) -> np.ndarray:
             return m.inner.derivative_points(now, z, u, params)
 
-        return one_sample(derivative, t, x, mean, half, m.record.dt, m.stiff)
+        return one_sample(derivative, t, x, mean, half, m.record.dt if steps is None else steps, m.stiff)
 
     def start(self, x0: np.ndarray) -> np.ndarray:
         """Initial states as they are."""

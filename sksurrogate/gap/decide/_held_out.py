@@ -200,9 +200,10 @@ def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
         return ()
     record = held.record
     bounds = np.r_[record.starts, record.n_samples]
+    t = record.t if record.offset is None else record.t + record.offset
     measured = np.stack([record.readings(j) for j in range(len(record.y))])
     return tuple(
-        Trace(label, record.t[a:b], measured[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T, record.u[:, a:b].T)
+        Trace(label, t[a:b], measured[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T, record.u[:, a:b].T)
         for label, a, b in zip(pieces(record, labels), bounds[:-1], bounds[1:])
     )
 

@@ -369,7 +369,8 @@ class OdeBackend:
         n = model.n_states
         places = [self.plant.states.index(name) for name in balances]
         # A force that acts over one sample is carried along for half of it on average.
-        B = 0.5 * self.record.dt * (A + np.eye(n)[:, :, None])[:, places]
+        steps = self.record.dt if self.record.steps is None else self.record.steps
+        B = 0.5 * steps * (A + np.eye(n)[:, :, None])[:, places]
         with np.errstate(all="ignore"):
             _, C = output_jacobian(model.bind(theta[:, None]), x, model.scale)
         start_sd = np.where(model.free_states, 3.0 * model.scale, 1e-3 * model.scale)

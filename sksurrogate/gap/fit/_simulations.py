@@ -12,6 +12,7 @@ from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, r
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError, SurrogateError
 from sksurrogate.gap.fit._retuned import value_of
 from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.sampling import read_between, with_slopes
 from sksurrogate.physics._simulator import Plant
 
 __all__ = ["Simulations"]
@@ -100,14 +101,22 @@ class Simulations:
     def read(self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Readings of the sensors along outputs (n_outputs, n_samples)."""
         if not any(effect.kind == "output" for effect in effects):
-            return y
+            return self.at_stamps(y)
         record, parts = self.record, parts_of(effects, theta)[:-1]
         out = y.copy()
         bounds = np.r_[record.starts, record.n_samples]
         for a, b in zip(bounds[:-1], bounds[1:]):
             t = record.t[a:b] - record.t[a]
             out[:, a:b] = readings(self.plant.outputs, list(effects), parts, y[:, a:b].T, t, record.dt).T
-        return out
+        return self.at_stamps(out)
+
+    def at_stamps(self, y: np.ndarray) -> np.ndarray:
+        """Outputs (n_outputs, n_samples) where their readings were taken."""
+        record = self.record
+        if record.offset is None:
+            return y
+        slope = with_slopes(y, record.dt, record.starts)
+        return read_between(y, slope, slope, y, -record.offset[None] / record.dt, record.dt, record.starts)[0]
 
 
 def parts_of(effects: Sequence[BaseEffect], theta: np.ndarray) -> list[np.ndarray]:

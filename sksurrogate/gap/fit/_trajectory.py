@@ -127,7 +127,8 @@ class TrajectoryCandidate(BaseCandidate):
         """The simulator as it is."""
         problem = replace(self.problem, free=())
         empty = np.zeros((len(problem.sd), 0, problem.record.n_samples))
-        return TrajectoryCandidate((), TrajectoryFit(NO_PARAMETERS, problem.nominal, empty, np.inf), problem)
+        nominal = problem.simulations.at_stamps(problem.nominal)
+        return TrajectoryCandidate((), TrajectoryFit(NO_PARAMETERS, nominal, empty, np.inf), problem)
 
     def baselines(self, record: Record) -> tuple[TrajectoryCandidate, TrajectoryCandidate | None]:
         """The simulator as it is, and with all parameters re-tuned and nothing else."""

@@ -1,0 +1,68 @@
+"""What the sensors show of a model: with a memory along the path between the samples, at the stamps, then without one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from sksurrogate.effects._effect import SensorEffect, SensorPath
+from sksurrogate.kernels.sampling import read_between
+
+__all__ = ["read_sensors"]
+
+
+class Paths(Protocol):
+    """A model with its parameters filled in."""
+
+    a: Any
+    record: Any
+
+    def path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
+        """One output between the samples."""
+
+
+def read_sensors(
+    bound: Paths,
+    x: np.ndarray,
+    raw: np.ndarray,
+    sensors: Sequence[tuple[SensorEffect, list[np.ndarray]]],
+    sharp: bool,
+) -> np.ndarray:
+    """Readings of sensors (effect, parameters), (n_outputs, n_columns, n_samples).
+
+    Parameters
+    ----------
+    bound : BoundModel
+    x : ndarray (n_states, n_columns, n_samples)
+    raw : ndarray (n_outputs, n_columns, n_samples)
+        Outputs along x.
+    sensors : sequence of (SensorEffect, list of ndarray)
+    sharp : bool
+        Whether readings that jump are not smoothed.
+    """
+    record, outputs = bound.record, bound.a.plant.outputs
+    sensors = sorted(sensors, key=lambda item: item[0].order)
+    y = raw.copy()
+    paths: dict[int, SensorPath] = {}
+    for effect, values in sensors:
+        if effect.memory:
+            place = outputs.index(str(effect.location))
+            path = paths.get(place) or bound.path(x, raw, place)
+            paths[place] = effect.follow(path, values, record.dt, record.starts)
+            y[place] = paths[place].y
+    if record.offset is not None:
+        shift = -record.offset[None] / record.dt
+        for place in range(len(y)):
+            path = paths.get(place) or bound.path(x, raw, place)
+            between = path.y, path.right, path.left, path.before
+            y[place] = read_between(*between, shift, record.dt, record.starts)[0]
+        raw = y.copy()
+    for effect, values in sensors:
+        if not effect.memory:
+            place = outputs.index(str(effect.location))
+            other = raw[outputs.index(effect.variable)] if effect.variable else None
+            given = (y[place], other, record.t, values)
+            y[place] = effect.read(*given) if sharp else effect.soft(*given, 1.0 / bound.a.sharpness, record.readings(place))
+    return y

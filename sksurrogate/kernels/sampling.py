@@ -1,0 +1,72 @@
+"""Signals read between the rows of an even grid: cubic pieces with the slopes on either side of every row.
+
+Readings with stamps that jitter, and sensors that are late or early, are the signal at ``row - shift``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["read_between", "with_slopes"]
+
+
+def read_between(
+    y: np.ndarray, right: np.ndarray, left: np.ndarray, end: np.ndarray, shift: np.ndarray, dt: float, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A signal at ``row - shift``: the cubic piece in which that lies, exactly there.
+
+    Before the first row of a run its value, behind the last row along the last slope.
+
+    Parameters
+    ----------
+    y, right, left, end : ndarray (n_columns, n_samples)
+        Values at the rows, slopes behind and before them, values just before them.
+    shift : ndarray (n_columns | 1, n_samples | 1)
+        In rows; negative for later than the row.
+    dt : float
+    starts : ndarray of int (n_runs,)
+
+    Returns
+    -------
+    values, right, left : ndarray (n_columns, n_samples)
+        Of the signal that is read, slopes by time.
+    """
+    n = y.shape[-1]
+    shape = np.broadcast_shapes(y.shape, shift.shape)
+    y, right, left, end, shift = (np.broadcast_to(v, shape) for v in (y, right, left, end, shift))
+    rows = np.arange(n)
+    edges = np.r_[starts, n]
+    first = np.repeat(starts, np.diff(edges))
+    final = np.repeat(edges[1:] - 1, np.diff(edges))
+    whole = np.floor(shift)
+    s = 1.0 - (shift - whole)  # place within the piece, in (0, 1]
+    piece = rows - np.clip(whole, -n, n).astype(int) - 1
+    inside, behind = piece >= first, piece >= final
+    here = np.minimum(np.where(inside, piece, first), final)
+    last = np.minimum(np.where(inside, piece + 1, first), final)
+    y0 = np.take_along_axis(y, here, 1)
+    y1 = np.take_along_axis(np.where(whole == shift, y, end), last, 1)
+    m0, m1 = dt * np.take_along_axis(right, here, 1), dt * np.take_along_axis(left, last, 1)
+    q = 1.0 - s
+    value = (1 + 2 * s) * q * q * y0 + s * s * (3 - 2 * s) * y1 + s * q * q * m0 - s * s * q * m1
+    slope = (6 * s * q * (y1 - y0) + (1 - 4 * s + 3 * s * s) * m0 + (3 * s * s - 2 * s) * m1) / dt
+    value, before = np.where(inside, value, y0), np.where(inside, slope, 0.0)
+    # At the end of a piece the slope to the right is that of the next one.
+    beyond = np.clip(piece + 1, first, final)
+    at_node = np.take_along_axis(right, beyond, 1)
+    after = np.where((q == 0) & (piece + 1 >= first), at_node, before)
+    if behind.any():
+        steep = np.take_along_axis(left, np.broadcast_to(final, shape), 1)
+        value = np.where(behind, y0 + (piece + s - final) * dt * steep, value)
+        before, after = np.where(behind, steep, before), np.where(behind, steep, after)
+    return value, after, before
+
+
+def with_slopes(y: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
+    """Slopes of signals (n_signals, n_samples) by central differences within a run, for what is known at the rows alone."""
+    out = np.zeros_like(y)
+    edges = np.r_[starts, y.shape[1]]
+    for a, b in zip(edges[:-1], edges[1:]):
+        if b - a > 1:
+            out[:, a:b] = np.gradient(y[:, a:b], dt, axis=1)
+    return out
