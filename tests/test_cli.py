@@ -157,7 +157,7 @@ OPTIONS = {
     "time of another unit": (["--time", "ms"], r"--time ms: the usual step of the data is 100, .*milliseconds"),
     "time with a hole": (
         ["--time", "uneven"],
-        "--time uneven, run None: 7 rows are spread over .* samples.*label the parts",
+        "--time uneven, run None: 15 rows are spread over .* samples.*label the parts",
     ),
     "time runs back": (["--time", "back"], "--time back, run None: time does not increase after row 0"),
     "runs mixed up": (["--run", "mixed"], "run 'a' is in two pieces: rows 0..4 and again from row 10"),
@@ -168,7 +168,7 @@ OPTIONS = {
 def test_an_option_with_a_mistake_gets_a_way_out(case, folder, capsys):
     options, message = OPTIONS[case]
     lines = ["flow,level,ms,uneven,back,mixed"]
-    lines += [f"{k % 3},{k % 2},{100 * k},{0.1 * k + 50 * (k > 7)},{-0.1 * k},{'ab'[k // 5 % 2]}" for k in range(15)]
+    lines += [f"{k % 3},{k % 2},{100 * k},{0.1 * k + 500 * (k > 7)},{-0.1 * k},{'ab'[k // 5 % 2]}" for k in range(15)]
     (folder / "d.csv").write_text("\n".join(lines))
     assert main(["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "d.csv"), "--quiet", *options]) == 2
     assert re.search(message, capsys.readouterr().err.replace("\n", " "))
@@ -226,7 +226,10 @@ HEAD, ROWS = "time,flow,level,experiment", [f"{0.1 * k:.1f},{k % 3},{k % 5},{k /
         ([HEAD.replace("time", "clock"), *ROWS], "no column 'time'; .*Give --time one of these"),
         ([HEAD.replace("experiment", "run"), *ROWS], "no column 'experiment'; .*Give --run one of these"),
         (ROWS, r"first line holds numbers, expected a header: .*\['flow', 'level'\]"),
-        ([HEAD, *ROWS[:6], "0.9,1,1,0", *ROWS[7:]], r"(?s)uneven sampling after row 5.*Row 0 is the first line below"),
+        (
+            [HEAD, *ROWS[:6], "0.6,0,1,0", "0.7,1,2,0", "0.1,1,1,0"],
+            r"(?s)time does not increase after row 7.*Row 0 is the first line",
+        ),
         ([HEAD, *ROWS[:3], *ROWS[6:9], *ROWS[3:6]], "run 0 is in two pieces: rows 0..2 and again from row 6.*Row 0 is"),
     ],
 )

@@ -271,18 +271,10 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         """Free run of one run; at its stamps where a time column is named."""
         if self.time is None or np.allclose(np.diff(run.t), plant.dt, rtol=1e-3, atol=0.0):
             return np.asarray(simulated(self.simulator_, run.X, start))
-        n = len(run)
-        one = Record(
-            run.X.T,
-            np.zeros((len(plant.outputs), n)),
-            run.t - run.t[0],
-            np.array([0]),
-            plant.dt,
-            None,
-            None,
-            np.diff(run.t, append=run.t[-1] + plant.dt),
-        )
-        longest = max(1, math.ceil(float(np.max(one.steps)) / plant.dt))
+        still = np.zeros((len(run), len(plant.outputs)))
+        one = Record.from_runs([run.X], [still], [run.t - run.t[0]], plant.dt, uneven=True)
+        steps = np.diff(run.t)
+        longest = max(1, math.ceil(float(np.max(steps)) / plant.dt))
         model = FitModel(PlantModel(plant), [], one, STEPS_AT_STAMPS * longest, np.ones(len(plant.states)))
         x = free_run(model, np.zeros(0), start[:, None])
         return model.bind(np.zeros((0, 1))).outputs(x[:, None])[:, 0].T
