@@ -32,8 +32,9 @@ def worst_first(report: ReportData) -> list[int]:
 
 def worst_output(report: ReportData, trace: Trace) -> int:
     """The output of a run that the simulator misses most, over its deviation."""
-    missed = np.nanmean(((trace.measured - trace.before) / deviations(report)) ** 2, axis=0)
-    return int(np.argmax(np.nan_to_num(missed, nan=-1.0)))
+    missed = ((trace.measured - trace.before) / deviations(report)) ** 2
+    known = np.isfinite(missed)
+    return int(np.argmax(np.sum(np.where(known, missed, 0.0), axis=0) / np.maximum(known.sum(axis=0), 1)))
 
 
 def noise_of(report: ReportData, j: int) -> float:
