@@ -14,6 +14,7 @@ from sksurrogate.effects._effect import (
     SensorPath,
 )
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
+from sksurrogate.effects._onset import starting
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._store import load_augmented, save_augmented
 
@@ -37,4 +38,5 @@ __all__ = [
     "build_effects",
     "load_augmented",
     "save_augmented",
+    "starting",
 ]

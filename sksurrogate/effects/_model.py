@@ -18,6 +18,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
+from sksurrogate.effects._onset import Starting, edges_of
 from sksurrogate.effects._readings import read_sensors
 from sksurrogate.effects._whole_step import held_for, whole_step
 from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
@@ -137,13 +138,14 @@ class AugmentedModel:
         return found[0] if len(found) == 1 else found
 
     def force_of(
-        self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, parameters: Sequence[np.ndarray], width: float
+        self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, parameters: Sequence[np.ndarray], width: Any
     ) -> Any:
         """What law i adds to its dx/dt, or to what enters at its port, with these parameters, its kinks smoothed over a width."""
         effect, v = self.effects[i], self.variable(i, x, u)
         assert isinstance(effect, BalanceEffect)
         if i in self._hidden:
-            return effect.force(x[self._hidden[i]], v, parameters)  # type: ignore[attr-defined]
+            force = effect.force(x[self._hidden[i]], v, parameters)  # type: ignore[attr-defined]
+            return effect.within(t, parameters, edges_of(width)) * force if isinstance(effect, Starting) else force
         wire = self.wires[i]
         if wire.port < 0:
             return effect.term(t, x[wire.place], v, parameters, width)
@@ -196,10 +198,13 @@ class BoundModel:
             kink_width(effect, wire, values, self.held if wire.port >= 0 else self.h)
             for effect, wire, values in zip(augmented.effects, wires, self._parameters)
         ]
-        self._has_limits = any(isinstance(effect, LimitEffect) for effect in augmented.effects)
-        self._drift = any(
-            isinstance(effect, ParameterEffect) and effect.name != "parameter_error" for effect in augmented.effects
-        )
+        for i in [
+            i for i, effect in enumerate(augmented.effects) if isinstance(effect, Starting)
+        ]:  # kinks: a width of the variable, edges: of time
+            self._widths[i] = self._widths[i], self.h
+        effects = augmented.effects
+        self._has_limits = any(isinstance(effect, LimitEffect) for effect in effects)
+        self._drift = any(isinstance(e, ParameterEffect) and e.name != "parameter_error" for e in effects)
         self._constant_params = None
         self._constant_params = None if self._drift else self._varied(0.0)
         self._mean, self._half, self.shown = self._inputs()

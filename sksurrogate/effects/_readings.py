@@ -64,5 +64,7 @@ def read_sensors(
             place = outputs.index(str(effect.location))
             other = raw[outputs.index(effect.variable)] if effect.variable else None
             given = (y[place], other, record.t, values)
-            y[place] = effect.read(*given) if sharp else effect.soft(*given, 1.0 / bound.a.sharpness, record.readings(place))
+            y[place] = (
+                effect.read(*given) if sharp else effect.soft(*given, 1.0 / bound.a.sharpness, record.readings(place))
+            )
     return y

@@ -16,6 +16,7 @@ from sksurrogate.effects._arguments import as_arguments, as_text
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
+from sksurrogate.effects._onset import Starting, starting
 from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._trajectory import retuned_simulator
@@ -117,6 +118,7 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
                 "location": effect.location,
                 "variable": effect.variable,
                 "arguments": as_text(effect),
+                **({"window": list(effect.span)} if isinstance(effect, Starting) else {}),
                 "params": {p.name: _within(effect, p, v) for p, v in zip(effect.parameters, _values(effect, values))},
             }
             for effect, values in zip(augmented.effects, augmented.values)
@@ -310,4 +312,4 @@ def _built(entry: Any, own: list[tuple[type[BaseEffect], dict[str, Any]]], file:
             f"{file}: effect {name!r} was saved without {missing[0]}, which {kind.__name__} needs; pass an instance that has it "
             "in effects=[...]."
         )
-    return kind(**arguments)
+    return starting(kind(**arguments), entry["window"]) if entry.get("window") else kind(**arguments)

@@ -81,8 +81,10 @@ def kink_width(effect: BaseEffect, wire: Wire, parameters: Sequence[Any], h: flo
     if not isinstance(effect, BalanceEffect):
         return width
     if wire.port < 0:
-        return effect.smoothed(parameters, width, h)
-    return stable(width, effect.jump(parameters), h * wire.feedback) if wire.feedback else width
+        width = effect.smoothed(parameters, width, h)
+    elif wire.feedback:
+        width = stable(width, effect.jump(parameters), h * wire.feedback)
+    return width
 
 
 def entering(

@@ -155,9 +155,10 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             _ = self.baseline
 
     def look_for_names(self) -> None:
-        """The search."""
+        """The search, and effects that begin or end within the runs."""
         try:
             self.search.run()
+            self.search.look_for_onsets()
         except TimeIsUp:
             self.search.keep_best()
             raise
@@ -287,7 +288,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         """By name where effects explain the gap, by accusation where they do not."""
         found, final = self.found, self.final
         explained = effects if verdict in ("explained", "partial") else []
-        named = _where.named_places(explained, {e.key: kind_at(e, self.problem.plant) for e in final.effects})
+        named = _where.named_places(explained, {e.key[:3]: kind_at(e, self.problem.plant) for e in final.effects})
         location, kind = None, None
         if named:
             location, kind, _ = named[0]

@@ -21,7 +21,8 @@ LISTED = 4
 
 def name_of(effect: BaseEffect) -> str:
     """Readable name of an effect."""
-    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "")
+    window = f" with an {effect.key[3]}" if len(effect.key) > 3 else ""
+    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "") + window
 
 
 def leaves_the_range(u: np.ndarray, recorded: np.ndarray) -> bool:

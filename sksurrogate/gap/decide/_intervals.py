@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._normal_equations import seen_inverse
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -46,7 +47,11 @@ def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
     rival, theta = found.candidate, found.fit.theta
     spread = np.sqrt(np.maximum(np.diag(covariance(found)), 0.0))
     numerical = rival.numerical_change()
-    half = np.sqrt((BAND * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2)
+    within_a_sample = np.zeros(len(theta))
+    for i, effect in enumerate(rival.effects):  # readings tell the sample in which a window begins or ends
+        if isinstance(effect, Starting):
+            within_a_sample[rival.slice_of(i)][-len(effect.span) :] = rival.problem.record.dt
+    half = np.sqrt((BAND * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2 + within_a_sample**2)
     low, high = rival.problem.bounds(rival.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
 

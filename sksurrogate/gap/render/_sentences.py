@@ -30,7 +30,12 @@ def _described(effect: EffectEstimate) -> str:
     magnitude = next(iter(effect.params.items()), None)
     value = f" ({magnitude[0].replace('_', ' ')} {magnitude[1]:.3g})" if magnitude else ""
     driver = f" in {effect.variable}" if effect.variable else ""
-    return f"{effect.name.replace('_', ' ')} at {effect.location}{driver}{value}"
+    window = "".join(
+        f", {word} t = {effect.params[name]:.4g}"
+        for name, word in (("onset", "from"), ("end", "until"))
+        if name in effect.params
+    )
+    return f"{effect.name.replace('_', ' ')} at {effect.location}{driver}{value}{window}"
 
 
 def note_on_none(shrink: Shrink) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
 )
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parameter import ParameterStep
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
@@ -146,7 +148,9 @@ class Responses:
         later[: self.base.model.n_states] = self.after
         if aside is not None:
             later[: self.base.model.n_states] += np.concatenate([aside[:, 1:], aside[:, -1:]], axis=1)[:, None]
-        how = [row[:, None] for row in starts], self.bound.h if wire.width is None else wire.width
+        how: tuple[Any, Any] = [row[:, None] for row in starts], self.bound.h if wire.width is None else wire.width
+        if isinstance(model.effects[-1], Starting):
+            how = how[0], (how[1], record.dt)
         first = model.force_of(i, record.t, x, self.bound.acting(0), *how)
         last = model.force_of(i, record.t + record.dt, later, self.bound.acting(-1), *how)
         return self.unit_push(str(model.effects[-1].location))[:, None] * (0.5 * (first + last))

@@ -99,6 +99,9 @@ class BaseSearch(ABC, Generic[C]):
                 self.judge(estimate_noise(best, self.judged[best].noise, max_iterations=8))
                 self.stand(best)
 
+    def look_for_onsets(self) -> None:
+        """Effects that begin or end within the runs, in the place of what stands; none are tried here."""
+
     def settle(self) -> None:
         """What stands, once more, after its rivals are known."""
 

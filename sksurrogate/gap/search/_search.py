@@ -20,6 +20,7 @@ from sksurrogate.gap.search._fits import distinct, mean_start, numerics_matter, 
 from sksurrogate.gap.search._line_search import scanned
 from sksurrogate.gap.search._merged_pair import folded
 from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, simpler
+from sksurrogate.gap.search._onsets import look_for_onsets
 from sksurrogate.gap.search._plausible import plausible
 from sksurrogate.gap.search._restart import revived
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
@@ -115,6 +116,10 @@ class Search(Expander):
         stood = (self.final or self.begun).candidate
         self.stand(self.simplify(stood, far=True) if self.is_far(stood) else self.merge(stood))
         return self.final or self.begun
+
+    def look_for_onsets(self) -> None:
+        """Effects that begin or end within the runs, in the place of what stands."""
+        look_for_onsets(self)
 
     def further(self, best: OdeCandidate) -> OdeCandidate | None:
         """The best set with one effect more, however little of the gap it removes; None where the evidence is not for it."""

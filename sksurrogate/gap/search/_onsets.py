@@ -1,0 +1,136 @@
+"""Effects that begin or end: windows of time are tried where what is missing is confined to a part of the runs."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._onset import SHARES, can_start, starting
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.fit._normal_equations import project_starts
+from sksurrogate.gap.screen._screen import Screen
+from sksurrogate.gap.search._stopping import grows_in_vain
+
+__all__ = ["Confined", "confined", "look_for_onsets"]
+
+#: Effects that are tried in a window, and columns of the screen that are looked at for them.
+MOST_WINDOWED, MOST_COLUMNS = 6, 200
+#: A window is worth a fit where it explains this much more of the squared residual than the same effect always does.
+MORE = 1.05
+#: What a window must gain (twice the log likelihood) beyond the price of its parameters and of its choice: as a further effect.
+EXTRA_GAIN = 10.0
+
+
+class Confined(NamedTuple):
+    """An effect that explains more within a window.
+
+    Attributes
+    ----------
+    effect : BaseEffect
+    span : tuple of str
+        ("onset",) or ("end",).
+    drop : float
+        Drop of the squared residual over the noise, initial states free on both sides of the edge.
+    always : float
+        That of the same effect always.
+    """
+
+    effect: BaseEffect
+    span: tuple[str, ...]
+    drop: float
+    always: float
+
+
+def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined]:
+    """Effects that explain more of the residual within a window than always, the best first.
+
+    A state that remembers goes on from where it was at the edge: the columns of the initial states, free on both sides of it,
+    stand for that, so that the column of the effect always there tells its answer within the window.
+
+    Parameters
+    ----------
+    screen : Screen
+        Of the null.
+    lengths : ndarray (n_runs,)
+        Samples of the runs.
+    least : float
+        Drop that a window must reach.
+    """
+    if screen.columns is None or not len(screen.starts):
+        return []
+    gain = np.array([start.white for start in screen.starts])
+    able = np.flatnonzero([can_start(start.effect) for start in screen.starts])
+    order = able[np.argsort(-gain[able])][:MOST_COLUMNS]
+    if not len(order):
+        return []
+    starts, low = screen.record_starts, screen.low[order]
+    stack = np.concatenate([screen.known[:1], screen.columns[order]]).astype(np.float32)
+    J_x = screen.J_x.astype(np.float32)
+    whole = project_starts(stack, J_x, starts).reshape(len(stack), -1)
+    total = float(whole[0] @ whole[0])
+    always = _drop(whole[1:] @ whole[0], np.einsum("kn,kn->k", whole[1:], whole[1:]), low)
+    best, span = np.zeros(len(order)), np.zeros(len(order), bool)
+    ages = np.arange(stack.shape[-1]) - np.repeat(starts, lengths)
+    for share in SHARES:
+        edge = max(int(share * lengths.max()), 1)
+        later = ages >= edge
+        breaks = np.sort(np.r_[starts, (starts + edge)[lengths > edge + len(J_x[0])]])
+        parts = project_starts(stack, J_x, breaks)
+        r = parts[0]
+        restarted = total - float(np.sum(r * r)) - J_x.shape[1] * np.log(r.size) * (len(breaks) - len(starts))
+        for first, rows in ((True, later), (False, ~later)):
+            own, left = parts[1:, :, rows], r[:, rows]
+            drop = restarted + _drop(np.einsum("kon,on->k", own, left), np.einsum("kon,kon->k", own, own), low)
+            better = drop > best
+            best, span = np.where(better, drop, best), np.where(better, first, span)
+    found: dict = {}
+    for k in np.argsort(-best):
+        effect = screen.starts[order[k]].effect
+        if best[k] > max(least, MORE * always[k]) and effect.key not in found:
+            found[effect.key] = Confined(effect, ("onset",) if span[k] else ("end",), float(best[k]), float(always[k]))
+    return list(found.values())
+
+
+def _drop(g: np.ndarray, h: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """Drop by every column alone, of one sign where the effect has one."""
+    g = np.where(low < 0.0, g, np.maximum(g, 0.0))
+    return np.asarray(g**2 / np.maximum(h, 1e-12), dtype=float)
+
+
+def look_for_onsets(search: Any) -> None:
+    """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
+
+    One effect that is always there and leaves the noise is not asked: no window could earn its price.
+
+    Parameters
+    ----------
+    search : Search
+    """
+    null, final = search.begun, search.final or search.begun
+    explained = final.left < AT_THE_NOISE
+    if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.first_screen is None:
+        return
+    found = confined(search.first_screen, search.problem.record.lengths, search.bar(2) + EXTRA_GAIN)[:MOST_WINDOWED]
+    if not found:
+        return
+    search.report("effects that begin or end within the runs")
+    windowed = [starting(one.effect, one.span) for one in found]
+    base = null.candidate
+    best = final.fit.cost if explained else np.inf
+    trial = search.ranked(search.expand(base, MOST_WINDOWED, 2, windowed, best=best), base)
+    if not trial:
+        return
+    top = search.best_polished(trial)
+    stands = final.candidate
+    worth = search.order([top, stands])
+    price = EXTRA_GAIN + 2.0 * np.log(len(windowed) * len(SHARES))
+    if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
+        return
+    search.candidates.extend(windowed)
+    search.stand(top)
+    if search.judged[top].left > AT_THE_NOISE:
+        better = search.one_more(top, True)
+        if better is not None:
+            search.stand(better)

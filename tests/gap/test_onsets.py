@@ -1,0 +1,96 @@
+"""Effects that begin within the runs are named with their onset; effects that are always there are not given one."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.screen._screen import Screen, Start
+from sksurrogate.gap.search._onsets import confined
+from sksurrogate.physics import ODESimulator
+
+DT, N, RUNS = 0.05, 300, 2
+EFFECTS = [
+    "coulomb_friction",
+    "linear_loss",
+    "quadratic_drag",
+    "input_gain",
+    "input_bias",
+    "sensor_bias",
+    "constant_bias",
+]
+
+
+def oscillator(t, x, u, p):
+    return x[1], u[0] - 9.0 * x[0] - 0.6 * x[1]
+
+
+def simulator():
+    return ODESimulator(oscillator, states=["q", "v"], inputs=["F"], outputs=["q"], params={}, dt=DT)
+
+
+def diagnosed(effect, values, seed=0):
+    rng = np.random.default_rng(seed)
+    U = np.repeat(3 * rng.normal(size=(RUNS, N // 10, 1)), 10, axis=1)
+    plant = AugmentedSimulator(simulator(), [effect], [values])
+    Y = np.stack([plant.simulate(u) for u in U])
+    Y = Y + 0.003 * rng.normal(size=Y.shape)
+    diagnoser = GapDiagnoser(simulator(), effects=EFFECTS, n_jobs=1, random_state=0)
+    return diagnoser.fit(U.reshape(-1, 1), Y.reshape(-1, 1), groups=np.repeat(np.arange(RUNS), N)).report_
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "values"),
+    [
+        ("coulomb_friction", ("v", "v"), {"level": 0.5}),
+        pytest.param("input_gain", ("F", None), {"relative_error": -0.2}, marks=pytest.mark.slow),
+        pytest.param("sensor_bias", ("q", None), {"value": 0.05}, marks=pytest.mark.slow),
+    ],
+)
+def test_an_effect_that_begins_is_named_with_its_onset(name, place, values):
+    report = diagnosed(starting(CATALOGUE[name](*place)), {**values, "onset": 8.33})
+    assert report.verdict == "explained" and [effect.name for effect in report.effects] == [name]
+    effect = report.effects[0]
+    magnitude = next(iter(values))
+    assert effect.params["onset"] == pytest.approx(8.33, abs=DT)
+    assert effect.params[magnitude] == pytest.approx(values[magnitude], rel=0.03)
+    low, high = effect.intervals["onset"]
+    assert low <= 8.33 <= high and list(effect.params) == [magnitude, "onset"]
+    assert "from t = 8.3" in report.sentence
+
+
+def test_an_effect_that_is_always_there_has_no_onset():
+    report = diagnosed(CATALOGUE["coulomb_friction"]("v", "v"), {"level": 0.5})
+    assert [(effect.name, list(effect.params)) for effect in report.effects] == [("coulomb_friction", ["level"])]
+
+
+def screen_of(columns, residual, n_runs=2):
+    """A screen of effects with these columns (n, n_samples), an initial state that the outputs forget."""
+    n = len(residual) // n_runs
+    ages = np.tile(np.arange(n), n_runs)
+    names = ["linear_loss", "quadratic_drag", "coulomb_friction"]
+    starts = [
+        Start(
+            CATALOGUE[name]("v", "v"), np.array([1.0]), float((c @ residual) ** 2 / (c @ c)), 0.0, 0.0, np.zeros((1, 1))
+        )
+        for name, c in zip(names, columns)
+    ]
+    open_ends = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
+    return Screen(
+        starts, [], np.asarray(columns, np.float32)[:, None], residual[None, None], 0.5 ** ages[None, None].astype(float),
+        np.zeros(0), np.zeros(0), n * np.arange(n_runs), *open_ends,
+    ), np.full(n_runs, n)  # fmt: skip
+
+
+def test_a_part_of_a_column_is_found_and_a_whole_one_is_not():
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(3, 400))
+    age = np.tile(np.arange(200), 2)
+    noise = 0.1 * rng.normal(size=400)
+    found = confined(*screen_of(columns, noise + columns[1] * (age >= 125)), least=5.0)
+    assert found[0].effect.name == "quadratic_drag" and found[0].span == ("onset",)
+    assert found[0].drop == pytest.approx(np.sum(columns[1][age >= 125] ** 2), rel=0.1)
+    ended = confined(*screen_of(columns, noise + columns[2] * (age < 75)), least=5.0)
+    assert ended[0].effect.name == "coulomb_friction" and ended[0].span == ("end",)
+    assert confined(*screen_of(columns, noise + columns[1]), least=5.0) == []
+    assert confined(*screen_of(columns, noise), least=20.0) == []
