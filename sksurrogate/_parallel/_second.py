@@ -21,6 +21,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from sksurrogate._parallel._ipc import receive, send
+from sksurrogate._parallel._orphans import end_with
 from sksurrogate.kernels.clock import check_time, time_left
 
 __all__ = ["Aside", "Second", "can_fork", "one_thread"]
@@ -139,7 +140,9 @@ class Second:
             except OSError:  # no more files are allowed
                 return
             process = fork.Process(
-                target=_serve, args=(here, there, self._known, self._places, self._nice), daemon=True
+                target=_serve,
+                args=(os.getpid(), here, there, self._known, self._places, self._nice),
+                daemon=True,
             )
             try:
                 process.start()
@@ -191,8 +194,11 @@ class Aside(Generic[T]):
         return self._question()  # what raised there raises here, where it is seen
 
 
-def _serve(here: socket.socket, line: socket.socket, known: list[object], places: dict[int, int], nice: int) -> None:
+def _serve(
+    owner: int, here: socket.socket, line: socket.socket, known: list[object], places: dict[int, int], nice: int
+) -> None:
     """Answer in the second process, until the first one is gone."""
+    end_with(owner)
     here.close()
     os.nice(nice)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt is told by the first one

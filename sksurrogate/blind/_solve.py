@@ -21,6 +21,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from joblib.externals.loky.backend.reduction import dumps
 
+from sksurrogate._parallel._orphans import watch_parent
 from sksurrogate.blind._cases import Question
 from sksurrogate.exceptions import SimulatorError
 
@@ -262,6 +263,7 @@ def _plain(value: Any) -> Any:
 def main() -> None:
     """Entry point of the other process; what it prints goes to the error stream."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))  # an interrupt of the check: no half answer, no traceback
+    watch_parent()  # a question may take minutes, and nobody would read its answer
     module, _, name = sys.argv[1].partition(":")
     target = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
