@@ -139,8 +139,7 @@ class TrajectoryCandidate(BaseCandidate):
 
     def refitted(self, record: Record) -> TrajectoryCandidate | None:
         """The same effects fitted to a record of the same runs; None where the simulator gives no finite run there."""
-        known = self.problem.simulations
-        simulations = Simulations(known.plant, record, known.free, raised=known.raised)
+        simulations = replace(self.problem.simulations, record=record, kept={})
         problem = replace(self.problem, simulations=simulations, disturbances={})
         try:
             return problem.fit(self.effects, self.fit.theta, self.fit.J.transpose(1, 0, 2))
