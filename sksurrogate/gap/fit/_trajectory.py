@@ -112,8 +112,8 @@ class TrajectoryCandidate(BaseCandidate):
 
     def at_nominal(self) -> TrajectoryCandidate | None:
         """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
-        theta = np.r_[self.fit.theta[: self.n_parameters], np.zeros(len(self.problem.free))]
-        return self.with_values(self.effects, theta, self.fit.J)
+        nominal = np.zeros(len(self.problem.free))
+        return self.with_values(self.effects, np.r_[self.fit.theta[: self.n_parameters], nominal], self.fit.J)
 
     def with_values(
         self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray
@@ -171,9 +171,8 @@ class TrajectoryCandidate(BaseCandidate):
 
     def initial_states(self) -> np.ndarray:
         """Of the runs (n_runs, n_states); nan where the simulator is given none."""
-        n = len(self.problem.plant.states)
-        x0 = self.problem.x0
-        return np.full((len(self.problem.record.starts), n), np.nan) if x0 is None else x0
+        shape = len(self.problem.record.starts), len(self.problem.plant.states)
+        return np.full(shape, np.nan) if self.problem.x0 is None else self.problem.x0
 
 
 @dataclass(frozen=True, eq=False)
