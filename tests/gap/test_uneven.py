@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.exceptions import DataError
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import CalibratedSimulator, ODESimulator, StepSimulator
 
@@ -105,3 +106,14 @@ def test_a_sensor_whose_clock_is_ahead():
     assert effect.name == "sensor_delay"
     assert effect.params["delay"] == pytest.approx(-0.05 * ahead, abs=0.002)
     assert CATALOGUE["sensor_delay"]("q").lower_bounds(1.0) == (0.0,)
+
+
+def test_a_frame_names_its_time_column():
+    pandas = pytest.importorskip("pandas")
+    t, u, y = stamped(120, 0.2, 0.3)
+    X = pandas.DataFrame({"clock": t, "u": u})
+    found = CalibratedSimulator(oscillator(d=0.1), ["d"], time="clock").fit(X, y)
+    again = CalibratedSimulator(oscillator(d=0.1), ["d"], time=1).fit(np.column_stack([u, t]), y)
+    assert found.params_ == again.params_
+    with pytest.raises(DataError, match="time=.watch. is not a column of X"):
+        CalibratedSimulator(oscillator(), ["d"], time="watch").fit(X, y)

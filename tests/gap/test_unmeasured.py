@@ -56,6 +56,7 @@ def test_the_effect_is_named_and_the_interval_holds_it(measured, seen):
     assert report.shrink.after == pytest.approx(report.shrink.floor, rel=0.05)
     np.testing.assert_array_equal(np.isnan(report.traces[0].measured), ~known[: len(report.traces[0].t)])
     assert "nan" not in report._repr_html_().lower()
+    assert "NaN" not in report.to_json()
 
 
 def test_what_stands_where_nothing_was_measured_does_not_matter(measured):
