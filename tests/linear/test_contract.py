@@ -181,3 +181,18 @@ def test_moments_of_several_machines_add_up(estimator):
     joined = clone(estimator).fit_moments(parts[0].merge(parts[1]), n_outputs=2)
     np.testing.assert_allclose(joined.coef_, whole.coef_, atol=1e-10)
     np.testing.assert_allclose(joined.predict(X), whole.predict(X), atol=1e-10)
+
+
+def test_rows_of_weight_zero_are_not_seen_by_features_either():
+    """Knots, ranges and scales are learned from the rows that count."""
+    from sksurrogate.features import SplineFeatures
+    from sksurrogate.linear import PenalizedRegressor
+
+    rng = np.random.default_rng(0)
+    X = rng.uniform(-1, 1, (80, 1))
+    y = np.sin(3 * X[:, 0])
+    far = np.r_[X, [[50.0]], [[-70.0]]]
+    weights = np.r_[np.ones(80), 0.0, 0.0]
+    alone = PenalizedRegressor(features=SplineFeatures(6)).fit(X, y)
+    beside = PenalizedRegressor(features=SplineFeatures(6)).fit(far, np.r_[y, 9.0, 9.0], sample_weight=weights)
+    np.testing.assert_allclose(beside.predict(X), alone.predict(X), atol=1e-8)
