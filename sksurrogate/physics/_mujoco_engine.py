@@ -172,8 +172,7 @@ class Engine:
         rows = np.flatnonzero(sound)
         if not len(rows):
             return
-        sets, which = np.unique(table[:, rows], axis=1, return_inverse=True)
-        which = np.ravel(which)
+        sets, which = distinct_columns(table[:, rows])
         for a in range(0, sets.shape[1], copies.most):
             chosen = (which >= a) & (which < a + copies.most)
             models = [
@@ -306,6 +305,23 @@ def _explicit(model: Any) -> Any:
     exact = out.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
     out.actuator_dyntype[exact] = int(mujoco.mjtDyn.mjDYN_FILTER)
     return out
+
+
+def distinct_columns(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct columns in lexical order, and which of them each column is; quicker than :func:`numpy.unique` along an axis.
+
+    Examples
+    --------
+    >>> sets, which = distinct_columns(np.array([[2.0, 1.0, 2.0], [0.5, 0.5, 0.5]]))
+    >>> sets.tolist(), which.tolist()
+    ([[1.0, 2.0], [0.5, 0.5]], [1, 0, 1])
+    """
+    code = np.zeros(table.shape[1], dtype=int)
+    for row in table:
+        values, place = np.unique(row, return_inverse=True)
+        code = np.unique(code * len(values) + np.ravel(place), return_inverse=True)[1].ravel()
+    _, first = np.unique(code, return_index=True)
+    return table[:, first], code
 
 
 @contextmanager

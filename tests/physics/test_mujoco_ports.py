@@ -156,3 +156,12 @@ def test_the_model_that_is_written_says_what_it_cannot_hold(tmp_path):
     assert read.params["elbow.frictionloss"] == 0.15 and read.params["elbow.damping"] == 0.25
     without = AugmentedSimulator(arm(), effects[:1], [(0.15,)], {"elbow.damping": 0.25})
     assert np.allclose(read.simulate(inputs()), without.simulate(inputs()), rtol=0, atol=1e-12)
+
+
+def test_distinct_columns_are_those_of_numpy():
+    from sksurrogate.physics._mujoco_engine import distinct_columns
+
+    table = np.random.default_rng(0).integers(0, 3, size=(3, 200)).astype(float)
+    sets, which = np.unique(table, axis=1, return_inverse=True)
+    found, places = distinct_columns(table)
+    assert np.array_equal(found, sets) and np.array_equal(places, np.ravel(which))
