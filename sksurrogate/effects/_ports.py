@@ -18,7 +18,7 @@ from sksurrogate.effects._structure import Structure, structure_of
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Places", "Port", "kind_at", "places_of"]
+__all__ = ["Places", "Port", "at_port", "kind_at", "places_of"]
 
 #: Speeds that a port moves, up to which each may drive a law there where it cannot be told which is the port's own.
 FEW = 2

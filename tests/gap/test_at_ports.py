@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from sksurrogate._units import over
 from sksurrogate.blind._linkage import arm_rates
 from sksurrogate.effects import AugmentedSimulator, build_effects
-from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap import EffectEstimate, GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.render._units import parameter_unit
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -70,3 +72,11 @@ def test_the_whole_catalogue_at_ports_takes_little_more():
     at_ports = [effect for effect in found if effect.kind == "state" and effect.location in ("t1", "t2")]
     assert 0 < len(at_ports) < 0.3 * len(found)
     assert len({effect.key for effect in found}) == len(found)
+
+
+def test_a_law_at_a_port_is_in_the_unit_of_the_port():
+    found = EffectEstimate("linear_loss", "t2", "v2", 1.0, {"coefficient": 0.1}, {}, 1.0, at_port=True)
+    units = {"t2": "N m", "v2": "rad/s", "time": "s"}
+    assert parameter_unit(found, "coefficient", units) == over("N m", "rad/s")
+    dry_one = EffectEstimate("coulomb_friction", "t2", "v2", 1.0, {"level": 0.1}, {}, 1.0, at_port=True)
+    assert parameter_unit(dry_one, "level", units) == "N m"

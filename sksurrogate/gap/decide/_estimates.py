@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.effects._ports import at_port
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._equivalence import richer as richer_form
 from sksurrogate.gap.decide._experiment import name_of, when_they_part
@@ -45,6 +46,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                     name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer}), among
                 ),
                 [(str(k[0]), str(k[1]), k[2]) for k in richer],
+                at_port(effect, search.problem.plant),
             )
         )
     return out

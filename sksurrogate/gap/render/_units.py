@@ -58,8 +58,9 @@ def parameter_unit(effect: EffectEstimate, parameter: str, units: Mapping[str, s
     form = known.get(parameter, "")
     v = reduce(times, (units.get(name, "") for name in (effect.variable or "").split("*")))
     own = units.get(effect.location, "")
+    force = own if effect.at_port else over(own, units.get(TIME, ""))
     letters = {
-        "x": own, "u": own, "y": own, "v": v, "dx/dt": over(own, units.get(TIME, "")), "time": units.get(TIME, ""),
+        "x": own, "u": own, "y": own, "v": v, "dx/dt": force, "time": units.get(TIME, ""),
         "radian": "rad", "1": "1", "v w": v, "v^2": to_power(v, 2), "v^3": to_power(v, 3),
     }  # fmt: skip
     above, _, below = form.partition(" over ")

@@ -31,6 +31,8 @@ class EffectEstimate:
         When they part.
     richer : list of (name, location, variable)
         Those of ``equivalents`` that contain this effect and fit no better: richer, not needed.
+    at_port : bool
+        Whether it is a law that adds to what enters at a port: its magnitude is in the port's unit, not in that of dx/dt.
 
     Examples
     --------
@@ -50,6 +52,7 @@ class EffectEstimate:
     equivalents: list[tuple[str, str, str | None]] = field(default_factory=list)
     why: str = ""
     richer: list[tuple[str, str, str | None]] = field(default_factory=list)
+    at_port: bool = False
 
     def __str__(self) -> str:
         driver = f" in {self.variable}" if self.variable else ""
