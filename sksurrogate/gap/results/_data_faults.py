@@ -22,10 +22,10 @@ class DataFault:
 
     Attributes
     ----------
-    kind : {"spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise", "run"}
+    kind : {"spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise"}
         Single wrong readings; readings that fell to one value; a sensor that stood still; a run whose outputs come earlier or
         later than its inputs; a zero or a scale of a sensor that differs from run to run; a tone on a sensor; noise in the
-        measurement of an input; a run that differs from all others.
+        measurement of an input.
     location : str or None
         The output or input; None where all outputs are concerned.
     side : {"output", "input"}
@@ -85,7 +85,6 @@ class DataFault:
             "gain": f"a scale that is off by {100 * self.size:.3g} % in {where}",
             "hum": f"a tone of amplitude {size} in {where}",
             "input_noise": f"the measurement of this input is noisy (standard deviation {size}) in {where}",
-            "run": f"{where} differ{'s' if len(self.runs) == 1 else ''} from all others",
         }[self.kind]
 
 
