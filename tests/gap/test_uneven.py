@@ -115,5 +115,5 @@ def test_a_frame_names_its_time_column():
     found = CalibratedSimulator(oscillator(d=0.1), ["d"], time="clock").fit(X, y)
     again = CalibratedSimulator(oscillator(d=0.1), ["d"], time=1).fit(np.column_stack([u, t]), y)
     assert found.params_ == again.params_
-    with pytest.raises(DataError, match="time=.watch. is not a column of X"):
+    with pytest.raises(DataError, match=r"time=.watch. is not a column of X"):
         CalibratedSimulator(oscillator(), ["d"], time="watch").fit(X, y)
