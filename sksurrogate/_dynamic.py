@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from numbers import Integral
 from typing import Any
@@ -17,6 +18,11 @@ from sksurrogate.runs import Runs, resolve_runs
 
 __all__ = ["FreeRunMixin", "lengthened", "steps_ahead"]
 
+#: A free run that scores better has not met the end of a run.
+GOOD_SCORE = 0.95
+#: A jump is larger than this many deviations of the output and this many median errors of the one-step prediction, which misses
+#: at least this share of it; more jumps than this share of the rows are the signal itself.
+LEAST_JUMP, MANY_ERRORS, MISSED_SHARE, MOST_JUMPS = 0.3, 30.0, 0.5, 0.05
 #: A free run further than this many spreads from the training mean has diverged.
 FAR = 1e6
 
@@ -24,6 +30,30 @@ FAR = 1e6
 def lengthened(values: np.ndarray, n: int) -> np.ndarray:
     """n rows, the last repeated where there are fewer."""
     return values[np.minimum(np.arange(n), len(values) - 1)]
+
+
+def unfollowed_jumps(y: np.ndarray, one_step: np.ndarray) -> np.ndarray:
+    """Rows where an output jumps and its one-step prediction does not: a new run begins there.
+
+    Parameters
+    ----------
+    y, one_step : ndarray (n_samples, n_outputs)
+        One-step predictions are nan where there is no history.
+
+    Examples
+    --------
+    >>> t = np.arange(200)
+    >>> y = np.where(t < 100, np.sin(0.1 * t), 3 + np.sin(0.1 * t))[:, None]
+    >>> unfollowed_jumps(y, np.vstack([[[np.nan]], y[:-1] + 0.01]))
+    array([100])
+    """
+    error = np.abs(y - one_step)[1:]
+    jump = np.abs(np.diff(y, axis=0))
+    with np.errstate(invalid="ignore"):
+        typical = np.nanmedian(error, axis=0) if np.isfinite(error).any() else np.full(y.shape[1], np.inf)
+        large = (jump > LEAST_JUMP * y.std(axis=0)) & (error > MANY_ERRORS * typical) & (error > MISSED_SHARE * jump)
+    rows = 1 + np.flatnonzero(large.any(axis=1))
+    return rows if len(rows) <= MOST_JUMPS * len(y) else rows[:0]
 
 
 class FreeRunMixin(RegressorMixin):
@@ -69,7 +99,23 @@ class FreeRunMixin(RegressorMixin):
         for run in runs:
             keep[run.start + n : run.stop] = True
         weight = None if sample_weight is None else np.asarray(sample_weight)[keep]
-        return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
+        found = float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
+        if groups is None and self.run is None and len(runs) == 1 and found < GOOD_SCORE:
+            self._warn_of_runs(X, y, truth)
+        return found
+
+    def _warn_of_runs(self, X: Any, y: Any, truth: np.ndarray) -> None:
+        """Say so where one record looks like several runs: outputs jump, and the model's own next step does not."""
+        one_step = np.asarray(self.predict_one_step(X, y), dtype=float).reshape(truth.shape)
+        rows = unfollowed_jumps(truth, one_step)
+        if len(rows):
+            listed = ", ".join(map(str, rows[:5])) + (" and more" if len(rows) > 5 else "")
+            warnings.warn(
+                f"y jumps at row {listed}, and the one-step prediction does not follow: X and y seem to hold "
+                f"{len(rows) + 1} runs. Pass groups= (or the constructor's run=); the score without it is that of one long run.",
+                UserWarning,
+                stacklevel=3,
+            )
 
     def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
         """Row t from measured outputs up to t-1: ``predict_ahead`` with ``k=1``; rows without that history are nan.

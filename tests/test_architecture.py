@@ -29,7 +29,7 @@ FLOORS = (
     {"_dynamic", "_stamps"},
     {"physics", "features", "linear", "neural", "displays"},
     {"effects", "model_selection", "datasets"},
-    {"compose"},
+    {"compose", "_expected_checks"},
     {"gap"},
     {"blind", "testing"},
     {"demo"},

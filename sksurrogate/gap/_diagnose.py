@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import HasMethods, Interval
 
 from sksurrogate._columns import by_name
 from sksurrogate._stamps import on_grid, with_rows_in_gaps
@@ -83,6 +84,8 @@ class GapDiagnoser(BaseEstimator):
     report_ : GapReport
     augmented_ : AugmentedSimulator
         The simulator with the effects added and free parameters at their re-tuned values.
+    n_features_in_ : int
+        Inputs that ``fit`` was given; ``feature_names_in_`` holds the names of the columns of a frame.
     initial_states_ : ndarray (n_runs, n_states)
         Initial states of the runs that go with it; nan for runs of a long record that took no part, and where a simulator with
         ``simulate`` alone is given none.
@@ -117,10 +120,20 @@ class GapDiagnoser(BaseEstimator):
     ('explained', 'cubic_stiffness')
     """
 
+    _parameter_constraints: ClassVar[dict[str, list[Any]]] = {
+        "simulator": [HasMethods("simulate")],
+        "free_params": ["array-like", str, None],
+        "tolerance": [Interval(Real, 0, 1, closed="neither")],
+        "time_limit": [Interval(Real, 0, None, closed="neither"), None],
+        "n_jobs": [Integral, None],
+        "verbose": ["verbose"],
+        "random_state": ["random_state"],
+    }
     __metadata_request__fit = {"groups": True}
     report_: GapReport
     augmented_: AugmentedSimulator
     initial_states_: np.ndarray
+    n_features_in_: int
 
     def __init__(
         self,
@@ -188,6 +201,8 @@ class GapDiagnoser(BaseEstimator):
 
     def _fit(self, X: Any, y: Any, groups: Any, progress: Progress) -> GapDiagnoser:
         """The whole diagnosis."""
+        if hasattr(X, "columns"):
+            self.feature_names_in_ = np.asarray(list(map(str, X.columns)), dtype=object)
         seed = int(check_random_state(self.random_state).randint(2**31 - 1))
         inputs, clock = getattr(self.simulator, "inputs", None), self.time if isinstance(self.time, str) else None
         X, y = by_name(X, inputs, clock), by_name(y, getattr(self.simulator, "outputs", None))
@@ -214,6 +229,7 @@ class GapDiagnoser(BaseEstimator):
             whole,
             progress,
         )
+        self.n_features_in_ = runs[0].X.shape[1]
         self.report_ = with_origin(report, self, plant, pipeline.final.candidate, len(runs), whole.n_samples, free)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
