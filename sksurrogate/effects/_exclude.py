@@ -11,7 +11,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["without_excluded"]
+__all__ = ["excluded_places", "without_excluded"]
 
 HOW = (
     "expected names of effects, tuples (name, location) or (name, location, variable), or places of the simulator, for example "
@@ -55,6 +55,19 @@ def without_excluded(effects: Sequence[BaseEffect], exclude: Any, plant: Plant) 
     if effects and not kept:
         raise DataError(f"exclude={exclude!r} leaves none of the {len(effects)} effects: exclude fewer of them.")
     return kept
+
+
+def excluded_places(exclude: Any) -> set[str]:
+    """Places at which every effect is ruled out.
+
+    Examples
+    --------
+    >>> sorted(excluded_places(["drift", "level", (None, "flow"), ("sensor_bias", "y")]))
+    ['flow', 'level']
+    """
+    words = {entry for entry in _entries(exclude) if isinstance(entry, str) and entry not in CATALOGUE}
+    pairs = (entry for entry in _entries(exclude) if isinstance(entry, tuple) and len(entry) == 2 and entry[0] is None)
+    return words | {str(place) for _, place in pairs}
 
 
 def _entries(exclude: Any) -> list[Any]:

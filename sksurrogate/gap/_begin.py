@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate._parallel._second import Second
 from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._exclude import without_excluded
+from sksurrogate.effects._exclude import excluded_places, without_excluded
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
@@ -82,7 +82,7 @@ def begin_ode(diagnoser: Any, task: Task) -> Begun:
         problem, candidates, smoothed.x, n_jobs=diagnoser.n_jobs, report=task.progress.say, second=second, later=later
     )
     tolerance = float(diagnoser.tolerance)
-    inside = OdeInside(search, task.seed, whole, tolerance)
+    inside = OdeInside(search, task.seed, whole, tolerance, excluded_places(diagnoser.exclude))
     limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit, "include_law": bool(diagnoser.include_law)}
     pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, **limits)
     return pipeline, rows, (second, later)

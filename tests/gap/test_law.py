@@ -135,3 +135,9 @@ def test_a_law_acts_at_its_place_with_its_own_constants(kind, terms, theta, tmp_
     if kind == "output":
         want = want + effect.value({"h": want}, 0.0, theta)
     np.testing.assert_allclose(found, want, rtol=2e-3, atol=2e-3)
+
+
+def test_no_law_is_looked_for_where_effects_are_ruled_out():
+    effects = ("sensor_delay", "input_delay")
+    term = diagnosed(lambda h: h / (0.6 + h), effects, exclude=["h"]).report_.missing_term
+    assert term is None or term.law is None or term.law.location == "flow"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -57,6 +57,8 @@ class OdeInside:
         All of a long record.
     tolerance : float
         Share of the gap (amplitude) that a model may leave.
+    excluded : iterable of str
+        Places where a user rules effects out: no law is looked for there.
 
     Attributes
     ----------
@@ -75,11 +77,11 @@ class OdeInside:
     #: Whether what needs no name is asked while names are looked for; which effects were compared.
     asks_aside, among = True, "of the catalogue"
 
-    def __init__(self, search: Search, seed: int, whole: Record, tolerance: float):
+    def __init__(self, search: Search, seed: int, whole: Record, tolerance: float, excluded: Iterable[str] = ()):
         self.search, self.seed, self.whole, self.complete = search, seed, whole, True
         self.remains: Remains | None = None
         self.remaining: Remaining | None = None
-        self.tolerance = tolerance
+        self.tolerance, self.excluded = tolerance, frozenset(excluded)
         self.curve: FreeCurve | None = None
         self.beside: LawBeside | None = None
         self.laws: dict[bool, LawRival | None] = {}
@@ -235,8 +237,10 @@ class OdeInside:
         remains, beside = self.remains, self.beside
         first = (beside.location, beside.kind) if named and beside is not None else self.accused(final)
         found = [first, *((place.location, place.kind) for place in (remains.places if remains else []))]
-        kinds = ("state", "input", "output")
-        return list(dict.fromkeys((str(name), str(kind)) for name, kind in found if name is not None and kind in kinds))
+        plant = self.search.problem.plant
+        named_by_kind = {"state": self.search.problem.balances, "input": plant.inputs, "output": plant.outputs}
+        allowed = [(n, k) for n, k in found if n in named_by_kind.get(str(k), ()) and n not in self.excluded]
+        return list(dict.fromkeys((str(name), str(kind)) for name, kind in allowed))
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         """Effects that the re-tuning would hide."""

@@ -73,6 +73,11 @@ class Law:
         return str(self.effect.text(latex=True))
 
     @property
+    def equation(self) -> str:
+        """Its form, without coefficients."""
+        return str(self.effect.equation)
+
+    @property
     def place(self) -> str:
         """Where it acts, in words."""
         if self.kind == "state":

@@ -153,6 +153,7 @@ def fitted_draft(
     problem, split = search.searching(candidate), candidate.n_parameters
     theta = np.concatenate([candidate.fit.theta[:split], draft.values, candidate.fit.theta[split:]])
     assert x is not None
+    x = x[: candidate.model.n_nominal]  # hidden states of effects and laws settle along it
     try:
         with np.errstate(all="ignore"):
             return fit_last(problem, (*candidate.effects, effect), theta, x, candidate.fit, np.inf)
