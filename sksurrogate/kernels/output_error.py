@@ -18,6 +18,7 @@ from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.free_run_model import FreeRunModel
 from sksurrogate.kernels.integrate import DIFFERENCE, close
 from sksurrogate.kernels.linearised import Linearised, linearise
+from sksurrogate.kernels.windows import run_in_windows
 
 __all__ = [
     "Fit",
@@ -100,22 +101,13 @@ def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, steps: 
 
 
 def free_run(model: FreeRunModel, theta: np.ndarray, x0: np.ndarray) -> np.ndarray:
-    """Free run from initial states (n_states, n_runs) by a loop over time, all runs abreast: (n_states, n_samples)."""
-    record = model.record
+    """Free run from initial states (n_states, n_runs), window by window: (n_states, n_samples)."""
     bound = model.bind(theta[:, None])
-    out = np.empty((model.n_states, record.n_samples))
-    ends = np.r_[record.starts[1:], record.n_samples] - 1
-    x = x0[:, None, :]
-    for k in range(int(record.lengths.max())):
-        rows = np.minimum(record.starts + k, ends)
-        alive = record.starts + k <= ends
-        out[:, rows[alive]] = x[:, 0][:, alive]
-        x = bound(x, rows)
-    return out
+    return run_in_windows(bound, x0, model.record.starts, model.record.lengths, model.scale)
 
 
 def run_near(model: FreeRunModel, theta: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Free run from the first rows of a trajectory (n_states, n_samples): by Newton in time from there, else by a loop over time."""
+    """Free run from the first rows of a trajectory (n_states, n_samples): by Newton in time from there, else window by window."""
     starts = model.record.starts
     x, closed, _ = close(model.bind(theta[:, None]), near, starts, model.scale, CLOSED)
     return x if closed else free_run(model, theta, near[:, starts])

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.kernels.integrate import march, rk4
 from sksurrogate.kernels.signals import hold
+from sksurrogate.kernels.windows import run_in_windows
 
 __all__ = ["free_run", "hold_inputs", "raise_if_diverged"]
 
@@ -20,6 +21,8 @@ TOLERANCE = 1e-8
 MOST_EVALUATIONS = 20_000
 #: More substeps than this and the plant counts as stiff.
 MOST_SUBSTEPS = 48
+#: Runs of more samples are closed window by window where many points cost little more than one.
+LONG = 1_000
 
 Derivative = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
 
@@ -46,6 +49,7 @@ def free_run(
     order: int,
     method: str,
     states: tuple[str, ...],
+    many: bool = False,
 ) -> np.ndarray:
     """States of runs of equal length.
 
@@ -59,6 +63,8 @@ def free_run(
         Hold.
     method : str
         "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
+    many : bool, default=False
+        Whether many points cost little more than one: then long runs are closed by Newton's method, window by window.
 
     Returns
     -------
@@ -69,7 +75,7 @@ def free_run(
         return np.zeros((len(U), len(t), 0))
     with np.errstate(all="ignore"):
         if method in ("auto", "RK4"):
-            X, n_sub = _explicit(derivative, U, X0, t, order)
+            X, n_sub = _explicit(derivative, U, X0, t, order, many and len(t) > LONG)
             if method == "RK4" or (n_sub <= MOST_SUBSTEPS and np.all(np.isfinite(X))):
                 return X
             method = "LSODA"
@@ -77,19 +83,45 @@ def free_run(
 
 
 def _explicit(
-    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int
+    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int, windows: bool
 ) -> tuple[np.ndarray, int]:
     """Runge-Kutta with as many substeps as the local error asks for; that number."""
-    n_sub = 2
+    n_sub, X = 2, None
     dt = np.diff(t, append=t[-1] + (t[-1] - t[-2] if len(t) > 1 else 1.0))
     step: float | np.ndarray = float(dt[0]) if np.allclose(dt, dt[0], rtol=1e-9) else dt
     while True:
         mean, half = hold_inputs(U, n_sub, order)
-        X = march(derivative, X0.T, np.full(len(U), t[0]), mean, half, np.asarray(step) / n_sub)
+        if windows:
+            X = _in_windows(derivative, X0.T, t, mean, half, np.broadcast_to(step, len(t)) / n_sub, X)
+        else:
+            X = march(derivative, X0.T, np.full(len(U), t[0]), mean, half, np.asarray(step) / n_sub)
         wanted = _substeps_needed(derivative, X, U, t, order, n_sub, step)
         if wanted <= n_sub or n_sub > MOST_SUBSTEPS:
             return X.transpose(1, 2, 0), n_sub
         n_sub = wanted
+
+
+def _in_windows(
+    derivative: Derivative, x0: np.ndarray, t: np.ndarray, mean: np.ndarray, half: np.ndarray | None, h: np.ndarray,
+    near: np.ndarray | None,
+) -> np.ndarray:  # fmt: skip
+    """Free runs (n_states, n_runs, n_samples), as :func:`march` gives them, from runs in longer steps where these are known."""
+    n_runs, n_samples = mean.shape[-2:]
+    times, widths = np.tile(t, n_runs), np.tile(h, n_runs)
+    mean = mean.reshape(*mean.shape[:2], 1, -1)
+    half = None if half is None else half.reshape(mean.shape)
+
+    def step(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        shape = (*mean.shape[:2], *x.shape[1:])
+        inputs = np.broadcast_to(mean[..., rows], shape)
+        rises = None if half is None else np.broadcast_to(half[..., rows], shape)
+        return rk4(derivative, np.broadcast_to(times[rows], x.shape[1:]), x, inputs, rises, widths[rows])  # type: ignore[arg-type]
+
+    size = np.where(np.abs(x0) > 0, np.abs(x0), 1.0).max(axis=1)
+    if near is not None:
+        near = near.reshape(len(x0), -1) if np.all(np.isfinite(near)) else None
+    x = run_in_windows(step, x0, n_samples * np.arange(n_runs), np.full(n_runs, n_samples), size, near)
+    return x.reshape(len(x0), n_runs, n_samples)
 
 
 def _substeps_needed(

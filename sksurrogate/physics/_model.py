@@ -52,6 +52,11 @@ class PlantModel:
             self._output.probe(*at)
 
     @property
+    def takes_many(self) -> bool:
+        """Whether the right-hand side was found to take arrays of points."""
+        return self._rhs is not None and bool(self._rhs.vectorised)
+
+    @property
     def refusal(self) -> str:
         """What the user's functions said when they last refused a point; empty where they did not."""
         functions = (self._rhs, self._step, self._output)

@@ -241,7 +241,8 @@ class ODESimulator(ParametricSimulator):
         if self.method == "exact":
             X = exact_run(model.derivative, U, X0, times, order=order, states=states)
         else:
-            X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=states)
+            many = model.takes_many
+            X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=states, many=many)
         raise_if_diverged(X, times, self._names("states"), said=model.refusal)
         return X, times, model
 

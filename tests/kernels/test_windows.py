@@ -1,0 +1,105 @@
+"""Free runs window by window are those of a loop over time, whatever the map does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sksurrogate.kernels.windows import SHORTEST, run_in_windows
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import _free_run as free_runs
+
+rng = np.random.default_rng(0)
+U = np.repeat(rng.uniform(-1.0, 1.0, 200), 15)
+
+
+def walked(step, x0, starts, lengths):
+    """The oracle: sample by sample, run by run."""
+    out = np.full((len(x0), lengths.sum()), np.nan)
+    out[:, starts] = x0
+    for start, length in zip(starts, lengths):
+        for k in range(start, start + length - 1):
+            out[:, k + 1] = step(out[:, k : k + 1, None], np.array([k]))[:, 0, 0]
+    return out
+
+
+def spring(x, rows):
+    """A hardening spring, semi-implicit."""
+    v = x[1] + 0.1 * (U[rows] - x[0] - 0.5 * x[0] ** 3 - 0.2 * x[1])
+    return np.stack([x[0] + 0.1 * v, v])
+
+
+def sticking(x, rows):
+    """Dry friction that holds: no slope leads out of rest."""
+    v = x[1] + 0.1 * (U[rows] - x[0])
+    v = np.sign(v) * np.maximum(np.abs(v) - 0.05, 0.0)
+    return np.stack([x[0] + 0.1 * v, v])
+
+
+def limited(x, rows):
+    """A hard stop."""
+    v = x[1] + 0.1 * (U[rows] - 0.2 * x[1])
+    place = np.clip(x[0] + 0.1 * v, -0.3, 0.3)
+    return np.stack([place, np.where(np.abs(place) < 0.3, v, 0.0)])
+
+
+@pytest.mark.parametrize("step", [spring, sticking, limited])
+def test_runs_of_several_lengths_are_those_of_a_loop(step):
+    starts, lengths = np.array([0, 1500, 1501, 2501]), np.array([1500, 1, 1000, 499])
+    x0 = rng.uniform(-0.2, 0.2, (2, 4))
+    found = run_in_windows(step, x0, starts, lengths, np.ones(2))
+    assert np.allclose(found, walked(step, x0, starts, lengths), rtol=0.0, atol=1e-9)
+
+
+def test_a_linear_run_has_its_closed_form():
+    found = run_in_windows(lambda x, rows: 0.9 * x + 1.0, np.zeros((1, 1)), np.array([0]), np.array([500]), np.ones(1))
+    assert np.allclose(found[0], 10.0 * (1.0 - 0.9 ** np.arange(500)), rtol=1e-12)
+
+
+def test_few_evaluations_where_the_map_is_smooth():
+    asked = []
+
+    def counted(x, rows):
+        asked.append(len(rows))
+        return spring(x, rows)
+
+    run_in_windows(counted, np.zeros((2, 1)), np.array([0]), np.array([3000]), np.ones(2))
+    assert len(asked) < 3000 / 3
+
+
+def test_a_run_that_diverges_leaves_the_others():
+    with np.errstate(all="ignore"):
+        found = run_in_windows(
+            lambda x, rows: np.where(rows < 300, x**3 + x, 0.5 * x), np.ones((1, 2)), np.array([0, 300]),
+            np.array([300, 300]), np.ones(1),
+        )  # fmt: skip
+    assert np.isnan(found[0, 299])
+    assert np.allclose(found[0, 300:], 0.5 ** np.arange(300), atol=1e-12)
+
+
+def test_from_a_trajectory_nearby_a_run_is_one_window():
+    starts, lengths = np.array([0]), np.array([3000])
+    exact = run_in_windows(spring, np.zeros((2, 1)), starts, lengths, np.ones(2))
+    asked = []
+
+    def counted(x, rows):
+        asked.append(len(rows))
+        return spring(x, rows)
+
+    found = run_in_windows(counted, np.zeros((2, 1)), starts, lengths, np.ones(2), exact + 1e-4)
+    assert len(asked) <= SHORTEST
+    assert np.allclose(found, exact, atol=1e-9)
+
+
+def friction(t, x, u, p):
+    return [x[1], u[0] - x[0] - 0.2 * x[1] - 0.3 * np.tanh(x[1] / p["width"])]
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_a_long_run_of_a_simulator_is_that_of_a_loop(monkeypatch, hold):
+    simulator = ODESimulator(
+        friction, states=["x", "v"], inputs=["u"], outputs=["x"], params={"width": 0.05}, dt=0.1, hold=hold
+    )
+    in_windows = simulator.simulate(U[:1200, None])
+    monkeypatch.setattr(free_runs, "LONG", 10_000)
+    assert np.allclose(in_windows, simulator.simulate(U[:1200, None]), rtol=0.0, atol=1e-10)
