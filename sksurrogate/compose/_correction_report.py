@@ -13,8 +13,8 @@ from sksurrogate.compose._support import SHARES, Support, block_powers, supporte
 
 __all__ = ["CorrectionReport", "keep_supported", "reach", "surrogate_alone"]
 
-#: Reach of a correction beyond its data, as a share of their range, from hardly any to as much again.
-FADES = (0.1, 0.3, 1.0)
+#: Reach of a correction beyond its data, as a share of their range, from as much again to hardly any.
+FADES = (1.0, 0.3, 0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def keep_supported(
     names : sequence of str
         Of the outputs.
     fade : float, optional
-        None: of ``FADES``, the one that left-out runs support most; the shortest where they never leave the data.
+        None: of ``FADES``, the longest unless left-out runs speak for a shorter one.
     """
     o = measured[0].shape[1]
     left_out = LeftOut(correction, inputs, measured)
@@ -99,19 +99,33 @@ class _Judged:
     rmse: np.ndarray
 
     @property
+    def closed(self) -> float:
+        """Gain, mean over outputs."""
+        return float(np.mean([support.closed for support in self.supports]))
+
+    @property
     def lower(self) -> float:
         """Gain less its standard error, mean over outputs."""
         return float(np.mean([support.closed - support.standard_error for support in self.supports]))
 
 
+def _reaching(tried: Sequence[_Judged]) -> _Judged:
+    """The longest reach; a shorter one where its gain less the standard error is above the gain of the longer."""
+    best = tried[0]
+    for one in tried[1:]:
+        if one.lower > best.closed:
+            best = one
+    return best
+
+
 def _best_outside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
-    """A share for every output; of equal reaches the first, which is the shortest."""
+    """A share for every output."""
 
     def judged(fade: float) -> _Judged:
         power, rmse = _power(left_out.errors(SHARES, fade))
         return _Judged(SHARES, fade, [supported(power[:, :, j], SHARES) for j in range(len(size))], rmse)
 
-    return max([judged(fade) for fade in fades], key=lambda one: one.lower)
+    return _reaching([judged(fade) for fade in fades])
 
 
 def _best_inside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
@@ -124,7 +138,7 @@ def _best_inside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) ->
 
     whole = {fade: left_out.errors(np.ones(1), fade) for fade in fades}
     tried = [judged(fade, [alone, whole[fade]], np.array([0.0, 1.0])) for fade in fades]
-    fade = max(tried, key=lambda one: one.lower).fade
+    fade = _reaching(tried).fade
     half = left_out.errors(np.array([0.5]), fade)
     return judged(fade, [alone, half, whole[fade]], np.array([0.0, 0.5, 1.0]))
 
@@ -137,7 +151,7 @@ def _power(errors: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 def reach(fade: float | str) -> float:
     """``fade`` as a number: "evidence" as far as it goes while nothing has been left out."""
-    return FADES[-1] if fade == "evidence" else float(fade)
+    return FADES[0] if fade == "evidence" else float(fade)
 
 
 def surrogate_alone(

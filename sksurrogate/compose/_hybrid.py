@@ -14,7 +14,7 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate._checks import checked
 from sksurrogate._columns import by_name
-from sksurrogate.compose._correction_report import keep_supported, reach, surrogate_alone
+from sksurrogate.compose._correction_report import CorrectionReport, keep_supported, reach, surrogate_alone
 from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._hybrid_forms import correction_of
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
@@ -64,8 +64,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         Penalty of the default residual: how much evidence a correction needs.
     fade : float or "evidence", default="evidence"
         Share of the range of a feature in the training data by which it may leave it before the correction fades and
-        the physics is left alone; ``inf``: never. "evidence": 0.1, 0.3 or 1, the one that runs left out support most
-        (0.1 where these never leave the data of the others).
+        the physics is left alone; ``inf``: never. "evidence": 1, or 0.3 or 0.1 where runs left out gain more with it.
     warm_start : bool, default=False
         Whether ``fit`` goes on from the correction of the last call (default residual).
     random_state : int, RandomState or None, default=0
@@ -333,26 +332,28 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         self.y_is_1d_ = runs.y_is_1d
         self.simulator_ = self._calibrated(inputs, measured)
         self.region_ = Domain.of(np.hstack([np.concatenate(inputs), np.concatenate(measured)]), reach(self.fade))
-        self.correction_ = self._correction().fit(inputs, measured, before)
+        names = runs.output_names or getattr(self.simulator_, "outputs", None)
+        names = names or [f"output {j}" for j in range(measured[0].shape[1])]
+        self.correction_, self.report_ = self._fit_form(inputs, measured, names, before)
+        self.residual_, self.shrinkage_ = self.correction_.fitted, self.report_.shrinkage
         self.n_initial_ = self.correction_.n_lags
-        self._judge(inputs, measured, runs.output_names)
         self.free_run_rmse_ = float(np.sqrt(np.mean(self.correction_.rmse**2)))
+        self.left_out_rmse_ = np.fmax(self.report_.rmse, self.correction_.rmse)
         return self
 
-    def _judge(self, inputs: list, measured: list, names: Sequence[str] | None) -> None:
-        """The share of the correction that left-out runs support, and its error there."""
-        names = (
-            names or getattr(self.simulator_, "outputs", None) or [f"output {j}" for j in range(measured[0].shape[1])]
-        )
-        nets = self.form == "output" and (self.residual is None or isinstance(self.residual, FreeRunResidual))
-        fade = None if self.fade == "evidence" else reach(self.fade)
-        correction = self.correction_
+    def _fit_form(
+        self, inputs: list, measured: list, names: Sequence[str], before: Any
+    ) -> tuple[Any, CorrectionReport]:
+        """The correction, and the share of it that left-out runs support."""
+        correction = correction_of(
+            self.simulator_, self.residual, self.form, self.loss, self.n_lags, self.states, reach(self.fade),
+            self.shrinkage, self.random_state,
+        ).fit(inputs, measured, before)  # fmt: skip
         if self.simulator_ is None:
-            self.report_ = surrogate_alone(correction, inputs, measured, judged=not nets)
-        else:
-            self.report_ = keep_supported(correction, inputs, measured, names, fade)
-        self.residual_, self.shrinkage_ = correction.fitted, self.report_.shrinkage
-        self.left_out_rmse_ = np.fmax(self.report_.rmse, correction.rmse)
+            nets = self.form == "output" and (self.residual is None or isinstance(self.residual, FreeRunResidual))
+            return correction, surrogate_alone(correction, inputs, measured, judged=not nets)
+        fade = None if self.fade == "evidence" else reach(self.fade)
+        return correction, keep_supported(correction, inputs, measured, names, fade)
 
     def _calibrated(self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]) -> Any:
         """The simulator; an estimator of one is fitted first."""
@@ -364,12 +365,6 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         y = np.concatenate(measured)
         fitted = clone(self.simulator).fit(np.concatenate(inputs), y if y.shape[1] > 1 else y[:, 0], groups=groups)
         return fitted.simulator_
-
-    def _correction(self) -> Any:
-        return correction_of(
-            self.simulator_, self.residual, self.form, self.loss, self.n_lags, self.states, reach(self.fade),
-            self.shrinkage, self.random_state,
-        )  # fmt: skip
 
     def _free(self, X: Any, y0: Any, groups: Any, spread: bool) -> tuple[Runs, Free, list]:
         """Runs, their free runs, and the rows these start from."""

@@ -50,6 +50,8 @@ class DynamicsCorrection:
     n_lags, factor = 1, 1.0
     #: It acts inside the simulator.
     inside = True
+    #: Degree of the default's monomials; None: not chosen yet.
+    degree: int | None = None
     theta: np.ndarray
 
     def __init__(self, simulator: Any, residual: Any, form: str, loss: str, states: Any, fade: float, shrinkage: float):
@@ -66,28 +68,32 @@ class DynamicsCorrection:
         plant, model, guess = self._prepare(inputs, measured)
         z = model.record.u if self.form == "input" else np.concatenate([guess, model.record.u])
         self.domain = Domain.of(z.T, self.fade)
+        self.terms: Any = None
+        bases = self._bases(z)
+        if self.degree is None and len(bases) > 1:
+            self.degree = 1 + self._chosen(bases, inputs, measured, (plant, model, guess))
+        chosen = bases[0 if self.degree is None else self.degree - 1]
+        everything = list(range(len(inputs)))
+        self._learn(plant, model, guess, chosen, everything, before)
+        self.fitted = self._filled()
+
+    def _chosen(self, bases: list[Basis], inputs: list, measured: list, whole: tuple) -> int:
+        """Which basis runs best on every fourth run; few runs judge themselves."""
         everything = list(range(len(inputs)))
         judges = everything[1::4] if len(everything) >= 4 else everything
         pupils = [r for r in everything if r not in judges] or everything
-        best, bases = np.inf, self._bases(z)
-        chosen = bases[0]
-        self.terms: Any = None
+        errors = []
         for basis in bases:
-            if len(bases) > 1:
-                self._learn(plant, model, guess, basis, pupils, None)
-                error = self._error([inputs[r] for r in judges], [measured[r] for r in judges])
-            else:
-                error = 0.0
-            if error < best:
-                best, chosen = error, basis
-        self._learn(plant, model, guess, chosen, everything, before)
-        self.fitted = self._filled()
+            self._learn(*whole, basis, pupils, None)
+            errors.append(self._error([inputs[r] for r in judges], [measured[r] for r in judges]))
+        return int(np.argmin(errors))
 
     def taught_on(
         self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], blocks: Sequence[tuple[int, int, int]]
     ) -> DynamicsCorrection:
         """The same correction, fitted to these rows (run, start, stop)."""
         other = type(self)(self.simulator, self.residual, self.form, self.loss, self.states, self.fade, self.shrinkage)
+        other.degree = self.degree  # one number of all runs; its coefficients are those of the other runs
         other._fit_term([inputs[r][a:b] for r, a, b in blocks], [measured[r][a:b] for r, a, b in blocks], None)
         return other
 

@@ -10,6 +10,8 @@ __all__ = ["SHARES", "Support", "block_powers", "supported"]
 
 #: Fewest blocks that a standard error is made of: with eight its own error is a quarter.
 FEWEST_BLOCKS = 8
+#: Share of the squared error whose removal makes a correction the rule and the simulator the exception.
+CLEAR = 0.5
 #: Shares of a correction that are compared: a step of a twentieth costs at most a 400th of the squared gap.
 SHARES = np.linspace(0.0, 1.0, 21)
 
@@ -53,6 +55,10 @@ def block_powers(errors: list[np.ndarray]) -> np.ndarray:
 def supported(power: np.ndarray, factors: np.ndarray) -> Support:
     """The factor whose gain, less one standard error of it, is largest; 0 where no factor gains more than its error.
 
+    The correction of all runs is better than those of the folds, which learned from fewer. So the whole correction is kept
+    where it removes more than half of the squared error for certain (one standard error) and no smaller share is better by
+    more than one standard error of the difference.
+
     The gain of a factor is ``1 - sum_b P_b(factor) / sum_b P_b(0)``. Its standard error is the jackknife's over blocks:
     it vanishes where all blocks gain the same share, whatever their sizes, and is as large as the gain where one block
     alone gains.
@@ -79,10 +85,19 @@ def supported(power: np.ndarray, factors: np.ndarray) -> Support:
         total = power.sum(axis=1)
         gain = 1.0 - total / total[0]
         rest = 1.0 - (total[:, None] - power) / (total[0] - power[0])
-        error = np.sqrt((n - 1) / n * np.sum((rest - gain[:, None]) ** 2, axis=1))
-        lower = gain - error
+        lower = gain - _jackknife(rest - gain[:, None])
     lower = np.where(np.isfinite(lower), lower, -np.inf)
-    best = int(np.argmax(lower))
+    best, whole = int(np.argmax(lower)), len(factors) - 1
     if not lower[best] > 0.0:
         return Support(0.0, 0.0, 0.0, n)
-    return Support(float(factors[best]), float(gain[best]), float(error[best]), n)
+    if lower[whole] > CLEAR:
+        behind = gain[best] - gain[whole]
+        if behind <= _jackknife((rest[best] - rest[whole] - behind)[None])[0]:
+            best = whole
+    return Support(float(factors[best]), float(gain[best]), float(gain[best] - lower[best]), n)
+
+
+def _jackknife(moved: np.ndarray) -> np.ndarray:
+    """Standard errors from what leaving out one block changes, (n_values, n_blocks)."""
+    n = moved.shape[1]
+    return np.sqrt((n - 1) / n * np.sum(moved**2, axis=1))

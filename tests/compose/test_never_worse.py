@@ -42,6 +42,14 @@ def test_one_block_that_gains_among_many_that_lose_supports_nothing():
     assert supported(power, np.array([0.0, 1.0])).factor == 1.0
 
 
+def test_a_clear_correction_is_kept_whole_unless_a_smaller_share_is_surely_better():
+    factors = np.linspace(0.0, 1.0, 21)
+    best = 0.9 + 0.15 * np.random.default_rng(0).normal(size=8)  # of each block
+    power = 1.0 - 2.0 * np.outer(factors, best) + factors[:, None] ** 2
+    assert supported(power, factors).factor == 1.0
+    assert supported(1.0 - 1.8 * factors[:, None] + np.outer(factors**2, np.ones(8)), factors).factor == 0.9
+
+
 @pytest.mark.parametrize("lengths", [[97], [40, 55], [20, 30, 25, 40, 33]])
 def test_every_row_is_judged_by_a_fit_that_has_not_seen_it(lengths):
     seen = [np.zeros(n, int) for n in lengths]
