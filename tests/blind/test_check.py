@@ -157,7 +157,9 @@ def test_a_question_holds_no_part_of_the_case():
     case = drawn("effect")
     known = pickle.dumps(case.question)
     assert not any(name.encode() in known for name in KINDS) and not isinstance(case.question, Case)
-    assert set(vars(case.question)) == {"simulator", "X", "y", "groups", "free_params", "effects", "X_test", "x0_test"}
+    assert set(vars(case.question)) == {
+        "simulator", "X", "y", "groups", "free_params", "effects", "X_test", "x0_test", "X_far", "x0_far",
+    }  # fmt: skip
 
 
 def test_a_diagnosis_that_fails_dies_or_hangs_is_a_row_of_its_own():

@@ -9,6 +9,7 @@ from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.effects._sensor import SensorQuantization
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._rounding import is_rounded, names_steps, unnamed_rounding
+from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 
 
@@ -36,7 +37,7 @@ def free_run(step, noise, effects=()):
     """A rival whose free run is that of the true tank, beside readings in steps."""
     _, Y, _ = experiment(step, noise)
     true = experiment(0.0, 0.0)[1]
-    record = SimpleNamespace(y=Y.T)
+    record = Record.from_runs([np.zeros((len(Y), 0))], [Y], [np.arange(len(Y)) * 0.1], 0.1)
     problem = SimpleNamespace(plant=SimpleNamespace(outputs=("level",)), record=record)
     return SimpleNamespace(effects=effects, problem=problem, fit=SimpleNamespace(y=true.T))
 

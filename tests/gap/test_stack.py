@@ -10,6 +10,11 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
+from sksurrogate.kernels.record import Record
+
+
+def record_of(rows):
+    return Record.from_runs([np.zeros((rows, 0))], [np.zeros((rows, 1))], [0.1 * np.arange(rows)], 0.1)
 
 
 def of_cost(cost):
@@ -33,6 +38,7 @@ def leaving(error, names, sigma=0.1):
     candidate = SimpleNamespace(
         effects=[CATALOGUE["constant_bias"](f"x{i}") for i in range(names)],
         residual=np.full((1, 50), error),
+        problem=SimpleNamespace(record=record_of(50)),
     )
     return Evidence(candidate, SimpleNamespace(sigma=np.array([sigma])), 0.0)
 
@@ -47,7 +53,7 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     asked = []
     lag, mode, spring = (CATALOGUE[name]("v", "q") for name in ("hidden_relaxation", "hidden_mode", "hysteresis"))
     loss = CATALOGUE["linear_loss"]("v", "v")
-    problem = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1))
+    problem = SimpleNamespace(record=record_of(10), numerics=Numerics(1))
     expander = Search(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
     monkeypatch.setattr(Search, "searching", lambda self, base: problem)
     monkeypatch.setattr(Search, "guess", lambda self, base: None)

@@ -76,7 +76,7 @@ def fitted(estimator, X=X, y=y, groups=groups):
 
 def answer(estimator, X=X, groups=groups):
     """What a fitted estimator says."""
-    if hasattr(estimator, "report_"):
+    if hasattr(estimator, "report_") and hasattr(estimator.report_, "verdict"):  # of a diagnosis
         report = estimator.report_
         return np.r_[report.shrink.before, report.shrink.after, [v for e in report.effects for v in e.params.values()]]
     method = estimator.predict if hasattr(estimator, "predict") else estimator.transform

@@ -102,7 +102,7 @@ def price_of(terms: Sequence[Term], n_drivers: int) -> float:
 
     Examples
     --------
-    >>> round(price_of([Term((("square", "v", 0.0, 0.0),))], 2) - np.log(2 * len(SHAPES)), 9)
+    >>> round(float(price_of([Term((("square", "v", 0.0, 0.0),))], 2) - np.log(2 * len(SHAPES))), 9)
     0.0
     """
     each = np.log(len(SHAPES)) + np.log(max(n_drivers, 1))
