@@ -6,6 +6,7 @@ import json
 import os
 import threading
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import joblib
@@ -21,6 +22,7 @@ from sksurrogate.datasets import make_reactor, simulate_experiments
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
 from sksurrogate.export import to_c, to_onnx
 from sksurrogate.gap.render._report import GapReport
+from sksurrogate.gap.results._provenance import Provenance
 
 resource = pytest.importorskip("resource")
 ROOT = Path(sksurrogate.__file__).parent
@@ -134,23 +136,35 @@ def test_a_damaged_batch_is_simulated_again(tmp_path):
     assert len(joblib.load(file)) == 2 and list(tmp_path.iterdir()) == [file]
 
 
-class Diagnosed:
-    """Stands for a diagnosis, and what it found."""
+@dataclass
+class Found:
+    """Stands for a report."""
 
-    verdict = "explained"
-    fits = 0
-
-    def __init__(self, simulator, **settings):
-        self.augmented_, self.report_ = lagged(), self
-
-    def fit(self, X, y, groups=None):
-        type(self).fits += 1
+    verdict: str = "explained"
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance)
 
     def __str__(self):
         return "VERDICT ≥ explained"
 
     def to_html(self, path):
         write_text(path, "page" * 100)
+
+    def to_json(self, path=None):
+        return "{}"
+
+
+class Diagnosed:
+    """Stands for a diagnosis."""
+
+    fits = 0
+
+    def __init__(self, simulator, **settings):
+        self.augmented_, self.report_ = lagged(), Found()
+
+    def fit(self, X, y, groups=None, **settings):
+        type(self).fits += 1
 
 
 @pytest.fixture

@@ -128,9 +128,12 @@ def test_a_grid_over_the_residual_and_more_data():
     half = HybridRegressor(plant(), KNeighborsRegressor(), "dynamics").partial_fit(
         X[groups < 2], y[groups < 2], groups=groups[groups < 2]
     )
-    before = closed(half, plant(cubic=0.5), plant())
+    assert closed(half, plant(cubic=0.5), plant()) > 0.2
     half.partial_fit(X[groups >= 2], y[groups >= 2], groups=groups[groups >= 2])
-    assert closed(half, plant(cubic=0.5), plant()) > before
+    whole = HybridRegressor(plant(), KNeighborsRegressor(), "dynamics").fit(X, y, groups=groups)
+    states = np.random.default_rng(0).normal(size=(30, 3))
+    np.testing.assert_allclose(half.residual_.predict(states), whole.residual_.predict(states))
+    np.testing.assert_allclose(half.shrinkage_, whole.shrinkage_)
 
 
 def test_the_map_of_a_step_function_is_corrected():

@@ -43,7 +43,6 @@ def diagnosed(effect, values, seed=0):
     ("name", "place", "values"),
     [
         ("coulomb_friction", ("v", "v"), {"level": 0.5}),
-        pytest.param("input_gain", ("F", None), {"relative_error": -0.2}, marks=pytest.mark.slow),
         pytest.param("sensor_bias", ("q", None), {"value": 0.05}, marks=pytest.mark.slow),
     ],
 )
