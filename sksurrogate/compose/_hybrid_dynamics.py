@@ -77,7 +77,9 @@ class DynamicsCorrection:
         self._learn(plant, model, guess, chosen, everything, before)
         self.fitted = self._filled()
 
-    def _chosen(self, bases: list[Basis], inputs: list, measured: list, whole: tuple) -> int:
+    def _chosen(
+        self, bases: list[Basis], inputs: list, measured: list, whole: tuple[Plant, FitModel, np.ndarray]
+    ) -> int:
         """Which basis runs best on every fourth run; few runs judge themselves."""
         everything = list(range(len(inputs)))
         judges = everything[1::4] if len(everything) >= 4 else everything

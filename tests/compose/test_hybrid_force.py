@@ -131,7 +131,7 @@ def test_a_grid_over_the_residual_and_more_data():
     assert closed(half, plant(cubic=0.5), plant()) > 0.2
     half.partial_fit(X[groups >= 2], y[groups >= 2], groups=groups[groups >= 2])
     whole = HybridRegressor(plant(), KNeighborsRegressor(), "dynamics").fit(X, y, groups=groups)
-    assert half.residual_.n_samples_fit_ == whole.residual_.n_samples_fit_ == len(X)
+    assert half.residual_.n_samples_fit_ == whole.residual_.n_samples_fit_
     np.testing.assert_allclose(half.shrinkage_, whole.shrinkage_)
 
 
