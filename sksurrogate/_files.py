@@ -83,17 +83,26 @@ def write_text(path: Any, text: str) -> None:
 
 def append_line(path: Any, text: str) -> None:
     """Add a line in one piece, so that lines of two processes do not mix; one that was broken off before stays alone."""
-    file = Path(path)
-    with file.open("ab+") as stream:
-        whole = stream.tell() == 0 or _last(stream) == b"\n"
-    content = ("" if whole else "\n") + text + "\n"
-    descriptor = os.open(file, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
-    try:
-        data = content.encode("utf-8")
-        if os.write(descriptor, data) != len(data):
+    with Path(path).open("ab+") as stream, _alone(stream):
+        whole = stream.seek(0, os.SEEK_END) == 0 or _last(stream) == b"\n"
+        data = (("" if whole else "\n") + text + "\n").encode("utf-8")
+        if os.write(stream.fileno(), data) != len(data):
             raise OSError(28, "No space left on device", str(path))
+
+
+@contextmanager
+def _alone(stream: Any) -> Iterator[None]:
+    """No other process that asks for the same looks at the end of the file, or adds to it, meanwhile."""
+    try:
+        import fcntl
+    except ImportError:  # not a POSIX system
+        yield
+        return
+    fcntl.flock(stream, fcntl.LOCK_EX)
+    try:
+        yield
     finally:
-        os.close(descriptor)
+        fcntl.flock(stream, fcntl.LOCK_UN)
 
 
 def _last(stream: Any) -> bytes:
