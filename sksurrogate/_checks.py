@@ -105,7 +105,7 @@ def _text(name: str, values: Any) -> str:
             float(table[place])
         except (TypeError, ValueError):
             return (
-                f"{name} holds {table[place]!r}, which is no number: {_place(values, np.array(place))}. Leave the column out, "
+                f"{name} holds {table[place]!r}, which is not a number: {_place(values, np.array(place))}. Leave the column out, "
                 "encode it (sklearn.preprocessing.OneHotEncoder), or name it if it labels the runs (run=)."
             )
     if any(isinstance(value, (str, bytes)) for value in table.flat):

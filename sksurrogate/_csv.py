@@ -19,7 +19,7 @@ __all__ = ["read_csv", "read_header"]
 
 #: A CSV larger than this is refused unread.
 LARGEST_CSV = 512 * 2**20
-#: A run label longer than this is no label (and would blow up the array of labels).
+#: A run label longer than this is not a label (and would blow up the array of labels).
 LONGEST_LABEL = 200
 #: A number with a decimal comma and nothing that groups digits; the beginning of a date.
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -137,7 +137,7 @@ class _Clock:
         self.first: datetime | None = None
 
     def seconds(self, text: str) -> float | None:
-        """None where the text is no date and time of ISO 8601."""
+        """None where the text is not a date and time of ISO 8601."""
         if not ISO_TIME.match(text.strip()):
             return None
         try:

@@ -24,7 +24,7 @@ GOOD_SCORE = 0.95
 #: at least this share of it; more jumps than this share of the rows are the signal itself.
 LEAST_JUMP, MANY_ERRORS, MISSED_SHARE, MOST_JUMPS = 0.3, 30.0, 0.5, 0.05
 #: A free run further than this many spreads from the training mean has diverged.
-FAR = 1e6
+DIVERGED_RUN = 1e6
 
 
 def lengthened(values: np.ndarray, n: int) -> np.ndarray:
@@ -191,7 +191,7 @@ class FreeRunMixin(RegressorMixin):
         bad = []
         for run, part in zip(runs, parts):
             with np.errstate(invalid="ignore"):
-                near = np.abs(part - self.y_mean_) <= FAR * (self.y_spread_ + np.abs(self.y_mean_))
+                near = np.abs(part - self.y_mean_) <= DIVERGED_RUN * (self.y_spread_ + np.abs(self.y_mean_))
             rows = np.flatnonzero(~near.all(axis=1))
             if len(rows):
                 bad.append((run, int(rows[0])))

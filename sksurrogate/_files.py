@@ -17,7 +17,7 @@ __all__ = ["append_line", "beside", "write_bytes", "write_text"]
 def beside(path: Any) -> Iterator[Path]:
     """A path to write to in the folder of ``path``; it takes that name when the block has ended and is removed otherwise.
 
-    A link is followed, permissions of a file that is there are kept. What is no file, a pipe or ``/dev/stdout``, is
+    A link is followed, permissions of a file that is there are kept. What is not a file, a pipe or ``/dev/stdout``, is
     written as it is.
 
     Parameters

@@ -60,7 +60,7 @@ def fingerprint(value: Any, name: str) -> str:
         return str(_Hasher().hash(value))
     except Exception as error:  # a pickle fails in whatever way the object chooses
         raise DataError(
-            f"{name} cannot be told from another one by its value ({type(error).__name__}: {str(error)[:200]}), so that what is "
+            f"{name} cannot be distinguished from another one by its value ({type(error).__name__}: {str(error)[:200]}), so that what is "
             "kept on disk could be that of another: keep nothing, or give its class a __getstate__ that returns its settings "
             "without open files, locks and connections."
         ) from error

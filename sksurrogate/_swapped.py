@@ -13,7 +13,7 @@ from sksurrogate.exceptions import SurrogateError
 __all__ = ["swapped_columns"]
 
 #: Rows of the first run that are compared; signals up to which every pair is tried.
-ROWS, MOST_SIGNALS = 1500, 8
+ROWS, MOST_COMPARED_SIGNALS = 1500, 8
 #: A simulator that misses less than this (RMS over deviation) has its columns in order.
 IN_ORDER = 0.3
 #: A swap is suspected when it leaves less than this share of the error.
@@ -39,7 +39,7 @@ def swapped_columns(
         return []
     tried = []
     for names, array, what in ((outputs, measured, "outputs"), (inputs, u, "inputs")):
-        for i, j in combinations(range(min(array.shape[1], MOST_SIGNALS)), 2):
+        for i, j in combinations(range(min(array.shape[1], MOST_COMPARED_SIGNALS)), 2):
             order = list(range(array.shape[1]))
             order[i], order[j] = j, i
             error = _error(simulator, *((u, array[:, order]) if what == "outputs" else (array[:, order], measured)))

@@ -125,7 +125,7 @@ def floats(values: np.ndarray, name: str, columns: list[str] | None = None) -> n
 
 
 def _first_text(values: np.ndarray, columns: list[str] | None) -> str:
-    """Row and column of the first entry that is no number."""
+    """Row and column of the first entry that is not a number."""
     for place in np.ndindex(values.shape):
         try:
             float(values[place])

@@ -15,7 +15,7 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 def powers_of(unit: str) -> dict[str, Fraction] | None:
-    """Unit name -> exponent; None where the text is no product of units.
+    """Unit name -> exponent; None where the text is not a product of units.
 
     Examples
     --------

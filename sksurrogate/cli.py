@@ -109,7 +109,7 @@ def _add_blind(commands: Any) -> None:
     blind.add_argument("--arms", default="all", help="all, or names joined by commas")
     blind.add_argument("--resume", metavar="FILE", help="rows as JSON lines: those there count, new ones are appended")
     blind.add_argument("--seed", type=int, default=None, help="the same cases again; fresh entropy by default")
-    blind.add_argument("--jobs", type=int, default=None, help="cases abreast")
+    blind.add_argument("--jobs", type=int, default=None, help="cases at once")
     blind.add_argument(
         "--follow-up", type=float, default=1.0, metavar="SHARE",
         help="share of the cases with tied names whose suggested experiment is carried out (default 1)",
@@ -349,12 +349,12 @@ def _demo(arguments: argparse.Namespace) -> int:
     good = True
     for number, story in enumerate((story_actuator_and_sensor, story_linearised), start=1):
         print(f"[demo] story {number} of 2: a diagnosis, less than a minute on a free machine ...", file=sys.stderr)
-        told = story()
+        summary = story()
         target = None if folder is None else str(folder / f"story_{number}.html")
-        said, whole = _written("page", target, told.report.to_html)
+        said, whole = _written("page", target, summary.report.to_html)
         good = good and whole
         print(
-            f"{'=' * 80}\nStory {number}: {told.title}\n{'=' * 80}\n{told.report}\n\n{textwrap.fill(told.ending, 80)}\n"
+            f"{'=' * 80}\nStory {number}: {summary.title}\n{'=' * 80}\n{summary.report}\n\n{textwrap.fill(summary.ending, 80)}\n"
         )
         print("".join(f"{line}\n\n" for line in said), end="")
     return 0 if good else 1

@@ -28,8 +28,8 @@ class Story:
     Examples
     --------
     >>> from sksurrogate.demo import story_actuator_and_sensor
-    >>> told = story_actuator_and_sensor()   # doctest: +SKIP
-    >>> print(told.report, told.ending)   # doctest: +SKIP
+    >>> given = story_actuator_and_sensor()   # doctest: +SKIP
+    >>> print(given.report, given.ending)   # doctest: +SKIP
     """
 
     title: str
@@ -72,7 +72,7 @@ def story_actuator_and_sensor(
     decay = np.exp(-0.02 / fine / lag)
     u = np.repeat(X.reshape(n_runs, n_samples), fine, axis=1)
     w, state = np.empty_like(u), u[:, 0]
-    for k in range(u.shape[1]):  # all runs abreast; the plant acts on the mean over a short sample
+    for k in range(u.shape[1]):  # all runs at once; the plant acts on the mean over a short sample
         following = u[:, k] + (state - u[:, k]) * decay
         w[:, k], state = (state + following) / 2, following
     start = rng.uniform(1, 14, (n_runs, 1))

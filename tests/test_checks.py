@@ -45,13 +45,13 @@ def test_the_place_of_a_missing_output_is_named(model):
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
 def test_text_is_named_by_its_place(model):
     X = np.array([["1.0", "2.0"], ["3.0", "cold"], ["5.0", "6.0"]], dtype=object)
-    with pytest.raises(DataError, match="X holds 'cold', which is no number: row 1, column 1"):
+    with pytest.raises(DataError, match="X holds 'cold', which is not a number: row 1, column 1"):
         model.fit(X, [1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize("model", MODELS[4:], ids=lambda model: type(model).__name__)
 def test_outputs_in_words_are_named_by_their_place(model):
-    with pytest.raises(DataError, match="y holds 'warm', which is no number: row 2"):
+    with pytest.raises(DataError, match="y holds 'warm', which is not a number: row 2"):
         model.fit(np.arange(6.0).reshape(3, 2), np.array([1.0, 2.0, "warm"], dtype=object))
 
 
@@ -73,7 +73,7 @@ def test_numbers_without_a_square_are_refused(model):
 def test_what_is_masked_counts_as_missing(model):
     X, y = np.random.default_rng(0).normal(size=(2, 12, 2))
     hidden = np.ma.masked_array(X, mask=False)
-    hidden.data[5, 1] = 1e6  # what lies under a mask is no reading
+    hidden.data[5, 1] = 1e6  # what lies under a mask is not a reading
     hidden.mask[5, 1] = True
     with pytest.raises(DataError, match="Input X contains NaN: row 5, column 1; 1 values"):
         model.fit(hidden, y)

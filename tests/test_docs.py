@@ -93,8 +93,8 @@ def test_a_public_name_is_documented(name, value):
     text = inspect.getdoc(value) or ""
     assert ">>> " in text, f"{name} has no example"
     if not (inspect.isclass(value) and issubclass(value, Exception)):
-        told = set(re.findall(r"\w+", " ".join(re.findall(r"^([\w*, ]+?)(?: :.*)?$", text, re.M))))
-        lacking = [p for p in inspect.signature(value).parameters if p not in told and not p.startswith("_")]
+        summary = set(re.findall(r"\w+", " ".join(re.findall(r"^([\w*, ]+?)(?: :.*)?$", text, re.M))))
+        lacking = [p for p in inspect.signature(value).parameters if p not in summary and not p.startswith("_")]
         assert not lacking, f"{name} does not say what these are: {lacking}"
     if inspect.isclass(value):
         for key, member in vars(value).items():

@@ -149,9 +149,11 @@ def test_a_simulator_without_a_value_is_refused(tmp_path):
         with lock:
             return np.asarray(U)
 
-    with pytest.raises(DataError, match=r"with cache=, simulator cannot be told .*lock.*give its class a __getstate__"):
+    with pytest.raises(
+        DataError, match=r"with cache=, simulator cannot be determined .*lock.*give its class a __getstate__"
+    ):
         kept(simulate, tmp_path)
-    with pytest.raises(DataError, match="with memory=, estimator cannot be told"):
+    with pytest.raises(DataError, match="with memory=, estimator cannot be determined"):
         model = make_pipeline(FunctionTransformer(simulate), LinearRegression())
         Remembered(model, tmp_path).fit(np.eye(3), np.arange(3.0))
 

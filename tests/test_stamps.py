@@ -48,7 +48,9 @@ def test_a_gap_is_filled_where_inputs_stand_and_cut_where_they_differ():
 
 def test_mistakes_get_a_way_out():
     t = np.arange(10.0)
-    with pytest.raises(DataError, match=r"usual step of the data is 1, .* simulator 0.001 \(milliseconds in the data\?\)"):
+    with pytest.raises(
+        DataError, match=r"usual step of the data is 1, .* simulator 0.001 \(milliseconds in the data\?\)"
+    ):
         on_grid(runs_of(t, t, t), 0.001, "zoh", "t")
     with pytest.raises(DataError, match="label the parts between the gaps as runs"):
         with_rows_in_gaps(runs_of(np.r_[t, 1000.0 + t], np.ones(20), np.ones(20)), 1.0, "zoh", "t")

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 
 __all__ = ["side_by_side"]
 
@@ -19,10 +19,10 @@ T = TypeVar("T")
 def side_by_side(
     function: Callable[[S], T],
     items: Sequence[S],
-    second: Second | None,
+    second: WorkerProcess | None,
     effort: Callable[[S], float] | None = None,
 ) -> list[T]:
-    """The function of every item, begun at both ends: from the front here, from the back in a second process.
+    """The function of every item, started at both ends: from the front here, from the back in a second process.
 
     Each takes the next item when it is done with one, until they meet. Where both begin the last item at once it is worked
     out twice. Items of most ``effort`` stand at the ends, so that they meet at short ones.
@@ -40,7 +40,7 @@ def side_by_side(
         order = order[::2] + order[1::2][::-1]
     lined_up = [items[k] for k in order]
     met = second.shared
-    met[0], met[1] = 0, len(items)  # how many are begun here, the first that is begun there
+    met[0], met[1] = 0, len(items)  # how many are started here, the first that is started there
     beside = second.ask(partial(_from_the_back, function, lined_up, met))
     here: dict[int, T] = {}
     try:

@@ -25,10 +25,10 @@ __all__ = [
 Row = Mapping[str, Any]
 
 #: Arms whose intervals are counted, and arms whose right answer is "unknown".
-NAMED = ("effect", "two", "weak", "sizes", "detuned", "effect_disturbed", "region", "time")
+NAMED_ARMS = ("effect", "two", "weak", "sizes", "detuned", "effect_disturbed", "region", "time")
 UNKNOWN = ("outside", "novel", "outside_disturbed")
 #: Arms in which the true effect and its twins are taken out of the catalogue; the others are asked with the whole of it.
-PART = ("outside", "outside_disturbed")
+PARTIAL_CATALOGUE_ARMS = ("outside", "outside_disturbed")
 #: Edges of the bins of gap / noise.
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, math.inf)
 
@@ -61,7 +61,7 @@ def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
 
 
 def place_up_to_twins(row: Row) -> bool:
-    """Whether the place accused is that of a true effect, or an exact twin's.
+    """Whether the likely place is that of a true effect, or an exact twin's.
 
     That is the place of a name that these data cannot tell from a true effect, and for an input of a built-in plant that
     pushes one balance and nothing else, that balance (or the other way round).
@@ -164,7 +164,7 @@ def _unknown_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
 
 def _size_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     """Intervals, shrink, seconds."""
-    covered = [bool(v) for r in _answered(_of(by, *NAMED)) for v in r["covered"]]
+    covered = [bool(v) for r in _answered(_of(by, *NAMED_ARMS)) for v in r["covered"]]
     inside = _share("90 % intervals that hold the truth", covered, 0.85)
     low, high, figure = inside["low"], inside["high"], inside["figure"]
     inside["bar"] = "85 to 95 %"
@@ -175,8 +175,8 @@ def _size_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     timed = [r for r in _answered(_of(by, *by)) if r["n_runs"] == 6 and r.get("n_states", 2) >= 2]
     timed = [r for r in timed if r.get("abreast") == 1] or timed  # one diagnosis at a time has the machine's cores
     timed = [r for r in timed if r["seconds"] is not None]
-    whole = [r for r in timed if r["arm"] not in PART]
-    part = [r["seconds"] for r in timed if r["arm"] in PART]
+    whole = [r for r in timed if r["arm"] not in PARTIAL_CATALOGUE_ARMS]
+    part = [r["seconds"] for r in timed if r["arm"] in PARTIAL_CATALOGUE_ARMS]
     busy = [r["processor_seconds"] for r in whole if r.get("processor_seconds") is not None]
     return [
         inside,
@@ -348,7 +348,7 @@ def misses(groups: Iterable[tuple[str, Sequence[Row]]]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        kind, arm, seed, plant, runs (number x samples), truth, said, accused (place), gap (over the noise), share (closed
+        kind, arm, seed, plant, runs (number x samples), truth, said, likely (place), gap (over the noise), share (closed
         on test runs), oracle (the same of the true effect), left (error on test runs over the noise).
     """
     return [_miss(kind, row) for kind, rows in groups for row in rows]

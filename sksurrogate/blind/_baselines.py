@@ -36,7 +36,7 @@ BASELINES = ("retuning", "sparse_regression", "whiteness", "gaussian_process")
 
 def retuning(question: Question) -> dict[str, Any]:
     """Re-tune all parameters of the simulator (free run, first rows as initial states) and name those that moved."""
-    begun = time.perf_counter(), time.process_time()
+    started = time.perf_counter(), time.process_time()
     simulator = question.simulator
     names = [name for name, value in simulator.params.items() if value]
     runs = _runs(question)
@@ -60,12 +60,12 @@ def retuning(question: Question) -> dict[str, Any]:
     ]  # fmt: skip
     verdict = "none" if not moved else ("explained" if after < 0.5 * before else "unknown")
     where = {"location": max(moved, key=lambda m: abs(m[1]))[0] if moved else None}
-    return _answer(verdict, effects, where, predict(_with(simulator, names, fit.x), question), begun)
+    return _answer(verdict, effects, where, predict(_with(simulator, names, fit.x), question), started)
 
 
 def whiteness(question: Question) -> dict[str, Any]:
     """Portmanteau and cross-correlation tests of the free-run error: is there a gap, and in which output or input?"""
-    begun = time.perf_counter(), time.process_time()
+    started = time.perf_counter(), time.process_time()
     errors = []
     for U, y in _runs(question):
         errors.append((y - _free_run(question.simulator, U, _start(question.simulator, y))) / question.y.std(axis=0))
@@ -79,12 +79,12 @@ def whiteness(question: Question) -> dict[str, Any]:
     suspicious = statistic > degrees + 4.0 * np.sqrt(2.0 * degrees)
     place = str(question.simulator.outputs[int(np.argmax(statistic))]) if suspicious.any() else None
     predicted = predict(question.simulator, question)
-    return _answer("unknown" if suspicious.any() else "none", [], {"location": place}, predicted, begun)
+    return _answer("unknown" if suspicious.any() else "none", [], {"location": place}, predicted, started)
 
 
 def sparse_regression(question: Question) -> dict[str, Any]:
     """Sparse regression (pysindy's STLSQ) of the residual of dx/dt on a polynomial library; measured states only."""
-    begun = time.perf_counter(), time.process_time()
+    started = time.perf_counter(), time.process_time()
     ps = require("pysindy", "bench")
     simulator = question.simulator
     states, inputs = list(simulator.states), list(simulator.inputs)
@@ -108,7 +108,7 @@ def sparse_regression(question: Question) -> dict[str, Any]:
         effects += [_named(states[i], labels[k]) for k in np.flatnonzero(found)]
     place = effects[0]["location"] if effects else None
     predicted = predict(_Added(simulator, library, coefficients, spread), question)
-    return _answer("explained" if effects else "none", effects, {"location": place}, predicted, begun)
+    return _answer("explained" if effects else "none", effects, {"location": place}, predicted, started)
 
 
 class _Added:
@@ -156,7 +156,7 @@ def _named(state: str, label: str) -> dict[str, Any]:
 
 def gaussian_process(question: Question) -> dict[str, Any]:
     """A Gaussian process from simulated outputs and inputs to the free-run error: a correction without a name."""
-    begun = time.perf_counter(), time.process_time()
+    started = time.perf_counter(), time.process_time()
     simulator, rng = question.simulator, np.random.default_rng(0)
     rows, errors = [], []
     for U, y in _runs(question):
@@ -174,7 +174,7 @@ def gaussian_process(question: Question) -> dict[str, Any]:
     for simulated, U in zip(predict(simulator, question), question.X_test):
         base = np.asarray(simulated)
         predicted.append(base + model.predict(scaler.transform(_history(base, U))).reshape(base.shape))
-    return _answer("unknown", [], {"location": None}, [p.tolist() for p in predicted], begun)
+    return _answer("unknown", [], {"location": None}, [p.tolist() for p in predicted], started)
 
 
 def _history(simulated: np.ndarray, U: np.ndarray) -> np.ndarray:
@@ -230,12 +230,12 @@ def _derivative_gaps(question: Question, ps: Any) -> tuple[np.ndarray, np.ndarra
 
 
 def _answer(
-    verdict: str, effects: list[Any], where: dict[str, Any], predicted: Any, begun: tuple[float, float]
+    verdict: str, effects: list[Any], where: dict[str, Any], predicted: Any, started: tuple[float, float]
 ) -> dict[str, Any]:
     """An answer in the common form."""
     return {
         "verdict": verdict, "effects": effects, "where": where, "predicted": predicted,
-        "seconds": time.perf_counter() - begun[0], "processor_seconds": time.process_time() - begun[1],
+        "seconds": time.perf_counter() - started[0], "processor_seconds": time.process_time() - started[1],
     }  # fmt: skip
 
 
@@ -308,7 +308,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("out", help="rows of the baselines, appended to")
     parser.add_argument("--first", type=int, default=10, help="cases of each arm (default 10)")
     parser.add_argument("--limit", type=float, default=120.0, help="seconds for one answer (default 120)")
-    parser.add_argument("--jobs", type=int, default=None, help="cases abreast")
+    parser.add_argument("--jobs", type=int, default=None, help="cases at once")
     given = parser.parse_args(argv)
     count = run_baselines(given.rows, given.out, first=given.first, limit=given.limit, n_jobs=given.jobs)
     print(f"{count} new rows in {given.out}")

@@ -74,7 +74,7 @@ def run_blind_check(
         excepted; new ones are appended. Where the file cannot be written, a warning says so and the rows stay in the
         result.
     n_jobs : int, optional
-        Cases abreast, through joblib; each has a diagnosing process of its own.
+        Cases at once, through joblib; each has a diagnosing process of its own.
     diagnosis : str
         ``module:function`` that answers a :class:`Question`; the package's diagnosis by default.
     limit : float, default=600
@@ -143,7 +143,7 @@ def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any) -> None:
     if not (isinstance(cases, (int, np.integer)) and cases >= 1):
         raise SurrogateError(f"cases={cases!r}: expected a whole number of at least 1.")
     if n_jobs == 0:
-        raise SurrogateError("n_jobs=0: expected 1 or more cases abreast, or -1 for all cores.")
+        raise SurrogateError("n_jobs=0: expected 1 or more cases at once, or -1 for all cores.")
     if not 0 <= follow_up <= 1:
         raise SurrogateError(f"follow_up={follow_up!r}: expected a share between 0 and 1.")
     if resume is not None and Path(resume).is_dir():
@@ -227,7 +227,7 @@ def run_case(
     >>> row["verdict"]   # doctest: +SKIP
     'none'
     """
-    begun, robot = time.perf_counter(), arm in ROBOT_ARMS
+    started, robot = time.perf_counter(), arm in ROBOT_ARMS
     try:
         case: Any = draw_robot_case(arm, entropy) if robot else draw(arm, entropy, plant=plant, runs=runs)
     except SurrogateError as error:
@@ -249,7 +249,7 @@ def run_case(
         row["gap_beyond_retuning"] = beyond_retuning(case)
     if not robot and np.random.default_rng([case.facts["seed"], 18]).random() < follow_up:
         row |= followed(case, answer, row, solver.ask)
-    return {**row, "diagnosis": diagnosis, "sha256": seal.sha256, "whole_seconds": time.perf_counter() - begun}
+    return {**row, "diagnosis": diagnosis, "sha256": seal.sha256, "whole_seconds": time.perf_counter() - started}
 
 
 def line(row: dict[str, Any]) -> str:

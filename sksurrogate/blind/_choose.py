@@ -45,12 +45,12 @@ DISTINCT = [
 ]
 REGIONAL = [name for name, kind in KINDS.items() if "region" in kind.marks]
 TIMED = [name for name, kind in KINDS.items() if "time" in kind.marks]
-#: Effects that make a response late: several of them are not told apart.
+#: Effects that make a response late: several of them are not distinguished.
 LATE = {"input_delay", "input_lag", "sensor_delay", "sensor_lag", "rate_limit"}
 #: How often each place is drawn.
 PLACES = {"balance": 0.32, "input": 0.24, "sensor": 0.18, "parameter": 0.1, "hidden": 0.1, "limit": 0.06}
 #: Largest multiplier of the sizes tried.
-LARGEST = 6.0
+LARGEST_MULTIPLIER = 6.0
 
 
 @dataclass
@@ -274,7 +274,7 @@ def sized(setting: Setting, name: str, location: str, variable: str | None, kind
 
     if not kind.size(1.0, scene):
         return as_truth(name, location, variable, kind, scene, 1.0) if gaps(np.ones(1))[0] >= least else None
-    sizes = np.geomspace(1e-3, LARGEST, 15)
+    sizes = np.geomspace(1e-3, LARGEST_MULTIPLIER, 15)
     for _ in range(2):
         found = gaps(sizes)
         reached = np.flatnonzero(found >= target)
@@ -294,7 +294,7 @@ def sized(setting: Setting, name: str, location: str, variable: str | None, kind
 
 
 def _gaps(setting: Setting, truth: Truth, times: int, few: int) -> np.ndarray:
-    """Gap over noise for several sizes, runs abreast; inf where the plant runs away."""
+    """Gap over noise for several sizes, runs at once; inf where the plant runs away."""
     U, X0 = np.tile(setting.U[:few], (times, 1, 1)), np.tile(setting.X0[:few], (times, 1))
     policy = setting.controller.tiled(times, few) if setting.controller else None
     course = march(setting.plant, U, X0, [truth], policy=policy, substeps=6)

@@ -86,7 +86,7 @@ def documented_term(recording: Any) -> tuple[np.ndarray, np.ndarray, float]:
     """What the documented model has and the nominal one lacks, along the training record.
 
     The documented model is fitted to the training record by its free run. The nominal right-hand side, linear in its
-    parameters or tuned to the same rates, is taken from it by least squares: whatever re-tuning can follow is no missing
+    parameters or tuned to the same rates, is taken from it by least squares: whatever re-tuning can follow is not a missing
     term.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Right-hand sides of the check's plants, ``rhs(t, x, u, p)`` with columns abreast."""
+"""Right-hand sides of the check's plants, ``rhs(t, x, u, p)`` with columns at once."""
 
 from __future__ import annotations
 

@@ -15,9 +15,9 @@ from sksurrogate.blind._truths import Truth
 __all__ = ["gap_beyond"]
 
 #: Gauss-Newton steps (shorter after one that does not help), and relative steps of the differences.
-STEPS, PUSH = 12, 1e-4
+GAUSS_NEWTON_STEPS, PUSH = 12, 1e-4
 #: Relative gain that ends the search, and steps of the integrator in a sample.
-ENOUGH, SUBSTEPS = 0.05, 4
+GAIN_THAT_ENDS, INTEGRATOR_SUBSTEPS = 0.05, 4
 
 
 def gap_beyond(
@@ -61,7 +61,7 @@ def gap_beyond(
     moves = len(values) if retune else 0
     step, starts, share, X0 = np.zeros_like(values), np.zeros_like(X0), 1.0, X0.copy()
     measured = float(np.mean(np.isfinite(unit)))
-    for _ in range(STEPS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         tried, X0_tried = values + share * step * reach, X0 + share * starts * spread
         with np.errstate(all="ignore"):
             followed = _pushed(plant, U, X0_tried, truths, tried, PUSH * reach[:moves], PUSH * spread)
@@ -73,13 +73,13 @@ def gap_beyond(
                 return float("inf")
             share *= 0.3
             continue
-        if best - left < ENOUGH * best:
+        if best - left < GAIN_THAT_ENDS * best:
             return left
         best, values, X0, share = left, tried, X0_tried, 1.0
         J = (followed[1:] - followed[0]) / PUSH
         step = np.zeros_like(values)
         step[:moves], starts, rest = _step(r, J[:moves], J[moves:])
-        if best - np.sqrt(rest / measured) < ENOUGH * best:
+        if best - np.sqrt(rest / measured) < GAIN_THAT_ENDS * best:
             return best
     return best
 
@@ -100,7 +100,7 @@ def _pushed(
         np.tile(U, (times, 1, 1)),
         starts.reshape(times * n_runs, n_x),
         truths,
-        substeps=SUBSTEPS,
+        substeps=INTEGRATOR_SUBSTEPS,
     )
     return course.outputs.reshape(times, n_runs, U.shape[1], -1)
 

@@ -24,7 +24,7 @@ SWING, PERIOD = 0.15, 60.0
 
 
 def _s(h: float) -> float:
-    """Spread of the variable: widths of signs are told as a share of it."""
+    """Spread of the variable: widths of signs are given as a share of it."""
     return h / 3e-3 + 1e-300
 
 

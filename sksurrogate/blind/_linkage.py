@@ -54,7 +54,7 @@ def _friction(kind: str, v: Any, u: Any, size: Any, unit: float, dice: np.ndarra
 
 
 def _march(p: Mapping[str, float], dt: float, U: np.ndarray, X0: np.ndarray, acting: Any = None) -> np.ndarray:
-    """Angles (n_runs, n_samples, 2) by Runge-Kutta, all runs abreast."""
+    """Angles (n_runs, n_samples, 2) by Runge-Kutta, all runs at once."""
     x, h, out = X0.T.copy(), dt / SUBSTEPS, np.empty((len(U), U.shape[1], 2))
 
     def rates(z: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -71,7 +71,7 @@ class PlantSpec:
     ----------
     name, domain : str
     rhs : callable
-        ``rhs(t, x, u, p)``, columns abreast.
+        ``rhs(t, x, u, p)``, columns at once.
     states : tuple of str
     drives : tuple of Drive
     outputs : tuple of str

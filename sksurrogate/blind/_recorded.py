@@ -216,10 +216,10 @@ def _diagnosed(recording: Recording, withhold: bool) -> dict[str, Any]:
     from sksurrogate.gap import GapDiagnoser
 
     left = remaining(list(recording.documented)) if withhold and recording.documented else None
-    begun = time.perf_counter()
+    started = time.perf_counter()
     diagnoser = GapDiagnoser(recording.simulator, effects=left, free_params=recording.free, random_state=0)
     report = diagnoser.fit(recording.X, recording.y, groups=recording.groups).report_
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - started
     names = [(e.name, e.location, e.variable) for e in report.effects]
     every = names + [(q[0], q[1], q[2]) for e in report.effects for q in e.equivalents]
     hit = any(

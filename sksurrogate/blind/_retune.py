@@ -1,4 +1,4 @@
-"""How much of a gap re-tuning cannot close: an effect that free parameters imitate is no question about effects."""
+"""How much of a gap re-tuning cannot close: an effect that free parameters imitate is not a question about effects."""
 
 from __future__ import annotations
 

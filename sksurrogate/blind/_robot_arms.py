@@ -27,7 +27,7 @@ ROBOT_ARMS: dict[str, tuple[str, str]] = {
     "linkage_none": ("no effect in a two-link arm", "none"),
 }
 #: Share of the gap (amplitude) on runs nobody fitted from which other names imitate what has no name.
-IMITATED = 0.95
+ROBOT_IMITATED = 0.95
 
 
 @dataclass(frozen=True)
@@ -152,18 +152,18 @@ def score_robot_case(case: RobotCase, answer: Mapping[str, Any]) -> dict[str, An
     right = [bool(group & set(case.answers)) for group in groups]
     kept = ("name", "location", "variable", "params", "intervals", "probability", "equivalents")
     places = {place for _, place in case.answers}
-    accused = answer.get("where", {}).get("location")
+    likely_place = answer.get("where", {}).get("location")
     row |= {
         "verdict": answer["verdict"], "effects": [{k: e.get(k) for k in kept} for e in answer["effects"]],
         "named": int(any(right)), "false_names": right.count(False), "classes": [len(group) for group in groups],
         "exact": int(any((e["name"], e["location"]) in case.answers for e in answer["effects"])),
-        "accused": accused, "place": accused in places if case.answers else accused is None, "covered": [],
+        "accused": likely_place, "place": likely_place in places if case.answers else likely_place is None, "covered": [],
         "noted": bool(answer.get("notes")), "sentence": answer.get("sentence"), "reasons": answer.get("reasons"),
         "seconds": answer.get("seconds"), "processor_seconds": answer.get("processor_seconds"), "calls": None,
         "oracle": None, "curve": None,
     }  # fmt: skip
     row |= _followed(case, answer)
-    row["imitated"] = bool(answer["effects"] and (row["shrink"] or 0.0) >= IMITATED and not any(right))
+    row["imitated"] = bool(answer["effects"] and (row["shrink"] or 0.0) >= ROBOT_IMITATED and not any(right))
     row["right"] = _is_right(case, row, expected)
     return row
 

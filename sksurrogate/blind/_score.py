@@ -37,7 +37,7 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
     dict
         Plain data. ``right``: the verdict is the right one, every true effect is named up to twins, nothing false is
         named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the location
-        accused is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each true
+        likely is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each true
         parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on runs nobody fitted fell,
         without their noise. ``imitated``: explained by other names that close 95 % of the gap on runs nobody fitted: where the true name
     is withheld they are a right answer, and are counted.
@@ -180,7 +180,7 @@ def oracle_error(case: Case) -> float:
 def _columns(
     case: Case, U: np.ndarray, X0: np.ndarray, keys: list[tuple[int, str]], steps: list[float]
 ) -> list[np.ndarray]:
-    """Measured outputs with the true parameters, and with each of them moved; all abreast."""
+    """Measured outputs with the true parameters, and with each of them moved; all at once."""
     times, n_runs = 1 + len(keys), len(U)
     moved = []
     for i, truth in enumerate(case.truths):

@@ -53,23 +53,23 @@ def rows_of_rule(rule: str, signals: Mapping[str, np.ndarray]) -> np.ndarray | N
 
 
 def region_score(case: Case, rules: Sequence[Mapping[str, Any]]) -> float | None:
-    """F1 of the rows accused (rules that hold more than their part of the gap) against those where the effect acts."""
+    """F1 of the rows flagged (rules that hold more than their part of the gap) against those where the effect acts."""
     mask = active(case)
     if mask is None or not mask.any() or not rules:
         return None
     signals = {name: case.states[:, i] for i, name in enumerate(case.plant.states)}
     signals |= {name: case.question.X[:, j] for j, name in enumerate(case.plant.inputs)}
-    accused = np.zeros(len(mask), dtype=bool)
+    likely_place = np.zeros(len(mask), dtype=bool)
     for row in rules:
         inside = rows_of_rule(str(row["rule"]), signals)
         if inside is not None and row["share"] > 1.5 * row["samples"]:
-            accused |= inside
-    both = float(np.sum(accused & mask))
-    return 2 * both / float(accused.sum() + mask.sum())
+            likely_place |= inside
+    both = float(np.sum(likely_place & mask))
+    return 2 * both / float(likely_place.sum() + mask.sum())
 
 
 def true_curve(truth: Truth, at: np.ndarray) -> np.ndarray | None:
-    """The missing term over its variable; None where it is no function of one variable."""
+    """The missing term over its variable; None where it is not a function of one variable."""
     kind = family(truth.name)
     if kind.form is None or kind.variable in ("product", "other", "gate", "input", "output"):
         return None
@@ -84,7 +84,7 @@ def true_curve(truth: Truth, at: np.ndarray) -> np.ndarray | None:
 def shape_curve(case: Case, missing: Mapping[str, Any] | None) -> dict[str, Any] | None:
     """The learned curve over the true term's own variable, with the true term; None where there is no such curve.
 
-    A constant is not told: it belongs to the balance as well as to the term. Both curves have mean zero.
+    A constant is not given: it belongs to the balance as well as to the term. Both curves have mean zero.
     """
     if not missing:
         return None

@@ -42,9 +42,9 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
     diagnoser = GapDiagnoser(
         simulator, effects=question.effects, free_params=question.free_params, random_state=0
     )  # the same seed in every case: it only orders bootstrap draws
-    begun, busy = time.perf_counter(), processor_seconds()
+    started, busy = time.perf_counter(), processor_seconds()
     report = diagnoser.fit(question.X, question.y, groups=question.groups).report_
-    seconds, busy = time.perf_counter() - begun, processor_seconds() - busy
+    seconds, busy = time.perf_counter() - started, processor_seconds() - busy
     shrink = report.shrink
     return {
         "verdict": report.verdict,

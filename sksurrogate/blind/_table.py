@@ -22,8 +22,8 @@ __all__ = ["BlindResult"]
 
 Row = Mapping[str, Any]
 
-#: Arms whose gap is about as large as the noise: no shares of it are told.
-SMALL = ("weak", "sizes")
+#: Arms whose gap is about as large as the noise: no shares of it are given.
+SMALL_GAP_ARMS = ("weak", "sizes")
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class BlindResult:
     def misses(self) -> list[dict[str, Any]]:
         """Every missed case, grouped by kind; right names at another place stand at the end."""
         away = _bars.misplaced(self.rows)
-        return _bars.misses([*self.failures(), ("right, but another place accused", away)])
+        return _bars.misses([*self.failures(), ("right, but another likely place", away)])
 
     def kinds(self) -> list[dict[str, Any]]:
         """Kinds of failures: failure, count, for example."""
@@ -220,8 +220,8 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "own place": mean(row["place"] for row in answered),
         "class": mean(size for row in answered for size in row["classes"]),
         "covered": mean(value for row in answered for value in row["covered"]),
-        "shrink": median(row["shrink"] for row in answered if row["arm"] not in SMALL),
-        "oracle": median(row["oracle"] for row in answered if row["arm"] not in SMALL),
+        "shrink": median(row["shrink"] for row in answered if row["arm"] not in SMALL_GAP_ARMS),
+        "oracle": median(row["oracle"] for row in answered if row["arm"] not in SMALL_GAP_ARMS),
         "region": mean(row.get("region_f1") for row in answered),
         "edge": median(row.get("edge_error") for row in answered),
         "moment": median(row.get("time_error") for row in answered),

@@ -106,7 +106,7 @@ class Kind:
     ----------
     place : {"parameter", "balance", "hidden", "limit", "input", "sensor"}
     size : callable
-        ``size(m, scene) -> params``: m = 0 is no effect, m about 1 a clear one.
+        ``size(m, scene) -> params``: m = 0 is not an effect, m about 1 a clear one.
     twins : tuple of str
         Names that can imitate it on some data; they leave the catalogue with it in the unknown arm.
     form : callable, optional

@@ -25,9 +25,9 @@ from sksurrogate.runs import Runs
 __all__ = ["DerivativeRegressor"]
 
 #: Change of a training run, in spreads, that one more halving of the substep may bring.
-SETTLED = 1e-3
+SUBSTEPS_SETTLED = 1e-3
 #: Rounds in which a regressor that is not linear in its parameters is fitted to corrected weak-form targets.
-ROUNDS = 4
+WEAK_FORM_ROUNDS = 4
 
 
 class DerivativeRegressor(FreeRunMixin, BaseEstimator):
@@ -53,7 +53,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     run : None, column name, int or "index"
         Where X says which run a row belongs to; ``groups`` wins.
     time : column name or int, optional
-        Column of X that holds the time; sampling may be uneven. It is no feature.
+        Column of X that holds the time; sampling may be uneven. It is not a feature.
 
     Attributes
     ----------
@@ -299,7 +299,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             self.estimator_ = found
             return
         target = weak.targets
-        for _ in range(ROUNDS):
+        for _ in range(WEAK_FORM_ROUNDS):
             self.estimator_ = fitted(self.estimator, weak.centres, _narrow(target))
             target = weak.targets + self._f(weak.centres) - weak.mean(self._f(weak.points))
 
@@ -318,7 +318,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             finer = self._run_free(*given, 2 * self.n_sub_)
             moved = max(np.nanmax(np.abs(a - b) / self.y_spread_, initial=0.0) for a, b in zip(out, finer))
             lost = any(np.isfinite(b).sum() > np.isfinite(a).sum() for a, b in zip(out, finer))
-            if moved <= SETTLED and not lost:
+            if moved <= SUBSTEPS_SETTLED and not lost:
                 break
             out, self.n_sub_ = finer, 2 * self.n_sub_
         if self.n_sub_ == 64:

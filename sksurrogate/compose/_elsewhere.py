@@ -11,15 +11,15 @@ from sksurrogate.kernels.rollout import free_run
 __all__ = ["Elsewhere"]
 
 #: Runs whose inputs are taken.
-RUNS = 16
+RUNS_TAKEN = 16
 #: Share of the outputs' range beyond which the extreme starts lie, and disturbance of a rough start in spreads.
 BEYOND, ROUGH = 0.05, 0.1
 #: A fit must not leave more than this multiple of what the reference leaves of a start, and this much of a spread.
-TIMES, AT_LEAST = 3.0, 0.1
+TIMES_REFERENCE, AT_LEAST = 3.0, 0.1
 #: Share of the training range by which a fit may leave it further than the reference; runs away were 0.4 and more.
-FURTHER = 0.3
+LEAVES_RANGE = 0.3
 #: A run that has gone this many spreads is as bad as any.
-LOST = 1e6
+LOST_SPREADS = 1e6
 
 
 class Elsewhere:
@@ -40,7 +40,7 @@ class Elsewhere:
     """
 
     def __init__(self, model: Any, U: np.ndarray, target: np.ndarray, n_first: int, rng: np.random.RandomState):
-        some = np.linspace(0, len(U) - 1, min(RUNS, len(U))).round().astype(int)
+        some = np.linspace(0, len(U) - 1, min(RUNS_TAKEN, len(U))).round().astype(int)
         U, target = U[some], target[some]
         self.low, self.high = np.nanmin(target, axis=(0, 1)), np.nanmax(target, axis=(0, 1))
         room = BEYOND * (self.high - self.low)
@@ -60,7 +60,9 @@ class Elsewhere:
         """How far outside the training range, how much of a start is left at the end, how much a rough start grows."""
         with np.errstate(all="ignore"):
             y = free_run(model, self.U, self.first)
-        y = np.where(np.isfinite(y), np.clip(y, -LOST, LOST), LOST).reshape(-1, self.n, *y.shape[1:])
+        y = np.where(np.isfinite(y), np.clip(y, -LOST_SPREADS, LOST_SPREADS), LOST_SPREADS).reshape(
+            -1, self.n, *y.shape[1:]
+        )
         size = np.where(self.high > self.low, self.high - self.low, 1.0)
         outside = float((np.maximum(self.low - y, y - self.high) / size).max())
         away = np.abs(y[1:] - y[0])
@@ -70,7 +72,7 @@ class Elsewhere:
     @staticmethod
     def most(reference: np.ndarray) -> np.ndarray:
         """What is accepted beside a reference."""
-        return np.array([max(reference[0], 0.0) + FURTHER, *(TIMES * reference[1:] + AT_LEAST)])
+        return np.array([max(reference[0], 0.0) + LEAVES_RANGE, *(TIMES_REFERENCE * reference[1:] + AT_LEAST)])
 
     def holds(self, model: Any) -> bool:
         """Whether a fit is accepted."""

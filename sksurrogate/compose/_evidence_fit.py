@@ -22,13 +22,13 @@ __all__ = ["STRONG", "Belief", "shoot_by_evidence"]
 STRONG = 0.1
 #: Penalties beside the mean squared error of one-step starts, until one does not run away; the first keeps weights within
 #: the digits of doubles, and no more.
-LITTLE = (1e-10, 1e-6, 1e-4)
+STARTING_PENALTIES = (1e-10, 1e-6, 1e-4)
 #: Standard errors by which another end must be better than the first.
 SURELY = 2.0
 #: Steps of Levenberg-Marquardt to the reference.
-STEPS = 40
+REFERENCE_STEPS = 40
 #: Rows whose slopes are held at once.
-ROWS = 4096
+SLOPE_ROWS = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Belief:
         u, z = (U - s.u_mean) / s.u_std, (y - s.y_mean) / s.y_std
         evidence, loss = self.fit.evidence, self.fit.loss
         variance = np.full(y.shape, evidence.noise)
-        at_once = max(1, ROWS // max(y.shape[1], 1))
+        at_once = max(1, SLOPE_ROWS // max(y.shape[1], 1))
         for a in range(0, len(y), at_once):
             part = slice(a, a + at_once)
             own = replace(loss, U=u[part], target=z[part], weight=None)
@@ -126,9 +126,9 @@ def _ways(
 ) -> Iterator[EvidenceFit | None]:
     """Ends of the ways of a network, from one-step fits first; the reference itself where every other is refused."""
     starts = [model.at(small_weights(model.net, rng)) for _ in range(n_starts)]
-    reference = fit_free_run(loss, starts, max_iter=STEPS)[0]
+    reference = fit_free_run(loss, starts, max_iter=REFERENCE_STEPS)[0]
     guard = Elsewhere(reference, data.U, data.target, data.n_first, rng)
-    for alphas in (LITTLE, ("evidence",)):
+    for alphas in (STARTING_PENALTIES, ("evidence",)):
         for alpha in alphas:
             start = _one_step(model, data, alpha, rng)
             if start is not None and guard.holds(start):

@@ -15,7 +15,7 @@ from sksurrogate.kernels.shooting_evidence import fit_by_evidence
 
 __all__ = ["FeatureModel"]
 
-#: Steps of the free runs on the way to whole runs: each is begun where the shorter ones ended.
+#: Steps of the free runs on the way to whole runs: each is started where the shorter ones ended.
 HORIZONS = (3, 10, 30)
 
 
@@ -65,7 +65,7 @@ class FeatureModel:
         stability: float,
         max_iter: int = 100,
     ) -> tuple[float, float]:
-        """Fit the linear model on free runs, begun at what it is; loss and penalty, in numbers scaled as for networks."""
+        """Fit the linear model on free runs, started at what it is; loss and penalty, in numbers scaled as for networks."""
         scaling = Scaling(runs)
         mean, std = scaling.of_lags(len(output_lags), [j for j, _ in input_terms])
         made = self.features(self.phi)

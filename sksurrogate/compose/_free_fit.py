@@ -94,7 +94,7 @@ def shoot(
         limits=1, user_api="blas"
     ):  # small matrices: threads only wait on each other
         found, value = fit_free_run(loss, starts, max_iter=max_iter)
-        if demanding is not None:  # begun where the data alone are met: from afar it has more poor minima
+        if demanding is not None:  # started where the data alone are met: from afar it has more poor minima
             found, value = levenberg_marquardt(demanding, found, max_iter)
     return scaling.raw(found), value
 
@@ -132,7 +132,7 @@ def _fill(U: np.ndarray, target: np.ndarray, run: Run, start: int) -> None:
 
 
 def displaced(loss: FreeRunLoss, stability: float) -> FreeRunLoss:
-    """Every piece twice more, begun one spread above and below; in its second half it must be back on the data."""
+    """Every piece twice more, started one spread above and below; in its second half it must be back on the data."""
     n, half = loss.n_first, loss.n_first + (loss.target.shape[1] - loss.n_first) // 2
     parts = [loss.target]
     for sign in (1.0, -1.0):

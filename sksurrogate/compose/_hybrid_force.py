@@ -22,7 +22,7 @@ __all__ = ["ForceCorrection"]
 #: Rows at the end of a run in which the force has not shown itself in the outputs yet, where runs are long.
 _UNSEEN = 5
 #: Times that the force is estimated and learned, at most.
-_ROUNDS = 3
+_FORCE_ROUNDS = 3
 #: Share of the typical change that a force may change by while the input is held.
 _HELD = 0.01
 
@@ -67,7 +67,7 @@ class ForceCorrection(DynamicsCorrection):
             [simulated(self.simulator, U, self._start(plant, y[:1])) for U, y in zip(inputs, measured)]
         )
         best: tuple[float, Any, Domain] | None = None
-        for _ in range(_ROUNDS):
+        for _ in range(_FORCE_ROUNDS):
             guess, force = self._estimated(guess, known, size)
             self._learn_rows(self._features(guess, u), force, inputs, measured)
             free, before_it = self.run(inputs, [y[:1] for y in measured]), self.noise

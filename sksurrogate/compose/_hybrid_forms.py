@@ -22,21 +22,21 @@ def correction_of(
     Raises
     ------
     DataError
-        The residual is no estimator.
+        The residual is not an estimator.
     """
     inside = form in ("dynamics", "input")
     slopes = residual is None or (inside and ends_linear(residual))
     loss = loss if loss is not None else ("shooting" if slopes else "one_step")
     if residual is not None and not hasattr(residual, "fit") and not isinstance(residual, FreeRunResidual):
         raise DataError(
-            f"residual={residual!r} is no estimator: it has no method fit. Give a regressor, or a pipeline that ends in one."
+            f"residual={residual!r} is not an estimator: it has no method fit. Give a regressor, or a pipeline that ends in one."
         )
     if not inside:
         return OutputCorrection(simulator, residual, form, loss, n_lags, fade, shrinkage, random_state)
     own = residual is not None and not ends_linear(residual)
     if own and not hasattr(residual, "predict"):
         raise DataError(
-            f"residual={residual!r} is no regressor: it has no method predict. Give a regressor, or a pipeline that ends in one."
+            f"residual={residual!r} is not a regressor: it has no method predict. Give a regressor, or a pipeline that ends in one."
         )
     kind = ForceCorrection if own else DynamicsCorrection
     return kind(simulator, residual, form, loss, states, fade, shrinkage)

@@ -69,7 +69,7 @@ def simulate_runs(
 
 
 def _simulated(simulator: Any, plant: Any, inputs: Sequence[np.ndarray], starts: list[Any]) -> list[np.ndarray]:
-    """Free runs of the simulator, abreast where runs are of one length and it can."""
+    """Free runs of the simulator, at once where runs are of one length and it can."""
     if len(inputs) > 1 and len({len(U) for U in inputs}) == 1 and plant.states and callable(getattr(simulator, "simulate_batch", None)):  # fmt: skip
         X0 = np.stack([plant.x0 if x0 is None else x0 for x0 in starts])
         return list(simulated_batch(simulator, np.stack(inputs), X0))
@@ -200,19 +200,19 @@ class OutputCorrection:
         known = [self.known(U, b) for U, b in zip(inputs, base)]
         longest = max(len(k) for k in known)
         stacked = np.stack([np.concatenate([k, np.repeat(k[-1:], longest - len(k), axis=0)]) for k in known], axis=1)
-        begun = np.array([0 if f is None else min(len(f), len(b), self.n_lags) for f, b in zip(first, base)])
+        started = np.array([0 if f is None else min(len(f), len(b), self.n_lags) for f, b in zip(first, base)])
         starts = np.zeros((self.n_lags, len(base), self.n_outputs))
         for r, (f, b) in enumerate(zip(first, base)):
-            if f is not None and begun[r]:
-                starts[: begun[r], r] = f[: begun[r]] - b[: begun[r]]
-        d, weight = self._deviations(self.step, self.net, stacked, starts, begun)
+            if f is not None and started[r]:
+                starts[: started[r], r] = f[: started[r]] - b[: started[r]]
+        d, weight = self._deviations(self.step, self.net, stacked, starts, started)
         deviates = np.zeros_like(d)
         if spread and len(self.members) > 1:
-            every = [self._deviations(net, net, stacked, starts, begun)[0] for net in self.members]
+            every = [self._deviations(net, net, stacked, starts, started)[0] for net in self.members]
             deviates = np.std(every, axis=0)
         cut_off = [len(b) for b in base]
         return Free(
-            [_kept(b, d[:n, r], self.factor, begun[r]) for r, (b, n) in enumerate(zip(base, cut_off))],
+            [_kept(b, d[:n, r], self.factor, started[r]) for r, (b, n) in enumerate(zip(base, cut_off))],
             [self.factor * deviates[:n, r] for r, n in enumerate(cut_off)],
             [weight[:n, r] for r, n in enumerate(cut_off)],
         )
@@ -301,7 +301,7 @@ class OutputCorrection:
         return clone(chosen)
 
     def _deviations(
-        self, step: Any, net: SkipNet | None, known: np.ndarray, starts: np.ndarray, begun: np.ndarray
+        self, step: Any, net: SkipNet | None, known: np.ndarray, starts: np.ndarray, started: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Deviations (n_steps, n_runs, n_outputs) and the correction's weight (n_steps, n_runs)."""
         n, steps, runs = self.n_lags, *known.shape[:2]
@@ -311,40 +311,40 @@ class OutputCorrection:
             weight = self.domain.weight(rows).reshape(steps, runs)
             d = step(rows).reshape(steps, runs, -1) * weight[:, :, None]
             for r in range(runs):
-                d[: begun[r], r] = starts[: begun[r], r]
+                d[: started[r], r] = starts[: started[r], r]
             return d, weight
-        if net is not None and steps > n and (begun.min() == n or begun.max() == 0):
+        if net is not None and steps > n and (started.min() == n or started.max() == 0):
             # without fading first: where nothing fades on the way, this is the answer
-            ahead = 0 if begun.min() == n else n  # rows of no deviation before the start
+            ahead = 0 if started.min() == n else n  # rows of no deviation before the start
             padded = np.concatenate([known[:ahead], known])
             d = roll(net, padded, starts)
             if np.all(np.isfinite(d)) and np.all(np.abs(d) <= self.bound):
                 phi = features(d, padded, n).reshape(-1, len(self.domain.low))
                 if np.all(self.domain.distance(phi) <= self.fade):
                     return d[ahead:], weight
-        return self._step_by_step(step, known, starts, begun)
+        return self._step_by_step(step, known, starts, started)
 
     def _step_by_step(
-        self, step: Any, known: np.ndarray, starts: np.ndarray, begun: np.ndarray
+        self, step: Any, known: np.ndarray, starts: np.ndarray, started: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """The same, one call a step, with fading and the bound on the deviation."""
         n, steps, runs = self.n_lags, *known.shape[:2]
         d, weight = np.zeros((steps + n, runs, self.n_outputs)), np.ones((steps, runs))
         for r in range(runs):  # n rows of no deviation come before the start
-            d[n : n + begun[r], r] = starts[: begun[r], r]
-        for t in range(int(begun.min(initial=n)), steps):
+            d[n : n + started[r], r] = starts[: started[r], r]
+        for t in range(int(started.min(initial=n)), steps):
             phi = np.concatenate([*(d[n + t - k] for k in range(1, n + 1)), known[t]], axis=1)
             w = self.domain.weight(phi)
             new = np.clip(w[:, None] * step(phi), -self.bound, self.bound)
             weight[t] = w
-            d[n + t] = np.where((t >= begun)[:, None], new, d[n + t])
+            d[n + t] = np.where((t >= started)[:, None], new, d[n + t])
         return d[n:], weight
 
 
-def _kept(base: np.ndarray, d: np.ndarray, factor: np.ndarray | float, begun: int) -> np.ndarray:
-    """Outputs (n_samples, n_outputs): the first ``begun`` rows are those given, then the share of the deviation."""
+def _kept(base: np.ndarray, d: np.ndarray, factor: np.ndarray | float, started: int) -> np.ndarray:
+    """Outputs (n_samples, n_outputs): the first ``started`` rows are those given, then the share of the deviation."""
     y = base + factor * d
-    y[:begun] = base[:begun] + d[:begun]
+    y[:started] = base[:started] + d[:started]
     return y
 
 

@@ -13,7 +13,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.utils import get_tags
 
-from sksurrogate._dynamic import FAR
+from sksurrogate._dynamic import DIVERGED_RUN
 from sksurrogate._lags import lag_terms
 from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.kernels.rows import LagRows
@@ -37,7 +37,7 @@ __all__ = [
 #: Training rows that are run freely after a fit.
 REPORTED = 65_536
 #: Numbers up to which a lag matrix is made whole.
-WHOLE = 2_000_000
+WHOLE_LAG_MATRIX = 2_000_000
 
 
 def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tuple[list[tuple[int, int]], list[str]]:
@@ -53,7 +53,7 @@ def diverged(
     found: np.ndarray, lengths: Sequence[int], n: int, mean: np.ndarray, spread: np.ndarray
 ) -> list[tuple[int, int]]:
     """(run, step) of the free runs (n_runs, n_steps, n_outputs) that left the finite numbers or went far beyond."""
-    limit = FAR * (spread + np.abs(mean))
+    limit = DIVERGED_RUN * (spread + np.abs(mean))
     if all(
         mean[i] - limit[i] <= found[:, :, i].min() and found[:, :, i].max() <= mean[i] + limit[i]
         for i in range(len(mean))
@@ -113,7 +113,7 @@ def lag_rows(
 
 def takes_rows(estimator: Any, rows: LagRows) -> bool:
     """Whether the lag matrix need not be made: it is large, and the estimator goes over it block by block."""
-    return isinstance(estimator, (FNNRegressor, BaseBlockedRegressor)) and prod(rows.shape) > WHOLE
+    return isinstance(estimator, (FNNRegressor, BaseBlockedRegressor)) and prod(rows.shape) > WHOLE_LAG_MATRIX
 
 
 def barely_fitted(estimator: Any, Phi: np.ndarray, target: np.ndarray) -> Any:

@@ -13,7 +13,7 @@ __all__ = ["Fold", "LeftOut", "Piece", "folds_of"]
 #: Fits beside the one of all runs: folds of runs; blocks where there are fewer runs than three.
 RUN_FOLDS, BLOCK_FOLDS = 3, 4
 #: Longest block that starts anew: longer ones are cut, and all run in one batch.
-LONGEST = 2000
+LONGEST_LEFT_OUT = 2000
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def _joined(blocks: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
 def _pieces(block: tuple[int, int, int], n_lags: int) -> list[Piece]:
     """Free runs that judge a block: from its own start, in parts where it is long, and from the start of its run."""
     run, start, stop = block
-    count = max(1, -(-(stop - start) // LONGEST))
+    count = max(1, -(-(stop - start) // LONGEST_LEFT_OUT))
     edges = np.linspace(start, stop, count + 1).astype(int)
     pieces = [Piece(run, int(a), int(b), int(a) + n_lags) for a, b in zip(edges, edges[1:])]
     return pieces if start == 0 or count > 1 else [*pieces, Piece(run, 0, stop, start)]

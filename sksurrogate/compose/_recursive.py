@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FAR, FreeRunMixin, lengthened, steps_ahead
+from sksurrogate._dynamic import DIVERGED_RUN, FreeRunMixin, lengthened, steps_ahead
 from sksurrogate._lags import lag_list
 from sksurrogate.compose._evidence_fit import Belief
 from sksurrogate.compose._lagged import (
@@ -37,7 +37,7 @@ from sksurrogate.runs import Run, Runs
 __all__ = ["RecursivePredictor"]
 
 #: Rows in a block of one-step predictions.
-BLOCK = 65536
+PREDICTION_ROWS = 65536
 
 
 class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
@@ -97,7 +97,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
     -----
     ``MLPRegressor``, ``FNNRegressor`` and linear models (all that have ``coef_`` and ``intercept_``, ``PCRRegressor``
     too), also behind scalers or ``PCA`` in a pipeline or with a scaled target, are run as plain arrays: long runs in
-    pieces abreast, many runs abreast, short ones as plain numbers. Any other regressor is called once a step for all
+    pieces at once, many runs at once, short ones as plain numbers. Any other regressor is called once a step for all
     runs together. Equal one-step errors hide free-run errors of very different size: select on ``score`` or
     ``free_run_rmse_``.
 
@@ -270,8 +270,8 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
         n, parts = self.n_initial_, []
         for r, run in enumerate(runs):
             part = np.full(run.y.shape, np.nan)
-            for start in range(0, len(run) - n - k + 1, BLOCK):
-                begins = np.arange(start, min(start + BLOCK, len(run) - n - k + 1))[:, None]
+            for start in range(0, len(run) - n - k + 1, PREDICTION_ROWS):
+                begins = np.arange(start, min(start + PREDICTION_ROWS, len(run) - n - k + 1))[:, None]
                 found = self._roll(run.X[begins + np.arange(n + k)], run.y[begins + np.arange(n)])
                 bad = diverged(found, [n + k] * len(found), n, self.y_mean_, self.y_spread_)
                 if bad:
@@ -327,7 +327,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
             self._shoot(runs, rows[:], target)
         self.compiled_ = self._compiles(rows)
         target = target.reshape(len(target), -1)
-        blocks = (slice(k, k + BLOCK) for k in range(0, len(rows), BLOCK))
+        blocks = (slice(k, k + PREDICTION_ROWS) for k in range(0, len(rows), PREDICTION_ROWS))
         return sum(float(((self._step(rows[block]) - target[block]) ** 2).sum()) for block in blocks)
 
     def _free_run_error(self, runs: Runs) -> float:
@@ -367,7 +367,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
         """Free runs of equal length, (n_runs, n_steps, n_outputs)."""
         model = self._lag_net() if self.compiled_ else None
         if model is None:
-            far = FAR * (self.y_spread_ + np.abs(self.y_mean_))  # no predict is asked beyond
+            far = DIVERGED_RUN * (self.y_spread_ + np.abs(self.y_mean_))  # no predict is asked beyond
             limits = self.y_mean_ - far, self.y_mean_ + far
             return march(self._step, U, first, self.output_lags_, self.input_terms_, limits)
         return free_run(model, U, first)

@@ -1,4 +1,4 @@
-"""Fits of a correction through its own free run: pieces of runs abreast, exact slopes, Levenberg-Marquardt."""
+"""Fits of a correction through its own free run: pieces of runs at once, exact slopes, Levenberg-Marquardt."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def features(y: np.ndarray, known: np.ndarray, n_lags: int) -> np.ndarray:
 
 
 def roll(net: Any, known: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Free runs of a :class:`SkipNet`, all abreast: (n_steps, n_pieces, n_outputs)."""
+    """Free runs of a :class:`SkipNet`, all at once: (n_steps, n_pieces, n_outputs)."""
     raw, n_lags, o = net.raw(), len(first), first.shape[2]
     past, units = n_lags * o, raw.hidden.shape[1]
     by_past = np.concatenate([raw.hidden[:past], raw.skip[:past]], axis=1)

@@ -102,7 +102,7 @@ def merged(nets: Sequence[SkipNet]) -> SkipNet:
 
 
 #: Linear models whose ``coef_`` and ``intercept_`` are the whole prediction.
-_LINEAR = ("LinearRegression", "Ridge", "RidgeCV", "Lasso", "LassoCV", "ElasticNet", "ElasticNetCV")
+_LINEAR_MODELS = ("LinearRegression", "Ridge", "RidgeCV", "Lasso", "LassoCV", "ElasticNet", "ElasticNetCV")
 
 
 def as_skip_net(estimator: Any) -> SkipNet | None:
@@ -114,7 +114,7 @@ def as_skip_net(estimator: Any) -> SkipNet | None:
     kind = type(model).__name__
     if not type(model).__module__.startswith("sklearn."):
         return None
-    if kind in _LINEAR:
+    if kind in _LINEAR_MODELS:
         skip = np.ascontiguousarray(np.atleast_2d(model.coef_).T)
         m, o = skip.shape
         bias = np.broadcast_to(np.atleast_1d(model.intercept_), (o,)).astype(float)

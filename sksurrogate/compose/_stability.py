@@ -11,7 +11,7 @@ import numpy as np
 __all__ = ["StabilityReport", "growth_along"]
 
 #: Half width of differences in spreads of the outputs; the second for models of steps (forests), flat almost everywhere.
-SMALL, WIDE = 1e-5, 0.5
+SMOOTH_HALF_WIDTH, STEPPED_HALF_WIDTH = 1e-5, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class StabilityReport:
     labels : tuple
         One a run.
     radius : tuple of ndarray (n_steps,)
-        Spectral radius of the linearisation at every step after the first rows. Above 1 somewhere is no harm in itself.
+        Spectral radius of the linearisation at every step after the first rows. Above 1 somewhere is not a harm in itself.
     rate : tuple of float
         Mean factor of a disturbance a step over the whole run: below 1 the run forgets where it began.
     peak : tuple of float
@@ -86,9 +86,9 @@ def growth_along(
     StabilityReport
     """
     n_past = len(lags) * n_outputs
-    every = [_slopes(step, phi, n_past, SMALL) for phi in features]
+    every = [_slopes(step, phi, n_past, SMOOTH_HALF_WIDTH) for phi in features]
     if not any(np.any(slopes) for slopes in every):
-        every = [_slopes(step, phi, n_past, WIDE) for phi in features]
+        every = [_slopes(step, phi, n_past, STEPPED_HALF_WIDTH) for phi in features]
     found = [_of_run(slopes, lags, n_outputs) for slopes in every]
     radius, rate, peak = zip(*found)
     memory = tuple(float(np.log(0.01) / np.log(r)) if 0 < r < 1 else (0.0 if r == 0 else np.inf) for r in rate)

@@ -16,10 +16,10 @@ from sksurrogate.physics._simulator import describe, simulated, simulated_batch
 __all__ = ["Starts", "fitted_starts", "plain_starts", "runs_from"]
 
 #: Gauss-Newton steps: a few rows are nearly linear in the initial states.
-STEPS = 3
+HIDDEN_START_STEPS = 3
 #: Share of the squared error that initial states must explain: where they explain less, they rather make up for what the
 #: simulator misses, which is the correction's part.
-MOST = 0.5
+MOST_OF_ERROR = 0.5
 #: Places along the runs where the error of a few rows is measured.
 PLACES = 64
 
@@ -61,7 +61,7 @@ class Starts:
         precision = np.diag(1.0 / self.prior**2)
         step = 1e-2 * self.prior
         x = mean.copy()
-        for _ in range(STEPS):
+        for _ in range(HIDDEN_START_STEPS):
             moved = x[:, None] + np.concatenate([np.zeros((1, n)), np.diag(step)])
             Y = runs_from(simulator, np.repeat(U, n + 1, axis=0), moved.reshape(-1, n)).reshape(
                 n_runs, n + 1, *y.shape[1:]
@@ -134,7 +134,7 @@ def fitted_starts(
         errors.append((both - part)[:, n_rows:] / size)
     power = block_powers(errors).sum(axis=2)
     support = supported(power, np.array([0.0, 1.0]))
-    if support.closed - support.standard_error < MOST:
+    if support.closed - support.standard_error < MOST_OF_ERROR:
         return None
     return starts, list(path[:, record.starts].T)
 

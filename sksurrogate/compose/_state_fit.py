@@ -10,11 +10,11 @@ from sksurrogate.kernels.state_space import StateFit, fit_output_error, simulate
 __all__ = ["cut_pieces", "first_rows", "fit_linear", "fit_networks"]
 
 #: Rows that a subspace start looks at.
-ENOUGH = 100_000
+SUBSPACE_ROWS = 100_000
 #: Rows that are run from elsewhere after every step of a fit.
 GUARDED = 10_000
 #: Rows of the pieces on which networks are fitted before whole runs.
-PIECES = (8, 24, 72)
+PIECE_LENGTHS = (8, 24, 72)
 #: Share of the penalty there: a linear model is enough for short pieces, and weights that the penalty has taken to zero
 #: in both layers stay there.
 LIGHT = 1e-2
@@ -85,8 +85,8 @@ def fit_networks(
                 values[...] = rng.normal(size=shape) / np.sqrt(shape[0])
             part[: len(flat)] = flat
             theta.append(part)
-        begun = np.concatenate(theta), linear.x / spread
-        fits.append(_grow(model, *begun, rows, outputs, starts, linear.cost, alpha, max_iter))
+        started = np.concatenate(theta), linear.x / spread
+        fits.append(_grow(model, *started, rows, outputs, starts, linear.cost, alpha, max_iter))
     return min(fits, key=lambda fit: fit.cost)
 
 
@@ -102,8 +102,8 @@ def _grow(
     max_iter: int,
 ) -> StateFit:
     """Fits to pieces of growing length: whole runs from a poor start have no useful slope."""
-    longest, begun, stays = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts]), _Stays(model, U, starts)
-    for horizon in PIECES:
+    longest, started, stays = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts]), _Stays(model, U, starts)
+    for horizon in PIECE_LENGTHS:
         if 2 * horizon <= longest:
             edges = zip(starts, np.r_[starts[1:], len(U)])
             cuts = np.concatenate([np.arange(a, max(b - 1, a + 1), horizon) for a, b in edges])
@@ -114,9 +114,9 @@ def _grow(
             theta, x = fit.theta, fit.x
     fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=alpha, max_iter=max_iter, holds=stays)
     if not fit.cost <= plain_cost:
-        # pieces led astray: whole runs from the linear model
+        # pieces led away: whole runs from the linear model
         light = LIGHT * alpha
-        fit = fit_output_error(model, *begun, U, Y, starts, alpha=light, max_iter=max_iter, holds=stays)
+        fit = fit_output_error(model, *started, U, Y, starts, alpha=light, max_iter=max_iter, holds=stays)
         fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter, holds=stays)
     return fit
 
@@ -142,7 +142,7 @@ class _Stays:
         return near
 
 
-def _few(parts: list[np.ndarray], left: int = ENOUGH) -> list[np.ndarray]:
+def _few(parts: list[np.ndarray], left: int = SUBSPACE_ROWS) -> list[np.ndarray]:
     """The first runs, with so many rows in all."""
     out = []
     for part in parts:

@@ -11,7 +11,7 @@ __all__ = ["SHARES", "Support", "block_powers", "supported"]
 #: Fewest blocks that a standard error is made of: with eight its own error is a quarter.
 FEWEST_BLOCKS = 8
 #: Share of the squared error whose removal makes a correction the rule and the simulator the exception.
-CLEAR = 0.5
+CLEARLY_CLOSED = 0.5
 #: Shares of a correction that are compared: a step of a twentieth costs at most a 400th of the squared gap.
 SHARES = np.linspace(0.0, 1.0, 21)
 
@@ -90,7 +90,7 @@ def supported(power: np.ndarray, factors: np.ndarray) -> Support:
     best, whole = int(np.argmax(lower)), len(factors) - 1
     if not lower[best] > 0.0:
         return Support(0.0, 0.0, 0.0, n)
-    if lower[whole] > CLEAR:
+    if lower[whole] > CLEARLY_CLOSED:
         behind = gain[best] - gain[whole]
         if behind <= _jackknife((rest[best] - rest[whole] - behind)[None])[0]:
             best = whole

@@ -68,9 +68,9 @@ class Experiments:
     failed: tuple[int, ...]
 
     def __repr__(self) -> str:
-        told = "with" if self.dydt is not None else "without"
+        summary = "with" if self.dydt is not None else "without"
         return (
-            f"Experiments: {len(np.unique(self.groups))} runs, {len(self.X)} rows, {self.X.shape[1]} inputs, {told} "
+            f"Experiments: {len(np.unique(self.groups))} runs, {len(self.X)} rows, {self.X.shape[1]} inputs, {summary} "
             f"derivatives, {len(self.failed)} runs failed"
         )
 
@@ -122,7 +122,7 @@ def simulate_experiments(
         globals that they read. Not seen are files that it reads while it runs (but the file of an FMU) and programs that
         it calls: after a change of those use another folder.
     batch_size : int, default=128
-        Runs that are simulated abreast, and kept together in the cache.
+        Runs that are simulated at once, and kept together in the cache.
     n_jobs : int, optional
         Batches in parallel through joblib.
     random_state : int, RandomState or None
@@ -342,7 +342,7 @@ def _simulate(simulator: Any, U: np.ndarray, X0: np.ndarray) -> list[Any]:
 
 
 def _abreast(simulator: ODESimulator, U: np.ndarray, X0: np.ndarray) -> list[Any]:
-    """All runs of a right-hand side abreast; states, outputs and derivatives from one pass."""
+    """All runs of a right-hand side at once; states, outputs and derivatives from one pass."""
     open_ = clone(simulator).set_params(outputs=list(describe(simulator).states), output=None)
     X = open_.simulate_batch(U, X0)
     model = PlantModel(describe(simulator))
@@ -358,12 +358,12 @@ def _abreast(simulator: ODESimulator, U: np.ndarray, X0: np.ndarray) -> list[Any
 def _alone(simulator: Any, U: np.ndarray, x0: np.ndarray) -> Any:
     """One run, its states and derivatives where the simulator tells them."""
     start = x0 if len(x0) else None
-    told = callable(getattr(simulator, "simulate_states", None))
-    positions = describe(simulator).output_states if told else None
+    summary = callable(getattr(simulator, "simulate_states", None))
+    positions = describe(simulator).output_states if summary else None
     try:
-        if positions is None or not told:
+        if positions is None or not summary:
             y = simulated(simulator, U, start).reshape(len(U), -1)
-            if not told:
+            if not summary:
                 return y, None, None
         states, dxdt = (
             np.asarray(part, float)

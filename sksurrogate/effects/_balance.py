@@ -34,7 +34,7 @@ __all__ = [
 
 #: Levels of dry friction that may stop a state, over that of a tenth of its balance (a state that sticks hardly moves,
 #: whatever drives it). Within a sample they take at least the second share of its RMS.
-STOPPING, LOST = 2.0 ** np.arange(1, 7), 0.04
+STOPPING, STOPPED_WITHIN_SAMPLE = 2.0 ** np.arange(1, 7), 0.04
 #: A stop that pushes in this share of the samples is none.
 ALWAYS = 0.95
 
@@ -116,7 +116,7 @@ def stopping(effect: BalanceEffect, probe: Probe) -> list[float]:
     if not gain or probe.v is None:
         return []
     speed, unit = float(np.sqrt(np.mean(probe.v**2))), probe.unit(np.sign(probe.v))
-    return [c for c in unit * STOPPING if c * gain * probe.dt > LOST * speed]
+    return [c for c in unit * STOPPING if c * gain * probe.dt > STOPPED_WITHIN_SAMPLE * speed]
 
 
 class _DryFriction(BalanceEffect):
@@ -265,7 +265,7 @@ class PowerLaw(BalanceEffect):
         Parameter("exponent", null=1.0, low=0.05, high=8.0),
     )
     equation = "- c sign(v) abs(v)^m (times w for v*w)"
-    signature = "a loss that is no straight line in the level: kinetics, valves, natural convection"
+    signature = "a loss that is not a straight line in the level: kinetics, valves, natural convection"
     twins = ("linear_loss", "sqrt_leak", "quadratic_loss", "bilinear", "parameter_error")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:

@@ -101,7 +101,7 @@ def build_effects(
     Raises
     ------
     ValueError
-        A name is not in the catalogue, a class is no effect, or an instance names a signal that the plant lacks.
+        A name is not in the catalogue, a class is not an effect, or an instance names a signal that the plant lacks.
 
     Examples
     --------

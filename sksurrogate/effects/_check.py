@@ -61,7 +61,7 @@ def check_effect(effect: BaseEffect | type[BaseEffect], simulator: Any = None) -
     Notes
     -----
     Checked: name and parameters are declared; the constructor only assigns (clone, pickle, repr); the null value gives
-    the simulator back; rivals computed abreast in columns equal the same one by one; arguments are not written;
+    the simulator back; candidates computed at once in columns equal the same one by one; arguments are not written;
     starting values are finite, within their bounds, and change something; the change is in proportion to the magnitude
     where ``linear`` says so.
 
@@ -73,7 +73,7 @@ def check_effect(effect: BaseEffect | type[BaseEffect], simulator: Any = None) -
     """
     given = cast("BaseEffect | None", effect if isinstance(effect, BaseEffect) else None)
     cls: Any = effect if given is None else type(given)
-    assert issubclass(cls, BaseEffect), f"{cls.__name__} is no subclass of BaseEffect"
+    assert issubclass(cls, BaseEffect), f"{cls.__name__} is not a subclass of BaseEffect"
     _check_declaration(cls)
     plant = describe(_default_plant() if simulator is None else simulator)
     assert plant.access == "rhs", f"check_effect needs a simulator with rhs and states, got {plant.simulator!r}"

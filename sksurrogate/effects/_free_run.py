@@ -17,9 +17,9 @@ from sksurrogate.physics._free_run import TOLERANCE
 __all__ = ["augmented_states"]
 
 #: Sharp kinks want many substeps; all samples take them at once, so that this is bearable.
-MOST_SUBSTEPS = 192
+MOST_SHARP_SUBSTEPS = 192
 #: Substeps of the inputs where scipy integrates between them.
-STIFF_SUBSTEPS = 4
+SUBSTEPS_OF_SHARP = 4
 #: Right-hand sides that scipy may ask for between two substeps of the inputs: what needs more runs away.
 MOST_CALLS = 20_000
 
@@ -57,15 +57,15 @@ def augmented_states(
     if scale is None:
         scale = unit if guess is None else _sizes(guess)
     if first.a.plant.access == "step":
-        bound = build(STIFF_SUBSTEPS, scale)
+        bound = build(SUBSTEPS_OF_SHARP, scale)
         return _march(bound, X0), bound
     if not explicit:
-        bound = build(STIFF_SUBSTEPS, scale)
+        bound = build(SUBSTEPS_OF_SHARP, scale)
         return _adaptive(bound, X0, method), bound
     assert guess is not None
     X, bound = _explicit(build, X0, scale, guess)
-    if method == "auto" and (bound.a.n_sub > MOST_SUBSTEPS or not np.all(np.isfinite(X))):
-        stiff = build(STIFF_SUBSTEPS, scale)
+    if method == "auto" and (bound.a.n_sub > MOST_SHARP_SUBSTEPS or not np.all(np.isfinite(X))):
+        stiff = build(SUBSTEPS_OF_SHARP, scale)
         return _adaptive(stiff, X0, "LSODA"), stiff
     return X, bound
 
@@ -83,7 +83,7 @@ def _sizes(X: np.ndarray) -> np.ndarray:
 
 
 def _march(bound: BoundModel, X0: np.ndarray) -> np.ndarray:
-    """Free runs by a loop over time, all runs of equal length abreast."""
+    """Free runs by a loop over time, all runs of equal length at once."""
     starts, n_samples = bound.record.starts, bound.record.n_samples
     length = n_samples // len(starts)
     x = bound.start(X0[:, None])
@@ -109,7 +109,7 @@ def _explicit(build: Build, X0: np.ndarray, scale: np.ndarray, guess: np.ndarray
         if X is None:
             X = _march(bound, X0)
         wanted = _substeps_needed(build, bound, X, scale)
-        if wanted <= bound.a.n_sub or bound.a.n_sub > MOST_SUBSTEPS:
+        if wanted <= bound.a.n_sub or bound.a.n_sub > MOST_SHARP_SUBSTEPS:
             return X, bound
         bound, near = build(wanted, scale), X
 

@@ -6,12 +6,12 @@ import numpy as np
 
 __all__ = ["grows_with_speed", "slow_enough"]
 
-#: Friction at rest below this share of that in motion is no dry friction: where the data told it, that of true ones was found
+#: Friction at rest below this share of that in motion is not a dry friction: where the data given it, that of true ones was found
 #: at 1.2 times and more, that of frictions in the place of other laws mostly at 0 to 0.2.
 AT_REST = 0.5
 #: Mean weight of the friction at rest along a path, below which springy bristles hide it: a fit may leave it anywhere. A
 #: velocity of 0.4 of the RMS speed has this weight; what imitates a loss needs a larger one.
-SEEN = 0.25
+REST_WEIGHT_SEEN = 0.25
 
 
 def grows_with_speed(level: float, static_level: float) -> bool:
@@ -35,4 +35,4 @@ def slow_enough(v: np.ndarray, velocity: float) -> bool:
     (True, False)
     """
     weight = np.exp(-np.minimum((v / max(velocity, 1e-300)) ** 2, 700.0))
-    return bool(np.mean(weight) > SEEN)
+    return bool(np.mean(weight) > REST_WEIGHT_SEEN)

@@ -18,7 +18,7 @@ __all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
 STILL = 4.0
 #: One that follows within this share of a sample only adds to the inertia; a mode rings where a sample is less than half a
 #: period.
-AT_ONCE, RINGS = 0.2, np.pi
+WITHIN_SAMPLE, RINGS = 0.2, np.pi
 #: A spring with a limit of so many times the way that v goes from the start of a run yields by a tenth at most: it is a loss.
 UNYIELDING = 5.0
 
@@ -58,8 +58,8 @@ class Hysteresis(HiddenEffect):
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """The spring yields within the runs."""
         assert probe.v is not None
-        begun = np.repeat(probe.v[probe.starts], np.diff(np.r_[probe.starts, len(probe.v)]))
-        return bool(theta[1] < UNYIELDING * np.max(np.abs(probe.v - begun)))
+        started = np.repeat(probe.v[probe.starts], np.diff(np.r_[probe.starts, len(probe.v)]))
+        return bool(theta[1] < UNYIELDING * np.max(np.abs(probe.v - started)))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Limits between a small part of the movement of v and more than all of it."""
@@ -174,7 +174,7 @@ class HiddenRelaxation(HiddenEffect):
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """The companion is late, and follows within the runs: one that stands still is a loss about where they began."""
-        return AT_ONCE * probe.dt < theta[1] < STILL * max(probe.duration, probe.dt)
+        return WITHIN_SAMPLE * probe.dt < theta[1] < STILL * max(probe.duration, probe.dt)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Time constants over two decades, from two samples to the length of a run."""
@@ -217,7 +217,7 @@ class HiddenMode(HiddenEffect):
         return theta[0] * (z[0] - v)
 
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
-        """Three quarters of a period: what is slower is no ringing, and runs away beyond the record."""
+        """Three quarters of a period: what is slower is not a ringing, and runs away beyond the record."""
         low = [parameter.low for parameter in self.parameters]
         return low[0], 1.5 * np.pi / duration if duration > 0 else low[1], low[2]
 
@@ -230,7 +230,7 @@ class HiddenMode(HiddenEffect):
         """It rings, slower than the samples, or relaxes within the runs."""
         _, w, damping = theta
         if damping > 1.0:
-            return AT_ONCE * probe.dt < 2.0 * damping / w < STILL * max(probe.duration, probe.dt)
+            return WITHIN_SAMPLE * probe.dt < 2.0 * damping / w < STILL * max(probe.duration, probe.dt)
         return w * probe.dt < RINGS
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:

@@ -34,7 +34,7 @@ __all__ = [
 #: Steps to the largest value: half a step is rounded to 0, steps finer than the last round nothing that can be seen.
 COARSEST, FINEST = 0.55, 40.0
 #: Largest value over the range of a signal, beyond which no finer steps are tried.
-FARTHEST = 4.0
+LARGEST_STEP_RANGE = 4.0
 #: Depths of limits below the top of a range, over the range, that cut off little.
 SHALLOW = (0.002, 0.008)
 #: Largest move over the tenth largest in a hundred, from which jumps are rare among other moves.
@@ -75,7 +75,7 @@ def step_sizes(signal: np.ndarray, slope: tuple[np.ndarray, np.ndarray] | None =
         return []
     counts = np.r_[np.arange(COARSEST, 1.0, 0.05), np.arange(1.0, COARSE, 0.2)]
     if slope is None:
-        offset = min(largest / max(float(np.ptp(signal)), 1e-300), FARTHEST)
+        offset = min(largest / max(float(np.ptp(signal)), 1e-300), LARGEST_STEP_RANGE)
         counts = np.r_[counts, np.arange(COARSE, FINEST * max(offset, 1.0), 0.4)]
     finer = [] if slope is None else likely_steps(*slope)
     return [(step,) for step in [*(largest / float(count) for count in counts), *finer]]

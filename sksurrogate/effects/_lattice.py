@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["COARSE", "LEVELS", "coherence", "lattice_steps", "likely_steps", "shows_steps"]
+__all__ = ["COARSE", "LATTICE_STEPS_SPANNED", "coherence", "lattice_steps", "likely_steps", "shows_steps"]
 
 #: Bins over the range of the readings, at least, and most bins with the empty ones.
 BINS, MOST_BINS = 2000, 1 << 19
@@ -18,9 +18,9 @@ MOST_ALIKE, BETWEEN = 8, 0.9
 #: Least coherence at which every reading shows its level: white noise of a sixth of a step leaves as much.
 SHOWN = 0.58
 #: How much clearer than by chance a lattice must be.
-CHANCE = 1.2
+CLEARER_THAN_CHANCE = 1.2
 #: Steps that the readings must span: fewer are seen in many a smooth signal.
-LEVELS = 1.7
+LATTICE_STEPS_SPANNED = 1.7
 
 #: Steps up to the largest value between which likely ones are sought, bins to the finest one, and bins per cycle at the largest.
 COARSE, FINE, FINEST_BINS, TURN = 10.0, 2000.0, 10, 8
@@ -53,7 +53,7 @@ def by_chance(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
     While a step shrinks a reading y passes from one multiple to the next y / step times.
     """
     rounded = np.sum(np.abs(readings)) / np.maximum(np.abs(step), 1e-300)
-    return CHANCE * np.sqrt(np.log(np.maximum(rounded, 1.0)) / max(len(readings), 1))
+    return CLEARER_THAN_CHANCE * np.sqrt(np.log(np.maximum(rounded, 1.0)) / max(len(readings), 1))
 
 
 def lattice_steps(readings: np.ndarray) -> list[float]:
@@ -93,7 +93,7 @@ def lattice_steps(readings: np.ndarray) -> list[float]:
     frequency = np.fft.rfftfreq(bins, width)
     first = low + width / 2
     score = np.real(np.fft.rfft(counts) * np.exp(-2j * np.pi * frequency * first)) / len(readings)
-    usable = (frequency > LEVELS / spread) & (frequency < 0.1 / width)  # ten bins to a step
+    usable = (frequency > LATTICE_STEPS_SPANNED / spread) & (frequency < 0.1 / width)  # ten bins to a step
     if not usable.any() or score[usable].max() < LEAST:
         return []
     clear = np.flatnonzero(usable & (score > AS_CLEAR * score[usable].max()))

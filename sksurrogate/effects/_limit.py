@@ -13,7 +13,7 @@ from sksurrogate.physics._simulator import Plant
 __all__ = ["Overflow", "StateSaturation"]
 
 #: Quantiles of the reached range at which limits are tried: a run may begin above a limit.
-LEVELS = (0.998, 0.97, 0.9, 0.75, 0.5, 0.25)
+LIMIT_QUANTILES = (0.998, 0.97, 0.9, 0.75, 0.5, 0.25)
 #: Depths below the top of the range, over the range: a limit may have cut off a few peaks only.
 DEPTHS = (0.001, 0.004, 0.016)
 
@@ -22,7 +22,7 @@ def limits_inside(probe: Probe) -> list[float]:
     """Limits to try within the reached range."""
     top, spread = float(np.max(probe.x)), float(np.ptp(probe.x))
     below = [top - depth * spread for depth in DEPTHS]
-    return [limit for limit in [*probe.quantiles(probe.x, *LEVELS), *below] if limit < top]
+    return [limit for limit in [*probe.quantiles(probe.x, *LIMIT_QUANTILES), *below] if limit < top]
 
 
 class StateSaturation(LimitEffect):

@@ -17,7 +17,7 @@ __all__ = ["ParameterDrift", "ParameterError", "ParameterStep", "within_the_runs
 JUMPS = tuple(float(share) for share in (np.arange(40) + 0.5) / 40)
 
 
-#: A jump in the first or last such share of the longest run is no jump: the runs show nothing before it, or nothing after.
+#: A jump in the first or last such share of the longest run is not a jump: the runs show nothing before it, or nothing after.
 AT_AN_END = 0.02
 
 

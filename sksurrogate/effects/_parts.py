@@ -1,4 +1,4 @@
-"""What effects are made of and are told: their parameters, what the data show about a place, a signal to read."""
+"""What effects are made of and are given: their parameters, what the data show about a place, a signal to read."""
 
 from __future__ import annotations
 

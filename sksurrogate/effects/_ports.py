@@ -20,7 +20,7 @@ from sksurrogate.physics._simulator import Plant
 
 __all__ = ["Places", "Port", "at_port", "kind_at", "places_of"]
 
-#: Speeds that a port moves, up to which each may drive a law there where it cannot be told which is the port's own.
+#: Speeds that a port moves, up to which each may drive a law there where it cannot be determined which is the port's own.
 FEW = 2
 
 
@@ -121,7 +121,7 @@ def places_of(plant: Plant, balances: Sequence[str]) -> Places:
 
 
 def _is_sought(structure: Structure, plant: Plant, k: int, speeds: Sequence[str]) -> bool:
-    """Whether laws are sought at a port: it is no balance, and no further port says the same."""
+    """Whether laws are sought at a port: it is not a balance, and no further port says the same."""
     first = len(plant.inputs)
     if not np.isfinite(structure.gain[:, k]).any() or not structure.moved[:, k].any():
         return False

@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
 from sksurrogate.effects._input import delays, levels_inside, neighbouring_steps, quantize, step_sizes, times
-from sksurrogate.effects._lattice import LEVELS, lattice_steps, shows_steps
+from sksurrogate.effects._lattice import LATTICE_STEPS_SPANNED, lattice_steps, shows_steps
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.sampling import read_between
 from sksurrogate.physics._simulator import Plant
@@ -37,7 +37,7 @@ HIDDEN = 8.0
 BESIDE = 1e-2
 #: Range, over the noise, in which a crowd can be seen; how many times more readings it has than the same width below it, and
 #: which share of all.
-WIDE, CROWD, LEAST_CROWD = 20.0, 3.0, 0.02
+CROWD_RANGE, CROWD, LEAST_CROWD = 20.0, 3.0, 0.02
 #: What an output outside the interval of its reading counts, of its distance.
 EXCESS = 0.3
 
@@ -328,7 +328,7 @@ class SensorQuantization(SensorEffect):
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """From one step to 40 steps to the largest reading; of steps that show in the readings, those that they show."""
-        shown = HIDDEN * probe.noise, float(np.ptp(probe.x)) / LEVELS
+        shown = HIDDEN * probe.noise, float(np.ptp(probe.x)) / LATTICE_STEPS_SPANNED
         return [
             (step,)
             for (step,) in step_sizes(probe.x, probe.slope)
@@ -350,7 +350,7 @@ class SensorQuantization(SensorEffect):
     ) -> np.ndarray:
         """The level that was read, plus a share of how far the output lies outside its interval, where readings show the steps.
 
-        The likelihood is that of interval-censored readings: a value just beside a threshold is no error of a whole step.
+        The likelihood is that of interval-censored readings: a value just beside a threshold is not an error of a whole step.
         A disturbance moves the moment of a crossing, so that the excess is known less well than a reading is.
         Otherwise a staircase with steep flanks, on which columns that differ by next to nothing stand where the first does: a
         slope is that of many steps, 1, not that of a flank.
@@ -377,7 +377,7 @@ class SensorQuantization(SensorEffect):
 
 def ceiling(readings: np.ndarray, noise: float) -> float | None:
     """The level at the top of a range where readings crowd within their noise, far more than below it; None where they do not."""
-    if not len(readings) or noise <= 0 or np.ptp(readings) < WIDE * noise:
+    if not len(readings) or noise <= 0 or np.ptp(readings) < CROWD_RANGE * noise:
         return None
     level = float(np.median(readings[readings > np.max(readings) - 6.0 * noise]))
     here = np.sum(np.abs(readings - level) < 3.0 * noise)

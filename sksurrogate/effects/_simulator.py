@@ -191,7 +191,7 @@ class AugmentedSimulator(BaseSimulator):
         return self.simulate_batch(inputs[None], start, t)[0]
 
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs abreast: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
+        """Free runs at once: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
         inputs, plant, effects, theta = self._read(U)
         if not effects:
             return plain_runs(plant.simulator, inputs, X0, t)

@@ -25,7 +25,7 @@ from sksurrogate.exceptions import DataError
 __all__ = ["augmented_text", "load_augmented", "save_augmented"]
 
 #: A file of names and numbers is small; a larger one is refused unread.
-LARGEST = 2**20
+LARGEST_FILE = 2**20
 
 
 def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> None:
@@ -45,7 +45,7 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
     Raises
     ------
     DataError
-        An effect has a constructor argument that is no number, text, list, tuple or dict of those, or a value that is not
+        An effect has a constructor argument that is not a number, text, list, tuple or dict of those, or a value that is not
         finite or beyond its bounds; a note cannot be written; the text is larger than :func:`load_augmented` reads.
     OSError
         The disk is full, or ``path`` is a folder or in none; a file that was there is as it was.
@@ -128,9 +128,9 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
         "sharpness": float(augmented.sharpness),
     }
     written = json.dumps(text, indent=2) + "\n"
-    if len(written) > LARGEST:  # ASCII: a byte a character
+    if len(written) > LARGEST_FILE:  # ASCII: a byte a character
         raise DataError(
-            f"the effects and notes make {len(written)} bytes, load_augmented reads at most {LARGEST}: give shorter arguments "
+            f"the effects and notes make {len(written)} bytes, load_augmented reads at most {LARGEST_FILE}: give shorter arguments "
             "and notes, or keep the simulator with skops or joblib."
         )
     return written
@@ -162,7 +162,7 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
     ------
     DataError
         The file is not such a file, names an effect that is not known or that does not take its arguments, or holds what
-        is never written: a key twice, a value that is no finite number or beyond its bounds.
+        is never written: a key twice, a value that is not a finite number or beyond its bounds.
 
     Examples
     --------
@@ -181,9 +181,9 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
     file = Path(path)
     if not file.is_file():
         raise DataError(f"path={str(path)!r}: there is no such file; write it with save_augmented or diagnose --save.")
-    if file.stat().st_size > LARGEST:
+    if file.stat().st_size > LARGEST_FILE:
         raise DataError(
-            f"path={str(path)!r} has {file.stat().st_size} bytes, expected at most {LARGEST}: not such a file."
+            f"path={str(path)!r} has {file.stat().st_size} bytes, expected at most {LARGEST_FILE}: not such a file."
         )
     own = _own(effects)
     try:

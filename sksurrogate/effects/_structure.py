@@ -13,7 +13,7 @@ from sksurrogate.physics._model import PlantModel
 __all__ = ["Structure", "kinematic_states", "largest_gains", "motions", "rate_gains", "structure_of"]
 
 #: Push at a port, in its unit: rates are in proportion to it or nearly so, and rounding stays far below what it moves.
-PUSH = 1e-3
+PORT_PUSH = 1e-3
 #: A rate that moves by less than this share of its own size, a unit push, is not moved.
 NOT_MOVED = 1e-9
 #: Change of a gain from point to point, over its size, below which it counts as constant: an implicit step leaves such changes.
@@ -124,12 +124,12 @@ def rate_gains(model: PlantModel, *, n_points: int = 12, random_state: int = 0) 
         return np.zeros((n, m, n_points))
     t, x, u = _points(model, n_points, random_state)
     entering = np.concatenate([u, np.zeros((len(plant.further_ports), n_points))])
-    pushes = PUSH * np.eye(m)[:, :, None]
+    pushes = PORT_PUSH * np.eye(m)[:, :, None]
     columns = np.concatenate([entering[:, None] + pushes, entering[:, None] - pushes], axis=1)
     many = np.broadcast_to(x[:, None], (n, 2 * m, n_points))
     rates = _rates(model, t, many, columns)
     with np.errstate(all="ignore"):
-        return (rates[:, :m] - rates[:, m:]) / (2 * PUSH)
+        return (rates[:, :m] - rates[:, m:]) / (2 * PORT_PUSH)
 
 
 def largest_gains(model: PlantModel) -> np.ndarray:
@@ -192,7 +192,7 @@ def _integrals(model: PlantModel, n_points: int, random_state: int) -> dict[str,
     unknown = [name for name in declared if name not in plant.states]
     if unknown:
         raise SimulatorError(
-            f"kinematic={list(declared)}: {unknown[0]!r} is no state; states are {list(plant.states)}."
+            f"kinematic={list(declared)}: {unknown[0]!r} is not a state; states are {list(plant.states)}."
         )
     return {name: found.get(name) for name in plant.states if name in found or name in declared}
 

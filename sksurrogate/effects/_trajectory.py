@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 #: Substeps in which inputs are computed.
-SUBSTEPS = 16
+INPUT_SUBSTEPS = 16
 
 
 def retuned_simulator(simulator: Any, retuned: Mapping[str, float] | None) -> Any:
@@ -120,13 +120,13 @@ def acting_rows(
         ((e, p) for e, p in zip(effects, parts) if isinstance(e, InputEffect)), key=lambda item: item[0].order
     )
     held = plant.hold == "zoh"
-    given = [hold(row, SUBSTEPS, 0 if held else 1, starts) for row in u]
+    given = [hold(row, INPUT_SUBSTEPS, 0 if held else 1, starts) for row in u]
     signals = list(given)
     for effect, values in acting:
         i = plant.inputs.index(str(effect.location))
         other = given[plant.inputs.index(effect.variable)] if effect.variable else None
         columns = [np.array([[value]]) for value in values]
-        signals[i] = effect.transform(signals[i], other, columns, dt / SUBSTEPS, starts)
+        signals[i] = effect.transform(signals[i], other, columns, dt / INPUT_SUBSTEPS, starts)
     out = u.copy()
     for i, signal in enumerate(signals):
         out[i] = np.mean(signal.mean, axis=0)[0] if held else signal.start()[0, 0]

@@ -216,7 +216,7 @@ def add_step(graph: Graph, simulator: Any, x: int, u: int, n_sub: int) -> tuple[
     params = dict(getattr(simulator, "params", None) or {})
     if getattr(simulator, "events", None):
         raise SurrogateError(
-            "a right-hand side with events cannot be exported: finding the moment of an event is no fixed formula."
+            "a right-hand side with events cannot be exported: finding the moment of an event is not a fixed formula."
         )
     _refuse_time(simulator, params)
     try:

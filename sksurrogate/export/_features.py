@@ -19,7 +19,7 @@ __all__ = ["FEATURE_MAPS", "add_features", "add_free_basis"]
 
 FEATURE_MAPS = ("SplineFeatures", "HeavisideFeatures", "FourierFeatures", "GaussianFeatures")
 #: Stands for "no bound" where a generated text could not hold infinity.
-FAR = 1e30
+NO_BOUND = 1e30
 
 
 def add_features(graph: Graph, model: Any, x: int) -> int:
@@ -81,7 +81,7 @@ def _pieces(graph: Graph, basis: Any, x: int) -> int:
     widths = np.diff(basis.knots[degree : degree + n + 1])
     low, high = np.zeros(n), np.ones(n)
     if basis.extrapolation == "continue":
-        low[0], high[-1] = -FAR, FAR
+        low[0], high[-1] = -NO_BOUND, NO_BOUND
     place = graph.clipped(graph.affine(x, 1.0 / widths[None, :], -left / widths), low, high)
     powers, rows = [place], [_taylor(basis, left, widths, 1)]
     for k in range(2, degree + 1):

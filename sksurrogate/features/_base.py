@@ -18,7 +18,7 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.bases import tensor
 
 #: Rows that are worked on at a time.
-BLOCK = 4096
+TRANSFORM_ROWS = 4096
 #: More columns than this are taken for a mistake.
 MOST_COLUMNS = 10_000_000
 INTERACTION = ["boolean", StrOptions({"additive", "tensor"})]
@@ -168,8 +168,8 @@ class BaseFeatures(TransformerMixin, BaseEstimator, ABC):
         """Features, a block of rows at a time."""
         out = np.empty((len(X), self.n_features_out_))
         none = [0] * X.shape[1]
-        for a in range(0, len(X), BLOCK):
-            rows = slice(a, a + BLOCK)
+        for a in range(0, len(X), TRANSFORM_ROWS):
+            rows = slice(a, a + TRANSFORM_ROWS)
             blocks = self._blocks(X[rows], none)
             out[rows] = tensor(blocks) if self._multiplied else np.hstack(blocks)
         return out

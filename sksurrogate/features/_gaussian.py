@@ -11,7 +11,7 @@ from sklearn.cluster import KMeans
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from sksurrogate.exceptions import DataError
-from sksurrogate.features._base import BLOCK, BaseFeatures, column_of, rising
+from sksurrogate.features._base import TRANSFORM_ROWS, BaseFeatures, column_of, rising
 from sksurrogate.kernels.bases import gaussians, radial
 
 __all__ = ["GaussianFeatures"]
@@ -138,7 +138,7 @@ class GaussianFeatures(BaseFeatures):
             return super()._evaluate(X)
         centers = np.stack([basis.centers for basis in self.bases_], axis=1)
         width = self.bases_[0].width
-        return np.vstack([radial(X[a : a + BLOCK], centers, width) for a in range(0, len(X), BLOCK)])
+        return np.vstack([radial(X[a : a + TRANSFORM_ROWS], centers, width) for a in range(0, len(X), TRANSFORM_ROWS)])
 
     def _slope(self, X: np.ndarray, j: int, out: np.ndarray) -> None:
         if self.interaction != "radial":

@@ -23,7 +23,7 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Runs, resolve_runs
 
 #: Rows that are written at a time, and numbers of a lag matrix from which threads share the work.
-_ROWS, _MANY = 65_536, 4_000_000
+_LAG_ROWS, _SHARED_NUMBERS = 65_536, 4_000_000
 
 __all__ = ["LagEmbedding", "lag_columns"]
 
@@ -94,7 +94,7 @@ def _shift(
     def block(task: tuple[int, int]) -> None:
         column, first = task
         pairs = sorted(wanted[column])
-        longest, last = pairs[-1][0], min(first + _ROWS, n)
+        longest, last = pairs[-1][0], min(first + _LAG_ROWS, n)
         begin = max(first - longest, 0)
         near = np.empty(longest + last - first)  # row t is at t - first + longest - lag
         near[longest - first + begin :] = values[begin:last, column]
@@ -108,8 +108,8 @@ def _shift(
                 near[fresh.before(k)] = edge
             out[first:last, place] = near[longest - lag : longest - lag + last - first]
 
-    tasks = [(column, first) for column in wanted for first in range(0, n, _ROWS)]
-    threads = _openmp_effective_n_threads() if out.size > _MANY else 1
+    tasks = [(column, first) for column in wanted for first in range(0, n, _LAG_ROWS)]
+    threads = _openmp_effective_n_threads() if out.size > _SHARED_NUMBERS else 1
     if threads == 1:
         for task in tasks:
             block(task)

@@ -18,9 +18,9 @@ __all__ = ["OutlierFilter"]
 #: Median absolute deviation of a normal variable times this is its standard deviation.
 MAD_TO_SIGMA = 1.4826
 #: Windows that are worked on at a time.
-BLOCK = 4096
+WINDOWS_IN_BLOCK = 4096
 #: A column that deviates less than this share of its range is taken for one without noise.
-QUIET = 1e-9
+NOISELESS_COLUMN = 1e-9
 
 
 def moving_line(x: np.ndarray, window: int) -> tuple[np.ndarray, np.ndarray]:
@@ -51,13 +51,17 @@ def moving_line(x: np.ndarray, window: int) -> tuple[np.ndarray, np.ndarray]:
     places = np.arange(width)
     slopes, levels, spreads = (np.empty(n - width + 1) for _ in range(3))
     windows = sliding_window_view(x, width)
-    for a in range(0, len(windows), BLOCK):
-        part = windows[a : a + BLOCK]
+    for a in range(0, len(windows), WINDOWS_IN_BLOCK):
+        part = windows[a : a + WINDOWS_IN_BLOCK]
         slope = np.median(part[:, half:] - part[:, :-half], axis=1) / half
         rest = part - slope[:, None] * places
         level = np.median(rest, axis=1)
         spread = MAD_TO_SIGMA * np.median(np.abs(rest - level[:, None]), axis=1)
-        slopes[a : a + BLOCK], levels[a : a + BLOCK], spreads[a : a + BLOCK] = slope, level, spread
+        slopes[a : a + WINDOWS_IN_BLOCK], levels[a : a + WINDOWS_IN_BLOCK], spreads[a : a + WINDOWS_IN_BLOCK] = (
+            slope,
+            level,
+            spread,
+        )
     rows = np.arange(n)
     starts = np.clip(rows - half, 0, n - width)
     return levels[starts] + slopes[starts] * (rows - starts), spreads[starts]
@@ -149,7 +153,7 @@ class OutlierFilter(BaseCleaner):
             known = ~np.isnan(x)
             if known.any():
                 scale = MAD_TO_SIGMA * np.median(distance[known])
-                self.scale_[j] = scale if scale > QUIET * np.ptp(x[known]) else 0.0
+                self.scale_[j] = scale if scale > NOISELESS_COLUMN * np.ptp(x[known]) else 0.0
 
     def _distance(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """How far each value of a run lies from the line (nan where missing), the spread there, and the line."""

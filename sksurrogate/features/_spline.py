@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from sksurrogate.exceptions import DataError
-from sksurrogate.features._base import BLOCK, INTERACTION, BaseFeatures, column_of, rising
+from sksurrogate.features._base import INTERACTION, TRANSFORM_ROWS, BaseFeatures, column_of, rising
 from sksurrogate.kernels.bases import Spline, spline_at_data, spline_csr, spline_on
 from sksurrogate.kernels.gram import Moments
 from sksurrogate.kernels.spline_moments import add_spline_moments
@@ -176,6 +176,8 @@ class SplineFeatures(BaseFeatures):
         if self.sparse_output:
             return spline_csr(X, self.bases_, self._multiplied)
         out = np.empty((len(X), self.n_features_out_))
-        for a in range(0, len(X), BLOCK):
-            spline_csr(X[a : a + BLOCK], self.bases_, self._multiplied).toarray(out=out[a : a + BLOCK])
+        for a in range(0, len(X), TRANSFORM_ROWS):
+            spline_csr(X[a : a + TRANSFORM_ROWS], self.bases_, self._multiplied).toarray(
+                out=out[a : a + TRANSFORM_ROWS]
+            )
         return out

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._exclude import excluded_places, without_excluded
@@ -30,10 +30,10 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["Begun", "Task", "begin_ode", "begin_trajectory"]
+__all__ = ["Prepared", "Task", "begin_ode", "begin_trajectory"]
 
 #: The pipeline, the rows of the whole record that it sees, and its processes.
-Begun: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[Second, Second]]
+Prepared: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[WorkerProcess, WorkerProcess]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Task:
     progress: Progress
 
 
-def begin_ode(diagnoser: Any, task: Task) -> Begun:
+def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     """Of a simulator with a right-hand side or a step."""
     plant, runs, whole = task.plant, task.runs, task.whole
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
@@ -71,15 +71,15 @@ def begin_ode(diagnoser: Any, task: Task) -> Begun:
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
     asked = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
-    candidates = without_excluded(build_effects(plant, balances, asked), diagnoser.exclude, plant)
-    candidates = driven_effects(candidates, asked, plant, whole)
+    library = without_excluded(build_effects(plant, balances, asked), diagnoser.exclude, plant)
+    library = driven_effects(library, asked, plant, whole)
     with finite_along(model, whole, [run.label for run in runs]):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
-    task.progress.say(f"{len(candidates)} rivals on {record.n_samples} samples of {len(runs)} run(s)")
-    fixed, apart = (diagnoser.simulator, plant, model, record, *candidates), diagnoser.n_jobs is None
-    second, later = Second(fixed, apart), Second(fixed, apart, later=True)
+    task.progress.say(f"{len(library)} candidates on {record.n_samples} samples of {len(runs)} run(s)")
+    fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
+    second, later = WorkerProcess(fixed, apart), WorkerProcess(fixed, apart, later=True)
     search = Search(
-        problem, candidates, smoothed.x, n_jobs=diagnoser.n_jobs, report=task.progress.say, second=second, later=later
+        problem, library, smoothed.x, n_jobs=diagnoser.n_jobs, report=task.progress.say, second=second, later=later
     )
     tolerance = float(diagnoser.tolerance)
     inside = OdeInside(search, task.seed, whole, tolerance, excluded_places(diagnoser.exclude))
@@ -88,7 +88,7 @@ def begin_ode(diagnoser: Any, task: Task) -> Begun:
     return pipeline, rows, (second, later)
 
 
-def begin_trajectory(diagnoser: Any, task: Task) -> Begun:
+def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
     """Of a simulator with ``simulate`` alone.
 
     Raises
@@ -104,9 +104,9 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Begun:
         problem = build_trajectory(plant, whole, task.free, [run.label for run in runs], task.known)
     testable = _testable(problem, wanted)
     _check_asked(plant, effects, testable)
-    candidates = driven_effects(without_excluded(testable, diagnoser.exclude, plant), effects, plant, whole)
-    task.progress.say(f"{len(candidates)} rivals on {whole.n_samples} samples of {len(runs)} run(s)")
-    search = TrajectorySearch(problem, candidates, n_jobs=diagnoser.n_jobs, report=task.progress.say)
+    library = driven_effects(without_excluded(testable, diagnoser.exclude, plant), effects, plant, whole)
+    task.progress.say(f"{len(library)} candidates on {whole.n_samples} samples of {len(runs)} run(s)")
+    search = TrajectorySearch(problem, library, n_jobs=diagnoser.n_jobs, report=task.progress.say)
     inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
     untestable = left_out(effects, testable)
     pipeline = DiagnosisPipeline(

@@ -38,12 +38,12 @@ class GapDiagnoser(BaseEstimator):
         Nominal model; one with a right-hand side or a step function allows all effects, one with ``simulate`` alone
         input, sensor and parameter effects.
     effects : sequence of str, effect classes or effect instances, optional
-        Rivals; None for the whole catalogue at every place of the plant.
+        Candidates; None for the whole catalogue at every place of the plant.
     exclude : sequence, default=()
         What you know not to be there: names of effects (``"drift"``), places of the simulator (a state, input, output or
         parameter: no effect there), ``(name, location)`` or ``(name, location, variable)``. None in a tuple stands for any.
     free_params : sequence of str or "all", default=()
-        Parameters of the simulator that are re-tuned jointly with the null and with every rival, so that a badly tuned
+        Parameters of the simulator that are re-tuned jointly with the null and with every candidate, so that a badly tuned
         simulator is not mistaken for a missing effect; None is none of them.
     bounds : dict of (low, high), optional
         What you know of parameters of the simulator, by name, in their units; None leaves a side open. It holds in every fit:
@@ -71,7 +71,7 @@ class GapDiagnoser(BaseEstimator):
         what is not answered. The first names are looked for in the first half, the rest judges them. The simulator
         alone is always compared with the data, however long that takes.
     n_jobs : int, optional
-        Workers for the fits of the rivals, through joblib; -1 for one a core. None fits them here, and answers questions that
+        Workers for the fits of the candidates, through joblib; -1 for one a core. None fits them here, and answers questions that
         do not wait for each other in a second process where the system can fork and a core is free; 1 does neither.
     verbose : int, default=0
         1 shows what is being done, the share that is done and about how long the rest will take: a bar on a terminal (with
@@ -92,9 +92,9 @@ class GapDiagnoser(BaseEstimator):
 
     Notes
     -----
-    A rival's evidence is the likelihood of its own output-error fit, initial states unknown in every run, under its own
+    A candidate's evidence is the likelihood of its own output-error fit, initial states unknown in every run, under its own
     noise: white sensor noise, coloured forces in the balances, coloured sensor noise. ``T = 2 (L - L_null)`` must exceed
-    ``k ln N + 2 ln M`` for k parameters, N measured values and M rivals. Of more than 9000 samples the rivals see pieces
+    ``k ln N + 2 ln M`` for k parameters, N measured values and M candidates. Of more than 9000 samples the candidates see pieces
     spread over the record; what they name is fitted again on up to 60000.
 
     References

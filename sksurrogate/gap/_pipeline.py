@@ -11,7 +11,7 @@ from typing import Any, Generic
 
 import numpy as np
 
-from sksurrogate._parallel._second import Aside
+from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import Progress
@@ -97,17 +97,17 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         self.found = PartialResults()
         self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
         self.begun_at, self.include_law = time.perf_counter(), include_law
-        self.experiment: Aside[NextExperiment | None] | None = None
+        self.experiment: PendingAnswer[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
         self.rows = np.arange(search.problem.record.n_samples)
 
     def run(self, progress: Progress) -> GapReport | None:
         """All stages, and the report of what is known after them; None where ``book`` has another record by then."""
-        self.begun_at, came = progress.begun, self.book
+        self.begun_at, came = progress.fitted_null, self.book
         try:
             for stage in STAGES:
                 progress.stage(stage.share)
-                until = progress.begun + stage.until * (self.time_limit or np.inf)
+                until = progress.fitted_null + stage.until * (self.time_limit or np.inf)
                 with quiet(), time_until(until):
                     self.ask(stage)
                 if self.book is not came and self.book is not None and self.book.changed:
@@ -116,15 +116,15 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
             self.complete = self.inside.complete = False
         with quiet():
-            return self.answer(time.perf_counter() - progress.begun)
+            return self.answer(time.perf_counter() - progress.fitted_null)
 
     def ask(self, stage: Stage) -> None:
         """One stage, as far as there is time."""
         if time_left() <= 0.0:
             self.cut[stage.name], self.complete = None, False
             return
-        if stage.told:
-            self.search.report(stage.told)
+        if stage.summary:
+            self.search.report(stage.summary)
         try:
             stage.ask(self)
         except TimeIsUp:
@@ -138,7 +138,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     @property
     def null(self) -> Evidence:
         """No effect."""
-        return self.search.begun
+        return self.search.fitted_null
 
     @cached_property
     def baseline(self) -> Baseline:
@@ -148,7 +148,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     # ---- the stages -------------------------------------------------------------------------------------------------
     def fit_null(self) -> None:
-        """The simulator alone; what can be asked aside while names are looked for."""
+        """The simulator alone; what can be asked in the second process while names are looked for."""
         self.search.fit_null()
         self.inside.begin()
         if self.inside.asks_aside:
@@ -187,7 +187,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         self.found.slots, self.weights = canonical_classes(self.search, self.weights)
 
     def leave_runs_out(self) -> None:
-        """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment aside."""
+        """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment in the second process."""
         found, final = self.found, self.final
         self.experiment = self.search.second.ask(partial(next_experiment, final, found.slots))
         found.finals = names_by_fold(self.search, final, found.slots)
@@ -294,7 +294,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             location, kind, _ = named[0]
         elif verdict == "unknown":
             law = found.law if found.law is not None and found.law.tells_the_place else None
-            location, kind = (law.location, law.kind) if law is not None else self.inside.accused(final)
+            location, kind = (law.location, law.kind) if law is not None else self.inside.likely_place(final)
         remains = self.inside.remains
         if found.shrink is None or remains is None or found.held is None:
             return Where(location, kind)
@@ -380,7 +380,9 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         notes = interruption(self.complete, self.time_limit, list(self.cut))
         if found.uncertified:
             notes.append(found.uncertified)
-        notes += notes_on_names([rival.effects for rival in found.finals], final.effects, found.held, self.labels)
+        notes += notes_on_names(
+            [candidate.effects for candidate in found.finals], final.effects, found.held, self.labels
+        )
         if verdict == "none" and found.shrink is not None and found.shrink.measurable:
             notes.append(note_on_none(found.shrink))
         notes += self.inside.notes(final, verdict)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap._begin import Begun
+from sksurrogate.gap._begin import Prepared
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.faults._book import first_look
@@ -20,13 +20,13 @@ __all__ = ["diagnosed_in_rounds"]
 
 
 def diagnosed_in_rounds(
-    begin: Callable[[Record], Begun], plant: Plant, runs: Runs, whole: Record, progress: Progress
+    begin: Callable[[Record], Prepared], plant: Plant, runs: Runs, whole: Record, progress: Progress
 ) -> tuple[DiagnosisPipeline[Any], np.ndarray, GapReport]:
     """Diagnose, and again as long as a fault of the record is found.
 
     Parameters
     ----------
-    begin : callable (record) -> Begun
+    begin : callable (record) -> Prepared
         The diagnosis of a record.
     plant : Plant
     runs : Runs

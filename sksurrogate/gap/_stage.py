@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate._parallel._second import one_thread
+from sksurrogate._parallel._worker_process import one_thread
 
 __all__ = ["INTERRUPTED", "SOON", "Stage", "quiet"]
 
@@ -26,7 +26,7 @@ class Stage:
     ----------
     name : str
     ask : callable (pipeline) -> None
-    told : str
+    given : str
         Progress.
     share : float
         Usual share of the time.
@@ -36,13 +36,13 @@ class Stage:
 
     name: str
     ask: Callable[[Any], None]
-    told: str = ""
+    summary: str = ""
     share: float = 0.0
     until: float = 0.95
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Linear algebra in one thread; rivals that run away are met everywhere with finite checks."""
+    """Linear algebra in one thread; candidates that run away are met everywhere with finite checks."""
     with np.errstate(all="ignore"), one_thread():
         yield

@@ -21,7 +21,7 @@ __all__ = [
 ]
 
 #: Samples whose solutions are squared at once: more, of hundreds of columns, would leave the processor's cache.
-AT_ONCE = 16
+SAMPLES_SQUARED_AT_ONCE = 16
 
 
 def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -180,11 +180,11 @@ def solved_squares(step: np.ndarray, b: np.ndarray) -> np.ndarray:
     2.0
     """
     n_samples, n, _ = step.shape
-    total, some = np.zeros(b.shape[2]), np.empty((AT_ONCE, n, b.shape[2]))
+    total, some = np.zeros(b.shape[2]), np.empty((SAMPLES_SQUARED_AT_ONCE, n, b.shape[2]))
     both = np.zeros((step.shape[2], b.shape[2]))
-    for a in range(0, n_samples, AT_ONCE):
+    for a in range(0, n_samples, SAMPLES_SQUARED_AT_ONCE):
         out = some[: n_samples - a]
-        _walk(step[a : a + AT_ONCE], b[a : a + AT_ONCE], out, both)
+        _walk(step[a : a + SAMPLES_SQUARED_AT_ONCE], b[a : a + SAMPLES_SQUARED_AT_ONCE], out, both)
         total += np.einsum("tik,tik->k", out, out)
     return total
 

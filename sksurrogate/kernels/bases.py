@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 #: Rows that are worked on at a time: their weights stay in the cache.
-BLOCK = 8192
+BASIS_ROWS = 8192
 
 
 @lru_cache(maxsize=64)
@@ -296,7 +296,7 @@ def spline_csr(
     index = np.int32 if max(n_samples * width, n_features) < np.iinfo(np.int32).max else np.int64
     data = np.empty((n_samples, width))
     columns = np.empty((n_samples, width), dtype=index)
-    blocks: list[Any] = [slice(a, a + BLOCK) for a in range(0, n_samples, BLOCK)]
+    blocks: list[Any] = [slice(a, a + BASIS_ROWS) for a in range(0, n_samples, BASIS_ROWS)]
     alike = all(s.uniform and s.degree == splines[0].degree and s.extrapolation != "periodic" for s in splines)
     if alike and not product and not any(orders):
         _fill_uniform(X, splines, data, columns)
@@ -304,7 +304,7 @@ def spline_csr(
             (x < s.low) | (x > s.high) for x, s in zip(X.T, splines) if s.extrapolation not in ("constant", "error")
         ]
         outside = np.flatnonzero(np.any(special, axis=0))
-        blocks = [outside[a : a + BLOCK] for a in range(0, len(outside), BLOCK)]
+        blocks = [outside[a : a + BASIS_ROWS] for a in range(0, len(outside), BASIS_ROWS)]
     for rows in blocks:
         data[rows], columns[rows] = _fill(X[rows], splines, orders, product)
     starts = np.arange(0, n_samples * width + 1, width, dtype=index)
@@ -324,9 +324,9 @@ def _fill_uniform(X: np.ndarray, splines: Sequence[Spline], data: np.ndarray, co
     last = n - 1
     offsets = np.r_[0, np.cumsum([spline.n_splines for spline in splines])[:-1]].astype(columns.dtype)
     coefficients = cardinal_coefficients(width - 1)
-    powers = np.ones((min(BLOCK, n_samples), n_inputs, width))
-    for a in range(0, n_samples, BLOCK):
-        s = X[a : a + BLOCK] - low
+    powers = np.ones((min(BASIS_ROWS, n_samples), n_inputs, width))
+    for a in range(0, n_samples, BASIS_ROWS):
+        s = X[a : a + BASIS_ROWS] - low
         rows = len(s)
         s *= scale
         np.clip(s, 0, n, out=s)

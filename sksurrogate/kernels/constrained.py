@@ -9,7 +9,7 @@ from sksurrogate.kernels.gram import solve_rows
 
 __all__ = ["Infeasible", "constrained_least_squares"]
 
-_TOLERANCE = 1e-9
+_CONSTRAINT_TOLERANCE = 1e-9
 
 
 class Infeasible(Exception):
@@ -71,7 +71,7 @@ def constrained_least_squares(
 def _violated(theta: np.ndarray, C: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
     """Whether a constraint is broken by more than rounding."""
     value = C @ theta
-    slack = _TOLERANCE * (1.0 + np.max(np.abs(theta), initial=0.0))
+    slack = _CONSTRAINT_TOLERANCE * (1.0 + np.max(np.abs(theta), initial=0.0))
     return bool(np.any(value < lower - slack) or np.any(value > upper + slack))
 
 
@@ -83,7 +83,7 @@ def _eliminate(E: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray] | 
     U, s, Vt = linalg.svd(E)
     rank = int(np.sum(s > 10 * max(E.shape) * np.finfo(float).eps * s[0]))
     particular = Vt[:rank].T @ ((U[:, :rank].T @ e) / s[:rank])
-    if np.any(np.abs(E @ particular - e) > _TOLERANCE * (1 + np.abs(e).max())):
+    if np.any(np.abs(E @ particular - e) > _CONSTRAINT_TOLERANCE * (1 + np.abs(e).max())):
         return None
     return particular, Vt[rank:].T
 

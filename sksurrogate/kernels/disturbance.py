@@ -65,7 +65,7 @@ class Noise:
         return Noise(v[:m], v[m : m + b], float(v[m + b]), v[m + b + 1 : 2 * m + b + 1], float(v[-1]))
 
 
-#: Columns that walk through the samples abreast: more leave the processor's cache.
+#: Columns that walk through the samples at once: more leave the processor's cache.
 MOST_ABREAST = 256
 
 

@@ -10,7 +10,7 @@ import numpy as np
 __all__ = ["Evidence", "correlation_length", "left_out", "weigh"]
 
 #: Autocorrelation at which the sum over lags stops: beyond, it is mostly its own error.
-SETTLED = 0.05
+AUTOCORRELATION_SETTLED = 0.05
 #: Least variance of the noise, in units of the outputs' variance: rounding.
 LEAST_NOISE = 1e-24
 #: Rounding, relative to the largest eigenvalue of the Hessian with unit diagonal.
@@ -143,7 +143,7 @@ def correlation_length(errors: np.ndarray) -> float:
     for lag in range(1, errors.shape[1] // 2):
         rho = float(np.sum(errors[:, lag:] * errors[:, :-lag])) / power
         found += 2 * rho
-        if rho < SETTLED:
+        if rho < AUTOCORRELATION_SETTLED:
             break
     return max(found, 1.0)
 

@@ -32,7 +32,7 @@ _EPS = float(np.finfo(float).eps)
 #: Below this share of non-zeros the product of sparse blocks is quicker than that of dense ones.
 _SPARSE_BELOW = 0.1
 #: Numbers in a piece of dense rows that stays in the cache: 2 MiB.
-_CACHE = 2**18
+_CACHED_NUMBERS = 2**18
 #: Rows of one QR: with the factor so far they stay in the cache.
 _QR_ROWS = 1024
 
@@ -115,7 +115,7 @@ class Moments:
         if targets is not None:
             shift[p:] = root**2 @ targets / total
         scatter, sums = np.zeros((width, width)), np.zeros(width)
-        step = max(1, _CACHE // width)
+        step = max(1, _CACHED_NUMBERS // width)
         for a in range(0, n, step):
             b = min(a + step, n)
             Z = self._room(b - a)

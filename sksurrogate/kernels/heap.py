@@ -7,7 +7,7 @@ import numpy as np
 __all__ = ["keep_freed_memory"]
 
 #: Bytes of the block whose release tells the C library to keep as much; below the 32 MiB from where it no longer learns.
-_BLOCK = 8 * 2**20
+_RELEASED_BYTES = 8 * 2**20
 
 
 def keep_freed_memory() -> None:
@@ -17,4 +17,4 @@ def keep_freed_memory() -> None:
     makes a few at every stage pays for their pages again and again, up to half of its time. It raises that limit to
     twice the size of the largest block that was ever freed: one is made, untouched, and freed. Without glibc nothing happens.
     """
-    np.empty(_BLOCK // 8)
+    np.empty(_RELEASED_BYTES // 8)

@@ -1,4 +1,4 @@
-"""The continuous hot loop: one Runge-Kutta step map, called once for all times, runs, rivals and perturbations.
+"""The continuous hot loop: one Runge-Kutta step map, called once for all times, runs, candidates and perturbations.
 
 Arrays are ``(n_states, n_columns, n_samples)``: column = unperturbed, one per state, one per parameter; ``n_samples`` =
 all runs one behind the other. The map leads from every sample to the next; :func:`close` turns it into a free run by
@@ -92,7 +92,7 @@ def march(
     h: float | np.ndarray,
     clip: Clip | None = None,
 ) -> np.ndarray:
-    """Free run by a loop over time, all runs abreast.
+    """Free run by a loop over time, all runs at once.
 
     Parameters
     ----------

@@ -17,11 +17,11 @@ from sksurrogate.kernels.shooting import FreeRunLoss
 __all__ = ["BasisLoss", "LagBasis"]
 
 #: Rows whose features are made at once.
-BLOCK = 16384
+FEATURE_ROWS = 16384
 #: Half width of the differences that give slopes of the features, in spreads.
-WIDTH = 1e-5
+SLOPE_HALF_WIDTH = 1e-5
 #: A free run is given up this many spreads from the mean.
-FAR = 1e4
+DIVERGED_SPREADS = 1e4
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class LagBasis:
 
     def __call__(self, phi: np.ndarray) -> np.ndarray:
         """(n_rows, n_features) -> (n_rows, n_outputs)."""
-        parts = [self.basis(phi[k : k + BLOCK]) @ self.weights for k in range(0, len(phi), BLOCK)]
+        parts = [self.basis(phi[k : k + FEATURE_ROWS]) @ self.weights for k in range(0, len(phi), FEATURE_ROWS)]
         return np.concatenate(parts) + self.bias
 
     def rows(self, U: np.ndarray, y: np.ndarray, n_first: int) -> np.ndarray:
@@ -80,9 +80,9 @@ class LagBasis:
         slopes = np.empty((o, n_past, len(phi)))
         for k in range(n_past):
             ahead, behind = phi.copy(), phi.copy()
-            ahead[:, k] += WIDTH
-            behind[:, k] -= WIDTH
-            slopes[:, k] = ((self(ahead) - self(behind)) / (2 * WIDTH)).T
+            ahead[:, k] += SLOPE_HALF_WIDTH
+            behind[:, k] -= SLOPE_HALF_WIDTH
+            slopes[:, k] = ((self(ahead) - self(behind)) / (2 * SLOPE_HALF_WIDTH)).T
         band = np.zeros((n_runs, len(phi) // n_runs, o, (max(self.output_lags) + 1) * o))
         for j in range(o):
             fill_band(band, self.output_lags, slopes[j], j)
@@ -100,7 +100,7 @@ class BasisLoss(FreeRunLoss):
             y = np.concatenate([first, guess[:, self.n_first :]], axis=1)
             if self._newton(model, y, rtol):
                 return y
-        far = np.full(model.n_outputs, FAR)
+        far = np.full(model.n_outputs, DIVERGED_SPREADS)
         return march(model, self.U, first, model.output_lags, model.input_terms, (-far, far))
 
     def _newton(self, model: LagBasis, y: np.ndarray, rtol: float) -> bool:
@@ -108,7 +108,7 @@ class BasisLoss(FreeRunLoss):
         with np.errstate(all="ignore"):
             for _ in range(8):
                 phi = model.rows(self.U, y, self.n_first)
-                if not np.isfinite(phi).all() or np.abs(phi).max() > FAR:
+                if not np.isfinite(phi).all() or np.abs(phi).max() > DIVERGED_SPREADS:
                     return False
                 rest = model(phi).reshape(y[:, self.n_first :].shape) - y[:, self.n_first :]
                 step, info = solve_band(model.band(phi, len(y)), rest.reshape(-1, 1))
@@ -124,7 +124,7 @@ class BasisLoss(FreeRunLoss):
         """Slopes of free runs by the weights, (n_runs, n_steps - n_first, n_outputs, n_theta)."""
         phi = model.rows(self.U, y, self.n_first)
         o, n = model.n_outputs, len(phi)
-        basis = np.concatenate([model.basis(phi[k : k + BLOCK]) for k in range(0, n, BLOCK)])
+        basis = np.concatenate([model.basis(phi[k : k + FEATURE_ROWS]) for k in range(0, n, FEATURE_ROWS)])
         right = np.zeros((basis.shape[1] + 1, o, n, o))
         for j in range(o):
             right[:-1, j, :, j] = basis.T

@@ -40,7 +40,7 @@ WINDOW = 20
 SCALE_MEMORY = 0.8
 #: A start is left when so many times its rate of descent over so many steps will not do, or changes the cost by so little
 #: (the logarithm). On 16 problems and 24 seeds: three quarters of the evaluations, no larger cost (0.98, geometric mean).
-HOPE, LOOK_BACK, LITTLE = 2.0, 6, 0.26
+HOPE, LOOK_BACK, HARDLY_CHANGED = 2.0, 6, 0.26
 
 
 @dataclass
@@ -261,7 +261,7 @@ def _hopeless(first: int, best: float) -> Callable[[LeastSquaresFit], bool]:
             return False
         rate = math.log(fit.history[-1 - LOOK_BACK] / fit.cost) / LOOK_BACK
         hope = HOPE * rate * (first - fit.n_iter)
-        return hope < LITTLE or math.log(fit.cost) - hope > goal
+        return hope < HARDLY_CHANGED or math.log(fit.cost) - hope > goal
 
     return hopeless
 

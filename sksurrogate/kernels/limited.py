@@ -1,4 +1,4 @@
-"""A linear recursion over time whose states cannot pass limits: by a loop over samples, all runs and columns abreast."""
+"""A linear recursion over time whose states cannot pass limits: by a loop over samples, all runs and columns at once."""
 
 from __future__ import annotations
 

@@ -97,13 +97,13 @@ def _start_of_hidden(
     dx = DIFFERENCE * model.scale
     first = moved_one_by_one(x[:m, starts], dx, 1 + m + k)
     base = np.repeat(theta[:, None], 1 + m, axis=1)
-    begun = model.bind(np.concatenate([base, values], axis=1)).start(first)
+    started = model.bind(np.concatenate([base, values], axis=1)).start(first)
     for i in np.flatnonzero(known):
         b_x[i, i, starts] = 0.0
         for j in range(m):
-            b_x[i, j, starts] = (begun[i, 1 + j] - begun[i, 0]) / dx[j]
+            b_x[i, j, starts] = (started[i, 1 + j] - started[i, 0]) / dx[j]
         for j in range(k):
-            b_theta[i, j, starts] = (begun[i, 1 + m + j] - begun[i, 0]) / dtheta[j]
+            b_theta[i, j, starts] = (started[i, 1 + m + j] - started[i, 0]) / dtheta[j]
     assert n >= m
 
 

@@ -21,7 +21,7 @@ TAU_RANGE = (2.0, 60.0)
 #: Least force over the RMS of dx/dt: a slow plant adds up a small force to more than its noise.
 LEAST_FORCE = 1e-7
 #: Mean square of the whitened residual beyond which, or below whose inverse, a noise fit starts from all noises resized.
-FAR = 4.0
+NOISE_RESIZED = 4.0
 
 
 def _log_prior(noise: Noise, sigma_unit: np.ndarray) -> float:
@@ -187,7 +187,7 @@ class _Likelihood:
     def resized(self, eta: np.ndarray) -> tuple[np.ndarray, _Value]:
         """All noises in their best common size where they are far from it: it has a closed form, but for bounds and prior."""
         at = self(eta)
-        if not np.isfinite(at.best) or at.square <= 0 or 1.0 / FAR < at.square < FAR:
+        if not np.isfinite(at.best) or at.square <= 0 or 1.0 / NOISE_RESIZED < at.square < NOISE_RESIZED:
             return eta, at
         m, b = len(self.start.sigma), len(self.start.force)
         sizes = np.r_[np.ones(m + b), 0, np.ones(m), 0]

@@ -2,7 +2,7 @@
 
 By Fisher's identity the slope is the mean, over the states given the residual, of the slope of their joint density: it needs
 how they vary at one sample, and every coloured noise from one sample to the next. The posterior precision is block
-tridiagonal: its Cholesky factor holds what a sample learns from those before, one begun at the other end what it learns from
+tridiagonal: its Cholesky factor holds what a sample learns from those before, one started at the other end what it learns from
 those after, and both together are the precision of its states (a twisted factorisation). The time of two factors gives
 all slopes.
 
@@ -109,7 +109,7 @@ def _by_sample(factor: np.ndarray, size: int) -> np.ndarray:
 
 
 def _add_product(P: np.ndarray, a: np.ndarray, c: np.ndarray) -> None:
-    """``P += a c'`` on and below the diagonal, all samples abreast; row by row it stays in the processor's cache."""
+    """``P += a c'`` on and below the diagonal, all samples at once; row by row it stays in the processor's cache."""
     for i in range(len(a)):
         P[i, : i + 1] += a[i] * c[: i + 1]
 

@@ -1,4 +1,4 @@
-"""Free-run fits of many rivals with unknown initial states: lifted Gauss-Newton.
+"""Free-run fits of many candidates with unknown initial states: lifted Gauss-Newton.
 
 All samples of all runs are unknowns at first; one linearisation of the step map over the whole time axis and one banded
 solve give the correction of the trajectory and its sensitivities to parameters and initial states together. A few open
@@ -33,14 +33,14 @@ __all__ = [
 
 #: Slopes of a point nearby end a descent only where they promise this share of what would do otherwise.
 _STRICTER = 1e-2
-#: Open steps went astray where they lead so many times further (squared error) from the data than the trajectory to fall back on.
-ASTRAY = 4.0
+#: Open steps diverged where they lead so many times further (squared error) from the data than the trajectory to fall back on.
+DIVERGED_STEPS = 4.0
 #: A step moves the initial states of a run by at most so many times their sizes: those that no output shows would go anywhere.
-FARTHEST = 10.0
+LARGEST_START_STEP = 10.0
 #: Correction, over the size of each state, at which a run by Newton in time counts as closed.
-CLOSED = 1e-9
+NEWTON_CLOSED = 1e-9
 #: Open steps end where parameters and trajectory move by less than this share of their size.
-SETTLED = 1e-3
+OPEN_STEPS_SETTLED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def free_run(model: FreeRunModel, theta: np.ndarray, x0: np.ndarray) -> np.ndarr
 def run_near(model: FreeRunModel, theta: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Free run from the first rows of a trajectory (n_states, n_samples): by Newton in time from there, else window by window."""
     starts = model.record.starts
-    x, closed, _ = close(model.bind(theta[:, None]), near, starts, model.scale, CLOSED)
+    x, closed, _ = close(model.bind(theta[:, None]), near, starts, model.scale, NEWTON_CLOSED)
     return x if closed else free_run(model, theta, near[:, starts])
 
 
@@ -118,11 +118,11 @@ def approached(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Where open steps alone lead: parameters and a trajectory whose defects are closed to first order.
 
-    Arguments as for :func:`output_error`; None where the steps go astray or do not settle.
+    Arguments as for :func:`output_error`; None where the steps diverge or do not settle.
     """
     with np.errstate(all="ignore"):
         end = _OutputError(model, sd, **options).opened(theta, x, open_steps)
-    return (end.theta, end.x) if end.moved < options.get("settled", SETTLED) else None
+    return (end.theta, end.x) if end.moved < options.get("settled", OPEN_STEPS_SETTLED) else None
 
 
 def output_error(
@@ -141,7 +141,7 @@ def output_error(
     fit_start: bool = True,
     fallback: np.ndarray | None = None,
     reach: float = np.inf,
-    settled: float = SETTLED,
+    settled: float = OPEN_STEPS_SETTLED,
     tries: int = 6,
     near: float = 0.0,
 ) -> Fit | None:
@@ -166,11 +166,11 @@ def output_error(
     open_steps : int
         Undamped steps that close the trajectory and move the parameters at once.
     best : float
-        Cost of the best rival so far; one that cannot come near it is abandoned.
+        Cost of the best candidate so far; one that cannot come near it is abandoned.
     fit_start : bool
         Whether initial states are fitted.
     fallback : ndarray (n_states, n_samples), optional
-        A closed trajectory near the start, used where the open steps go astray (to no free run, or to one much further from
+        A closed trajectory near the start, used where the open steps diverge (to no free run, or to one much further from
         the data); by default one is made by a loop over time.
     reach : float
         A step moves a parameter by at most as many times its size.
@@ -206,7 +206,7 @@ class _OutputError:
 
     def __init__(
         self, model: FreeRunModel, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
-        reach: float = np.inf, settled: float = SETTLED, tries: int = 6, near: float = 0.0,
+        reach: float = np.inf, settled: float = OPEN_STEPS_SETTLED, tries: int = 6, near: float = 0.0,
         centre: np.ndarray | None = None,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd, unit
@@ -259,7 +259,7 @@ class _OutputError:
         x = lin.x + np.einsum("ikt,k->it", lin.Z_theta, new - theta)
         if self.free.any():
             far = np.max(np.abs(dx) / self.model.scale[self.free, None], axis=0)
-            dx = dx * np.minimum(1.0, FARTHEST / np.maximum(far, FARTHEST))
+            dx = dx * np.minimum(1.0, LARGEST_START_STEP / np.maximum(far, LARGEST_START_STEP))
             x = x + np.einsum("ijt,jt->it", lin.Z_x[:, self.free], np.repeat(dx, self.record.lengths, axis=1))
         return new, x
 
@@ -308,8 +308,8 @@ class _OutputError:
         lin = end.lin if end.moved < self.near else None
         theta = end.theta
         x, y, cost = self.closed(theta, end.x, None if lin is None else lin.band)
-        if not np.isfinite(cost) or self.astray(cost, first[0], fallback):
-            # The open steps went astray: closed steps from the start.
+        if not np.isfinite(cost) or self.diverged(cost, first[0], fallback):
+            # The open steps diverged: closed steps from the start.
             opened = theta, x, y, cost, lin
             theta, lin = first[0], None
             near = first[1] if fallback is None else fallback
@@ -326,12 +326,12 @@ class _OutputError:
             return None
         return self.descend(theta, x, y, cost, max_steps, best, lin)
 
-    def astray(self, cost: float, theta: np.ndarray, fallback: np.ndarray | None) -> bool:
+    def diverged(self, cost: float, theta: np.ndarray, fallback: np.ndarray | None) -> bool:
         """Whether a free run is much further from the data than the trajectory to fall back on."""
         if fallback is None:
             return False
         y = self.model.bind(theta[:, None]).outputs(fallback[:, None])[:, 0]
-        return cost > ASTRAY * self.cost(y, theta)
+        return cost > DIVERGED_STEPS * self.cost(y, theta)
 
     def descend(
         self,

@@ -17,8 +17,8 @@ LONG = 4000
 #: Bytes of the time-major buffer.
 BUFFER = 2**20
 
-#: Runs that go abreast in one block of the time-major loop, so that a window stays in the cache.
-ABREAST = 2048
+#: Runs that go at once in one block of the time-major loop, so that a window stays in the cache.
+RUNS_IN_BLOCK = 2048
 
 
 def march(
@@ -29,7 +29,7 @@ def march(
     input_terms: Sequence[tuple[int, int]],
     limits: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Free run of any one-step model, all runs abreast, one call a step.
+    """Free run of any one-step model, all runs at once, one call a step.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def march(
 def free_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Free runs of a network.
 
-    Many runs go abreast, one product a step; a long run goes as pieces abreast; a short one as plain numbers.
+    Many runs go at once, one product a step; a long run goes as pieces at once; a short one as plain numbers.
 
     Parameters
     ----------
@@ -93,15 +93,15 @@ def free_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
         return np.array(first[:, :n_steps])
     folded = model.folded()
     small = sum(w.size for w in folded.net.weights) <= MAX_PRODUCTS
-    # measured: a step abreast costs about 7 us for all runs, as plain numbers 0.7 us a run, in pieces 0.07 us a run
+    # measured: a step at once costs about 7 us for all runs, as plain numbers 0.7 us a run, in pieces 0.07 us a run
     if n_steps > LONG and n_runs <= 64:
         return np.stack([long_run(folded, U[r], first[r]) for r in range(n_runs)])
     if small and n_runs <= 8:
         return np.stack([one_run(folded, U[r], first[r]) for r in range(n_runs)])
-    return abreast(folded, U, first)
+    return runs_at_once(folded, U, first)
 
 
-def abreast(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
+def runs_at_once(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Time-major loop over steps for all runs together; arguments as for :func:`free_run`, model folded.
 
     A buffer holds outputs and inputs of one step as rows and runs as columns, so that all that a step needs is one
@@ -109,9 +109,11 @@ def abreast(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
     """
     n_runs, n_steps, m = U.shape
     n_first, o = first.shape[1:]
-    if n_runs > ABREAST:
-        blocks = range(0, n_runs, ABREAST)
-        return np.concatenate([abreast(model, U[r : r + ABREAST], first[r : r + ABREAST]) for r in blocks])
+    if n_runs > RUNS_IN_BLOCK:
+        blocks = range(0, n_runs, RUNS_IN_BLOCK)
+        return np.concatenate(
+            [runs_at_once(model, U[r : r + RUNS_IN_BLOCK], first[r : r + RUNS_IN_BLOCK]) for r in blocks]
+        )
     net, width, longest = model.net, o + m, model.longest
     shift = net.biases[-1]
     window = np.zeros((len(net.biases[0]), longest + 1, width))
@@ -172,16 +174,16 @@ def _loop(net: Net, matrix: np.ndarray, bias: np.ndarray, buffer: np.ndarray, o:
 def one_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
     """One short run, or the rest of a piece, (n_steps, n_outputs), from (n_steps, n_inputs); model folded."""
     if sum(w.size for w in model.net.weights) > MAX_PRODUCTS:
-        return abreast(model, U[None], first[None])[0]
+        return runs_at_once(model, U[None], first[None])[0]
     sums = known_sums(model, U[None], len(first))
     return np.concatenate([first, scalar_run(model, sums, first)])
 
 
 def long_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """One long run, (n_steps, n_outputs), from (n_steps, n_inputs): cut into pieces that run abreast; model folded.
+    """One long run, (n_steps, n_outputs), from (n_steps, n_inputs): cut into pieces that run at once; model folded.
 
     Every piece first starts some steps early from the first rows: a model that forgets its past has forgotten part of
-    them where the piece begins to count. Pieces whose neighbour ended elsewhere run again from there, all abreast while
+    them where the piece begins to count. Pieces whose neighbour ended elsewhere run again from there, all at once while
     that brings ends and starts together, then one after the other, so that the result is the plain recursion whatever
     the model does; a model that never forgets costs as much as :func:`one_run`.
     """
@@ -196,7 +198,7 @@ def long_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
     before = begins[:, None] + np.arange(-longest, 0)
     rows = begins[:, None] + np.arange(-warm - longest, length)
     inputs = U[np.clip(rows, 0, n_steps - 1)]
-    found = abreast(model, inputs, np.repeat(first[None, -longest:], len(begins), axis=0))
+    found = runs_at_once(model, inputs, np.repeat(first[None, -longest:], len(begins), axis=0))
     tail[:] = found[:, warm + longest :]
     used, inputs = found[:, warm : warm + longest], inputs[:, warm:]
     tolerance, last = 1e-13 * np.abs(y[np.isfinite(y)]).max(initial=1e-300), np.inf
@@ -208,7 +210,7 @@ def long_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
             if len(bad) < 4 or not total < 0.1 * last:
                 break
             last, used[bad] = total, y[before[bad]]
-            tail[bad] = abreast(model, inputs[bad], used[bad])[:, longest:]
+            tail[bad] = runs_at_once(model, inputs[bad], used[bad])[:, longest:]
         for k in range(bad[0] if len(bad) else len(begins), len(begins)):
             start = y[before[k]]
             if not np.isfinite(start).all():

@@ -10,7 +10,7 @@ import numpy as np
 __all__ = ["LagRows", "RowSource"]
 
 #: Rows that the runs of a block must have on average to be copied run by run; below, single rows are fetched.
-_FEWEST = 32
+_FEWEST_ROWS_IN_RUN = 32
 
 
 class RowSource(ABC):
@@ -79,7 +79,7 @@ class LagRows(RowSource):
         """Rows first..last - 1, column by column in memory."""
         r = int(np.searchsorted(self.begins, first, side="right")) - 1
         end = int(np.searchsorted(self.begins, last, side="left"))
-        if (end - r - 2) * _FEWEST > last - first:
+        if (end - r - 2) * _FEWEST_ROWS_IN_RUN > last - first:
             return self.at(np.arange(first, last))
         out = np.empty((len(self.terms), last - first))
         for run in range(r, end):

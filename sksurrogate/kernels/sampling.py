@@ -11,7 +11,13 @@ __all__ = ["read_between", "with_slopes"]
 
 
 def read_between(
-    y: np.ndarray, right: np.ndarray, left: np.ndarray, end: np.ndarray, shift: np.ndarray, dt: float, starts: np.ndarray
+    y: np.ndarray,
+    right: np.ndarray,
+    left: np.ndarray,
+    end: np.ndarray,
+    shift: np.ndarray,
+    dt: float,
+    starts: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A signal at ``row - shift``: the cubic piece in which that lies, exactly there.
 

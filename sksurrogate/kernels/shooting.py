@@ -11,7 +11,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivities
-from sksurrogate.kernels.rollout import abreast, known_sums
+from sksurrogate.kernels.rollout import known_sums, runs_at_once
 
 __all__ = ["FreeRunLoss", "adam", "descend", "fit_free_run", "levenberg_marquardt"]
 
@@ -53,7 +53,7 @@ class FreeRunLoss:
             y = np.concatenate([first, guess[:, self.n_first :]], axis=1)
             if newton_runs(folded, known_sums(folded, self.U, self.n_first), y, self.n_first, 8, rtol):
                 return y
-        return abreast(folded, self.U, first)
+        return runs_at_once(folded, self.U, first)
 
     def errors(self, y: np.ndarray) -> np.ndarray:
         """Weighted y_hat - y, 0 where nothing was measured, (n_runs, n_steps - n_first, n_outputs)."""

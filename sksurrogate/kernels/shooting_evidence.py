@@ -14,13 +14,13 @@ from sksurrogate.kernels.shooting import FreeRunLoss, descend
 __all__ = ["EvidenceFit", "first_penalty", "fit_by_evidence"]
 
 #: Rounds of Levenberg-Marquardt between which the penalty is weighed again, and steps in a round.
-ROUNDS, STEPS = 12, 4
+PENALTY_ROUNDS, STEPS_IN_ROUND = 12, 4
 #: Largest change of the logarithm of the penalty in a round: the path stays near minima that the data have led to.
-LARGEST = 1.2
+LARGEST_LOG_CHANGE = 1.2
 #: Parts that are left out at least and at most.
-FEW, MOST = 4, 16
+FEWEST_PARTS, MOST_PARTS = 4, 16
 #: The penalty has settled at such a change of its logarithm.
-SETTLED = 0.05
+PENALTY_SETTLED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class EvidenceFit:
 def _parts(e: np.ndarray) -> list[np.ndarray]:
     """Rows of the residuals (n_runs, n_steps, n_outputs) that are left out together."""
     n_runs = len(e)
-    n_parts = min(n_runs, MOST) if n_runs >= FEW else n_runs * -(-FEW // n_runs)
+    n_parts = min(n_runs, MOST_PARTS) if n_runs >= FEWEST_PARTS else n_runs * -(-FEWEST_PARTS // n_runs)
     return np.array_split(np.arange(e.size), n_parts)
 
 
@@ -88,8 +88,8 @@ def fit_by_evidence(
     model: Any,
     *,
     holds: Callable[[Any], bool] | None = None,
-    n_rounds: int = ROUNDS,
-    n_steps: int = STEPS,
+    n_rounds: int = PENALTY_ROUNDS,
+    n_steps: int = STEPS_IN_ROUND,
 ) -> EvidenceFit | None:
     """Follow the minimum from ``loss.alpha`` to the penalty of the largest evidence.
 
@@ -118,8 +118,8 @@ def fit_by_evidence(
         evidence = _weighed(loss, model, _gram(loss, model, y), loss.errors(y))
         found = EvidenceFit(model, loss, y, evidence)
         change = float(np.log((evidence.penalty[0] + 1e-300) / (loss.alpha + 1e-300)))
-        if abs(change) < SETTLED and before - value < 1e-4 * value:
+        if abs(change) < PENALTY_SETTLED and before - value < 1e-4 * value:
             break
         before = value
-        loss = replace(loss, alpha=float(loss.alpha * np.exp(np.clip(change, -LARGEST, LARGEST))))
+        loss = replace(loss, alpha=float(loss.alpha * np.exp(np.clip(change, -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE))))
     return found

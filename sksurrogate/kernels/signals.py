@@ -5,7 +5,7 @@ are exact in this form; delays and lags are kept to the zeroth and first moment 
 with them converges as one with a smooth input and depends smoothly on the delay. What an output shows of them at a sample
 stands beside these moments.
 
-Arrays are ``(n_sub, n_columns, n_samples)`` for one input: column = rival or perturbation, ``n_samples`` = stacked runs.
+Arrays are ``(n_sub, n_columns, n_samples)`` for one input: column = candidate or perturbation, ``n_samples`` = stacked runs.
 """
 
 from __future__ import annotations

@@ -21,11 +21,11 @@ __all__ = ["add_spline_moments"]
 #: Rows that are sorted at a time.
 _SORTED = 2**16
 #: Rows that are multiplied at a time, and numbers in them: they stay in the cache.
-_ROWS, _CACHE = 4096, 2**19
+_MOMENT_ROWS, _MOMENT_NUMBERS = 4096, 2**19
 #: Numbers in the products of all cells.
 _PRODUCTS = 2**20
 #: Rows that a cell must hold on average: below, the calls cost more than the products.
-_FEWEST = 48
+_FEWEST_IN_CELL = 48
 
 
 def add_spline_moments(
@@ -83,7 +83,7 @@ def _leading(splines: Sequence[Spline], n_more: int, n_rows: int) -> int:
     cells, local, width, leading = 1, 0, sum(spline.n_splines for spline in splines) + n_more, 0
     for spline in splines:
         cells, local, width = cells * spline.n_intervals, local + spline.degree + 1, width - spline.n_splines
-        if cells * _FEWEST > min(n_rows, _SORTED) or cells * local * (local + width) > _PRODUCTS:
+        if cells * _FEWEST_IN_CELL > min(n_rows, _SORTED) or cells * local * (local + width) > _PRODUCTS:
             break
         leading += 1
     return leading
@@ -122,7 +122,7 @@ class _Cells:
         self.own = np.zeros((prod(self.shape), self.local, self.local))
         self.cross = np.zeros((prod(self.shape), self.local, self.width))
         self.rest = np.zeros((self.width, self.width))
-        n_rows = int(np.clip(_CACHE // self.width, 256, _ROWS))
+        n_rows = int(np.clip(_MOMENT_NUMBERS // self.width, 256, _MOMENT_ROWS))
         self.table, self.weights = np.empty((n_rows, self.width)), np.empty((self.local, n_rows))
 
     def add(self, x: np.ndarray, targets: np.ndarray, root: np.ndarray | None) -> None:

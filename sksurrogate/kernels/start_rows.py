@@ -9,9 +9,9 @@ import numpy as np
 __all__ = ["found_start"]
 
 #: Gauss-Newton steps, and half width of differences; numbers are in spreads.
-STEPS, WIDTH = 8, 1e-5
+START_STEPS, START_HALF_WIDTH = 8, 1e-5
 #: Spreads that a start may be away from the mean before it is known better: it only holds what no row sees.
-WIDE = 3.0
+START_SPREADS = 3.0
 
 
 def found_start(run: Callable[[np.ndarray], np.ndarray], y: np.ndarray, n: int, noise: float) -> np.ndarray:
@@ -32,7 +32,7 @@ def found_start(run: Callable[[np.ndarray], np.ndarray], y: np.ndarray, n: int, 
     ndarray (n_runs, n, n_outputs)
     """
     n_runs, q = len(y), n * y.shape[2]
-    known, precision = np.isfinite(y), noise / WIDE**2
+    known, precision = np.isfinite(y), noise / START_SPREADS**2
     target = np.where(known, y, 0.0)
     z = target[:, :n].reshape(n_runs, -1)
 
@@ -45,8 +45,8 @@ def found_start(run: Callable[[np.ndarray], np.ndarray], y: np.ndarray, n: int, 
 
     e = errors(z)
     best, damping = cost(e, z), np.full(n_runs, 1e-6)
-    for _ in range(STEPS):
-        J = np.stack([(errors(z + WIDTH * row) - e) / WIDTH for row in np.eye(q)], axis=2)
+    for _ in range(START_STEPS):
+        J = np.stack([(errors(z + START_HALF_WIDTH * row) - e) / START_HALF_WIDTH for row in np.eye(q)], axis=2)
         J[~np.isfinite(J).all(axis=(1, 2))] = 0.0
         normal = J.transpose(0, 2, 1) @ J
         slope = np.einsum("rnq,rn->rq", J, np.nan_to_num(e)) + precision * z
@@ -57,6 +57,6 @@ def found_start(run: Callable[[np.ndarray], np.ndarray], y: np.ndarray, n: int, 
         better = value <= best
         z, e = np.where(better[:, None], trial, z), np.where(better[:, None], found, e)
         best, damping = np.where(better, value, best), np.where(better, damping / 10, damping * 100)
-        if np.abs(step).max(initial=0.0) < WIDTH:
+        if np.abs(step).max(initial=0.0) < START_HALF_WIDTH:
             break
     return z.reshape(n_runs, n, -1)

@@ -18,7 +18,7 @@ from sksurrogate.kernels.state_model import StateModel
 __all__ = ["StateFit", "fit_output_error", "simulate", "start_states", "subspace"]
 
 #: Rows whose sensitivities are held at once.
-ROWS = 20_000
+SENSITIVITY_ROWS = 20_000
 
 
 def simulate(
@@ -29,7 +29,7 @@ def simulate(
     starts: np.ndarray,
     guess: np.ndarray | None = None,
 ) -> np.ndarray:
-    """States of a free run, (n_samples, n_states): Newton over time from a guess, else all runs abreast step by step.
+    """States of a free run, (n_samples, n_states): Newton over time from a guess, else all runs at once step by step.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ class _Objective:
         edges = np.r_[self.starts, len(self.U)]
         out, a = [], 0
         for r in range(1, len(self.starts) + 1):
-            if r == len(self.starts) or edges[r + 1] - edges[a] > ROWS:
+            if r == len(self.starts) or edges[r + 1] - edges[a] > SENSITIVITY_ROWS:
                 out.append((a, r))
                 a = r
         return out

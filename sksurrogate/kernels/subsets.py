@@ -10,10 +10,10 @@ from scipy.special import gammaln
 
 __all__ = ["Elimination", "eliminate", "log_evidence", "refit", "threshold_refit"]
 
-#: Ridge on columns of norm 1 that lets dependent columns be told apart: its square is the rounding of doubles.
-TIE = 1e-8
+#: Ridge on columns of norm 1 that lets dependent columns be distinguished: its square is the rounding of doubles.
+DEPENDENT_RIDGE = 1e-8
 #: Share of the squares below which a residual is rounding: what the ridge leaves.
-ROUNDING = 1e-14
+ROUNDED_RESIDUAL = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def eliminate(A: np.ndarray, b: np.ndarray) -> Elimination:
     p, total = A.shape[1], float(b @ b)
     norms = np.sqrt(np.einsum("ij,ij->j", A, A))
     norms[norms == 0] = 1.0
-    whole = np.vstack([A / norms, TIE * np.eye(p)])
+    whole = np.vstack([A / norms, DEPENDENT_RIDGE * np.eye(p)])
     R = np.asarray(np.linalg.qr(np.column_stack([whole, np.append(b, np.zeros(p))]), mode="r"))
     left, order, squares = np.arange(p), [], []
     while len(left):
@@ -77,7 +77,7 @@ def eliminate(A: np.ndarray, b: np.ndarray) -> Elimination:
         left = np.delete(left, worst)
         R = np.asarray(np.linalg.qr(np.delete(R, worst, axis=1), mode="r"))
     squares.append(total)
-    return Elimination(np.array(order, dtype=int), np.maximum(squares[::-1], ROUNDING * total))
+    return Elimination(np.array(order, dtype=int), np.maximum(squares[::-1], ROUNDED_RESIDUAL * total))
 
 
 def log_evidence(squares: np.ndarray, n_rows: float, n_constants: int = 0) -> np.ndarray:

@@ -16,11 +16,11 @@ from sksurrogate.kernels.integrate import close
 __all__ = ["run_in_windows"]
 
 #: Samples of the first window; fewer than the second are walked through one by one: Newton takes as many evaluations of the map.
-FIRST, SHORTEST = 64, 12
+FIRST_WINDOW, SHORTEST_WINDOW = 64, 12
 #: Samples of a window and states: more leave the processor's cache.
 LARGEST = 20_000
 #: Correction, over the size of each state, at which a window counts as closed; the last one shrinks it a hundredfold at least.
-CLOSED = 1e-11
+WINDOW_CLOSED = 1e-11
 #: Newton steps of a window, and fresh Jacobians among them, before it is cut.
 MOST_STEPS, MOST_FRESH = 16, 10
 #: Growth, after every window that is closed, of the width that is tried at most: one that failed is tried again later.
@@ -65,26 +65,26 @@ def run_in_windows(
     """
     out = np.full((len(x0), int(lengths.sum())), np.nan)
     out[:, starts] = x0
-    k, width, most = 0, FIRST if near is None else LARGEST, np.inf
+    k, width, most = 0, FIRST_WINDOW if near is None else LARGEST, np.inf
     while True:
         at = np.minimum(starts + k, out.shape[1] - 1)
         alive = np.flatnonzero((lengths - 1 > k) & np.isfinite(out[:, at]).all(axis=0))
         if not len(alive):
             return out
-        largest = max(LARGEST // (len(x0) * len(alive)), SHORTEST)
+        largest = max(LARGEST // (len(x0) * len(alive)), SHORTEST_WINDOW)
         width = int(min(width, largest, lengths[alive].max() - 1 - k))
         first, counts = starts[alive] + k, np.minimum(lengths[alive] - k, width + 1)
-        if width >= SHORTEST and _window(step, out, first, counts, size, near):
+        if width >= SHORTEST_WINDOW and _window(step, out, first, counts, size, near):
             most *= REGAINED
-            k, width = k + width, int(max(min(2 * width, most), SHORTEST))
-        elif width > SHORTEST:
-            width = most = max(width // 2, SHORTEST)
+            k, width = k + width, int(max(min(2 * width, most), SHORTEST_WINDOW))
+        elif width > SHORTEST_WINDOW:
+            width = most = max(width // 2, SHORTEST_WINDOW)
         else:
             for ahead in range(width):
                 going = counts - 1 > ahead
                 rows = first[going] + ahead
                 out[:, rows + 1] = step(out[:, None, rows], rows)[:, 0]
-            k, width = k + width, 2 * SHORTEST
+            k, width = k + width, 2 * SHORTEST_WINDOW
 
 
 def _window(
@@ -97,7 +97,9 @@ def _window(
     if near is not None:
         x = near[:, rows].copy()
         x[:, begin] = out[:, first]
-    x, closed, _ = close(lambda z: step(z, rows), x, begin, size, CLOSED, max_steps=MOST_STEPS, max_fresh=MOST_FRESH)
+    x, closed, _ = close(
+        lambda z: step(z, rows), x, begin, size, WINDOW_CLOSED, max_steps=MOST_STEPS, max_fresh=MOST_FRESH
+    )
     if closed:
         out[:, rows] = x
     return closed

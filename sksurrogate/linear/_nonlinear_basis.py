@@ -22,11 +22,11 @@ from sksurrogate.kernels.separable import Separable
 __all__ = ["NonlinearBasisRegressor"]
 
 #: Rows up to which rows that repeat are merged.
-MERGE = 5_000
+BASIS_MERGE_ROWS = 5_000
 #: Rows beyond which the starts are tried on a subsample, rows of that, and evaluations on all rows then.
-WHOLE, SUBSAMPLE, POLISH = 20_000, 5_000, 15
+BASIS_WHOLE_ROWS, BASIS_SUBSAMPLE, POLISH = 20_000, 5_000, 15
 #: Shares of the variance at which a start counts as solved, and at which a search ends.
-SOLVED, FLOOR = 1e-14, 1e-22
+BASIS_SOLVED, BASIS_FLOOR = 1e-14, 1e-22
 #: Largest log of a width, up or down, in standard deviations of the input.
 WIDEST = 9.0
 
@@ -252,7 +252,7 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if sample_weight is not None:
             weights = _check_sample_weight(unmasked(sample_weight), X, dtype=np.float64, ensure_non_negative=True)
             X, Y, weights = X[weights > 0], Y[weights > 0], weights[weights > 0]
-        if len(X) <= MERGE:
+        if len(X) <= BASIS_MERGE_ROWS:
             X, Y, weights = merge_rows(X, Y, weights)
         self._mean, self._scale = _standard(X, weights)
         shift, gain = _standard(Y, weights)
@@ -280,18 +280,20 @@ class NonlinearBasisRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         basis = self._basis
         rng = np.random.default_rng(check_random_state(self.random_state).randint(2**31 - 1))
         starts = [basis.start(x, rng) for _ in range(self.n_starts)]
-        whole = len(x) <= WHOLE
-        rows = slice(None) if whole else np.sort(rng.choice(len(x), SUBSAMPLE, replace=False))
+        whole = len(x) <= BASIS_WHOLE_ROWS
+        rows = slice(None) if whole else np.sort(rng.choice(len(x), BASIS_SUBSAMPLE, replace=False))
         problem, total = self._problem(x[rows], y[rows], None if weights is None else weights[rows])
         unit = total * y.shape[1]
-        fit, costs = several_starts(problem, starts, max_iter=self.max_iter, solved=SOLVED * unit, floor=FLOOR * unit)
+        fit, costs = several_starts(
+            problem, starts, max_iter=self.max_iter, solved=BASIS_SOLVED * unit, floor=BASIS_FLOOR * unit
+        )
         curve = [cost / total for cost in fit.history]
         self.start_losses_ = [cost / total for cost in costs]
         spent = 0
         if not whole:
             spent = fit.n_iter
             problem, total = self._problem(x, y, weights)
-            floor = FLOOR * total * y.shape[1]
+            floor = BASIS_FLOOR * total * y.shape[1]
             fit = levenberg_marquardt(problem, fit.theta, max_iter=POLISH, floor=floor, window=4, least_gain=0.01)
             curve += [cost / total for cost in fit.history]
         self._omega, self.loss_curve_ = fit.theta, curve

@@ -37,7 +37,7 @@ class SparseRegressor(BaseBlockedRegressor):
     max_terms : int, optional
         With "evidence": terms of an output at most.
     fit_intercept : bool, default=True
-        The intercept is no term: it always stays.
+        The intercept is not a term: it always stays.
     features : transformer, optional
         Makes the features from X, block by block as they are needed.
     block_size : int, optional

@@ -201,7 +201,7 @@ def _free_run(
     longest: int,
     spread: np.ndarray,
 ) -> float:
-    """RMSE of linear free runs from the measured first rows; all members abreast."""
+    """RMSE of linear free runs from the measured first rows; all members at once."""
     o = len(spread)
     if o == 1:
         return _filtered(runs, parts, members, chosen, theta[:, 0], ny, longest, spread)

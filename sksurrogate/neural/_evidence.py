@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.evidence import Evidence, weigh
 from sksurrogate.neural._network import Layers
-from sksurrogate.neural._problems import BLOCK, Rows, normal_equations
+from sksurrogate.neural._problems import JACOBIAN_ROWS, Rows, normal_equations
 from sksurrogate.neural._solvers import Plan, train_least_squares
 from sksurrogate.neural._training import Torch, Trained, train
 
@@ -19,7 +19,7 @@ __all__ = ["Belief", "train_by_evidence"]
 #: a small penalty), a much larger one too (no weights ask for a large one): from between, the path finds the data's.
 FIRST = 1e-3
 #: Rounds at most, largest change of the penalty's logarithm in a round, and the change at which it has settled.
-ROUNDS, LARGEST, SETTLED = 12, 2.3, 0.05
+EVIDENCE_ROUNDS, LARGEST_PENALTY_CHANGE, EVIDENCE_SETTLED = 12, 2.3, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +73,14 @@ def train_by_evidence(solver: str, plan: Plan, rows: Rows, torch: Torch) -> tupl
     plan = replace(plan, alpha=FIRST)
     trained = train(solver, plan, rows, None, torch)
     outcome = trained.outcome
-    for _ in range(ROUNDS):
+    for _ in range(EVIDENCE_ROUNDS):
         evidence = _weighed(plan, rows, outcome.layers)
-        change = float(np.clip(np.log(evidence.penalty[0] / rows.total / plan.alpha), -LARGEST, LARGEST))
-        if abs(change) < SETTLED:
+        change = float(
+            np.clip(
+                np.log(evidence.penalty[0] / rows.total / plan.alpha), -LARGEST_PENALTY_CHANGE, LARGEST_PENALTY_CHANGE
+            )
+        )
+        if abs(change) < EVIDENCE_SETTLED:
             break
         plan = replace(plan, alpha=plan.alpha * float(np.exp(change)))
         found = train_least_squares(plan, rows, start=outcome.layers)
@@ -90,8 +94,8 @@ def train_by_evidence(solver: str, plan: Plan, rows: Rows, torch: Torch) -> tupl
 def _shares(layers: Layers, rows: Rows) -> np.ndarray:
     """Squares of every output's residuals over their mean, (n_outputs,)."""
     squares = np.zeros(rows.Y.shape[1])
-    for first in range(0, len(rows), BLOCK):
-        x, y, weights = rows.part(slice(first, first + BLOCK))
+    for first in range(0, len(rows), JACOBIAN_ROWS):
+        x, y, weights = rows.part(slice(first, first + JACOBIAN_ROWS))
         away = (layers(x) - y) ** 2
         squares += away.sum(axis=0) if weights is None else weights @ away
     return squares / max(float(squares.mean()), np.finfo(float).tiny)

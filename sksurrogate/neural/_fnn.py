@@ -87,7 +87,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
     n_starts : int, default=None
         Random starts, the best of which is kept; None: 5 for "lm", else 1.
     early_stopping : bool, default=False
-        Whether to set rows aside and to keep the weights that are best on them.
+        Whether to hold rows out and to keep the weights that are best on them.
     dtype : {"float64", "float32"}, default="float64"
         Of the solvers in torch; the others compute in float64.
     device : str, default="cpu"
@@ -100,7 +100,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
     tol : float, default=1e-10
         Gradient at which "lbfgs" stops, and gain over ten epochs at which the solvers in torch stop.
     validation_fraction : float, default=0.1
-        Share of the rows set aside by ``early_stopping``.
+        Share of the rows held out by ``early_stopping``.
     n_iter_no_change : int, default=20
         Steps without a better validation loss after which ``early_stopping`` ends a search.
     prior : callable, default=None
@@ -136,7 +136,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
     loss_curve_ : list of float
         Loss after each step of the best start; for sets of more than 20000 rows the steps on the subsample come first.
     validation_curve_ : list of float
-        Mean squared error on the rows set aside; empty without ``early_stopping``.
+        Mean squared error on the rows held out; empty without ``early_stopping``.
     n_iter_ : int
         Evaluations ("lm", of all starts), iterations ("lbfgs") or epochs.
     net_ : skorch.NeuralNetRegressor

@@ -13,12 +13,12 @@ from sksurrogate.kernels.separable import Separable
 from sksurrogate.neural._network import ACTIVATIONS, Layers
 from sksurrogate.neural._shallow import Shallow
 
-__all__ = ["BLOCK", "STEP", "Rows", "Smoothness", "normal_equations", "projected", "squares"]
+__all__ = ["CURVATURE_STEP", "JACOBIAN_ROWS", "Rows", "Smoothness", "normal_equations", "projected", "squares"]
 
 #: Rows that are worked on at once, so that a block of the Jacobian stays in cache.
-BLOCK = 2048
+JACOBIAN_ROWS = 2048
 #: Distance over which slopes and curvatures are taken, in standard deviations of the input.
-STEP = 1e-2
+CURVATURE_STEP = 1e-2
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Smoothness:
 
     def inputs(self, x: np.ndarray) -> np.ndarray:
         """Inputs (n_inputs, n_rows), then moved up and down along each axis: (n_inputs, n_rows * (1 + 2 n_inputs))."""
-        moves = STEP * np.eye(len(x))
+        moves = CURVATURE_STEP * np.eye(len(x))
         return np.hstack([x, *(x + sign * move[:, None] for move in moves for sign in (1.0, -1.0))])
 
     def mix(self, values: np.ndarray, n_rows: int) -> np.ndarray:
@@ -47,9 +47,9 @@ class Smoothness:
         out = [here]
         for up, down in zip(moved[::2], moved[1::2]):
             if self.slope:
-                out.append((up - down) * (np.sqrt(self.slope) / (2 * STEP)))
+                out.append((up - down) * (np.sqrt(self.slope) / (2 * CURVATURE_STEP)))
             if self.curvature:
-                out.append((up - 2 * here + down) * (np.sqrt(self.curvature) / STEP**2))
+                out.append((up - 2 * here + down) * (np.sqrt(self.curvature) / CURVATURE_STEP**2))
         return np.hstack(out)
 
     def unmix(self, delta: np.ndarray, n_rows: int) -> np.ndarray:
@@ -59,10 +59,10 @@ class Smoothness:
         for k in range(0, len(rest), per_input):
             up, down = np.zeros_like(here), np.zeros_like(here)
             if self.slope:
-                push = rest[k] * (np.sqrt(self.slope) / (2 * STEP))
+                push = rest[k] * (np.sqrt(self.slope) / (2 * CURVATURE_STEP))
                 up, down = up + push, down - push
             if self.curvature:
-                push = rest[k + per_input - 1] * (np.sqrt(self.curvature) / STEP**2)
+                push = rest[k + per_input - 1] * (np.sqrt(self.curvature) / CURVATURE_STEP**2)
                 up, down, here = up + push, down + push, here - 2 * push
             parts += [up, down]
         return np.hstack([here, *parts])
@@ -161,7 +161,7 @@ class Rows:
 
     def block(self, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Inputs (n_inputs, n), targets (n_outputs, m) and weights (m,) of a block; with smoothness n and m count copies."""
-        X, Y, weights = self.part(slice(first, first + BLOCK))
+        X, Y, weights = self.part(slice(first, first + JACOBIAN_ROWS))
         x, y = np.ascontiguousarray(X.T), Y.T
         if self.smooth is None:
             return x, y, weights
@@ -186,14 +186,14 @@ def normal_equations(layers: Layers, rows: Rows, alpha: float = 0.0) -> Evaluate
     penalty = alpha * layers.is_weight
     n_theta, n_rows = len(penalty), len(rows)
     smooth = rows.smooth
-    scratch = np.empty((n_theta, min(BLOCK, n_rows) * (1 if smooth is None else 1 + 2 * rows.X.shape[1])))
+    scratch = np.empty((n_theta, min(JACOBIAN_ROWS, n_rows) * (1 if smooth is None else 1 + 2 * rows.X.shape[1])))
 
     def evaluate(theta: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         net = layers.at(theta)
         cost, gradient, gram = float(penalty @ theta**2), penalty * theta, np.diag(penalty)
-        for first in range(0, n_rows, BLOCK):
+        for first in range(0, n_rows, JACOBIAN_ROWS):
             x, y, weights = rows.block(first)
-            n_block = min(BLOCK, n_rows - first)
+            n_block = min(JACOBIAN_ROWS, n_rows - first)
             runs = net.run(x)
             residual = (runs[-1][1] if smooth is None else smooth.mix(runs[-1][1], n_block)) - y
             root = None if weights is None else np.sqrt(weights)
@@ -230,9 +230,9 @@ def squares(
         net = layers.at(theta)
         away = theta if prior is None else theta - prior
         cost, gradient = float(penalty @ away**2), 2.0 * penalty * away
-        for first in range(0, len(rows), BLOCK):
+        for first in range(0, len(rows), JACOBIAN_ROWS):
             x, y, weights = rows.block(first)
-            n_block = min(BLOCK, len(rows) - first)
+            n_block = min(JACOBIAN_ROWS, len(rows) - first)
             runs = net.run(x)
             residual = (runs[-1][1] if rows.smooth is None else rows.smooth.mix(runs[-1][1], n_block)) - y
             delta = 2.0 * residual if weights is None else 2.0 * weights * residual

@@ -26,7 +26,7 @@ __all__ = [
 #: Rows of a mini-batch of the solvers in torch where the data are too many to be taken whole at every step.
 MANY_ROWS, BATCH = 20_000, 500
 #: Steps of the solvers in torch with mini-batches.
-STEPS = 10_000
+TORCH_STEPS = 10_000
 
 
 def read_sizes(sizes: Any) -> tuple[int, ...]:
@@ -82,7 +82,7 @@ def epochs_of(solver: str, batch_size: int | None, n_rows: int) -> int:
     if solver in ("lm", "lbfgs"):
         return 200 if solver == "lm" else 1000
     size = read_batch(batch_size, n_rows)
-    return 1000 if size < 0 or size >= n_rows else min(1000, max(10, -(-STEPS * size // n_rows)))
+    return 1000 if size < 0 or size >= n_rows else min(1000, max(10, -(-TORCH_STEPS * size // n_rows)))
 
 
 def read_options(solver: str, momentum: float, betas: Any, net_params: dict[str, Any] | None) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from sksurrogate.kernels.least_squares import (
     with_memory,
 )
 from sksurrogate.neural._network import Layers, draw_layers
-from sksurrogate.neural._problems import BLOCK, Rows, normal_equations, projected, squares
+from sksurrogate.neural._problems import JACOBIAN_ROWS, Rows, normal_equations, projected, squares
 
 __all__ = [
     "Outcome",
@@ -31,11 +31,11 @@ __all__ = [
 ]
 
 #: Rows up to which variable projection holds the whole Jacobian.
-WHOLE = 20_000
+WHOLE_JACOBIAN_ROWS = 20_000
 #: Rows of the subsample on which a larger set is searched from several starts.
-SUBSAMPLE = 5_000
+START_SUBSAMPLE = 5_000
 #: Share of the variance at which a start counts as solved, and at which a search ends.
-SOLVED, FLOOR = 1e-12, 1e-24
+NET_SOLVED, NET_FLOOR = 1e-12, 1e-24
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ class Outcome:
 def misfit(layers: Layers, rows: Rows) -> float:
     """Mean squared error (summed over outputs) of standardised rows."""
     cost = 0.0
-    for first in range(0, len(rows), BLOCK):
-        x, y, weights = rows.part(slice(first, first + BLOCK))
+    for first in range(0, len(rows), JACOBIAN_ROWS):
+        x, y, weights = rows.part(slice(first, first + JACOBIAN_ROWS))
         square = np.sum((layers(x) - y) ** 2, axis=1)
         cost += float(square.sum() if weights is None else weights @ square)
     return cost / rows.total
@@ -228,7 +228,7 @@ def _best_of(plan: Plan, search: _Search, listener: Validation | None) -> LeastS
     watch = None if listener is None else listener.watch(search.layers)
     unit = search.total * search.n_outputs
     first = min(60, plan.max_iter)
-    solved, floor = SOLVED * unit, FLOOR * unit
+    solved, floor = NET_SOLVED * unit, NET_FLOOR * unit
     return several_starts(
         search.evaluate, search.starts, first=first, max_iter=plan.max_iter, solved=solved, floor=floor, watch=watch
     )[0]
@@ -272,11 +272,11 @@ def train_least_squares(
     memory : (theta, information), optional
         A quadratic form that stands for rows seen before.
     """
-    if start is None and len(rows) <= WHOLE:
+    if start is None and len(rows) <= WHOLE_JACOBIAN_ROWS:
         return _outcome(plan, rows, validation)
     curve: list[float] = []
     if start is None:
-        sample = rows.take(np.sort(plan.rng.choice(len(rows), SUBSAMPLE, replace=False)))
+        sample = rows.take(np.sort(plan.rng.choice(len(rows), START_SUBSAMPLE, replace=False)))
         first = _outcome(plan, sample, None)
         start, curve = first.layers, first.curve
     template = start
@@ -287,7 +287,7 @@ def train_least_squares(
         evaluate,
         template.theta,
         max_iter=plan.max_iter if memory is not None else min(plan.max_iter, 15),
-        floor=FLOOR * rows.total,
+        floor=NET_FLOOR * rows.total,
         window=4,
         least_gain=0.01,
         watch=None if validation is None else validation.watch(template.at),

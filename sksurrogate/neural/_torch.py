@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.neural._network import ACTIVATIONS, Layers
-from sksurrogate.neural._problems import STEP
+from sksurrogate.neural._problems import CURVATURE_STEP
 
 __all__ = ["build_net", "read_layers", "train_net", "write_layers"]
 
@@ -113,10 +113,10 @@ def _nets() -> list[type]:
         def roughness(self, x: Any, here: Any, w: Any) -> Any:
             """Weighted mean squared slopes and curvatures, by the same differences as in least squares."""
             x, total = x.to(here.device), 0.0
-            for move in STEP * torch.eye(x.shape[1], dtype=x.dtype, device=x.device):
+            for move in CURVATURE_STEP * torch.eye(x.shape[1], dtype=x.dtype, device=x.device):
                 up, down = self.module_(x + move), self.module_(x - move)
-                square = self.slope * (((up - down) / (2 * STEP)) ** 2).sum(dim=1)
-                square = square + self.curvature * (((up - 2 * here + down) / STEP**2) ** 2).sum(dim=1)
+                square = self.slope * (((up - down) / (2 * CURVATURE_STEP)) ** 2).sum(dim=1)
+                square = square + self.curvature * (((up - 2 * here + down) / CURVATURE_STEP**2) ** 2).sum(dim=1)
                 total = total + (square if w is None else w.to(square.device) * square).mean()
             return total
 

@@ -12,7 +12,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sksurrogate.kernels.least_squares import merge_rows, with_memory
 from sksurrogate.kernels.rows import RowSource
 from sksurrogate.neural._network import Layers
-from sksurrogate.neural._problems import BLOCK, Rows
+from sksurrogate.neural._problems import JACOBIAN_ROWS, Rows
 from sksurrogate.neural._settings import read_batch
 from sksurrogate.neural._solvers import (
     Outcome,
@@ -49,7 +49,7 @@ SMALL_NET, FEW_ROWS = 300, 20_000
 #: Weights up to which partial_fit remembers the rows before as a square matrix.
 MEMORY = 2_000
 #: Rows up to which rows that repeat are merged, so that weights and repetitions give the same bits.
-MERGE = 5_000
+TRAINING_MERGE_ROWS = 5_000
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def prepare(X: np.ndarray | RowSource, Y: np.ndarray, weights: np.ndarray | None
     if weights is not None and not weights.all():
         kept = weights > 0
         X, Y, weights = X[kept], Y[kept], weights[kept]
-    if len(X) <= MERGE:
+    if len(X) <= TRAINING_MERGE_ROWS:
         X, Y, weights = merge_rows(X[:], Y, weights)
     mean, scale = _moments(X, weights)
     shift, gain = _moments(Y, weights) if linear_output else (np.zeros(Y.shape[1]), np.ones(Y.shape[1]))
@@ -94,7 +94,7 @@ def _moments(values: np.ndarray | RowSource, weights: np.ndarray | None) -> tupl
     """Weighted means and standard deviations of the columns, block by block; 1 for constant columns."""
     total = float(len(values)) if weights is None else float(weights.sum())
     mean, square = np.zeros(values.shape[1]), np.zeros(values.shape[1])
-    blocks = [slice(first, first + BLOCK) for first in range(0, len(values), BLOCK)]
+    blocks = [slice(first, first + JACOBIAN_ROWS) for first in range(0, len(values), JACOBIAN_ROWS)]
     for block in blocks:
         mean += values[block].sum(axis=0) if weights is None else weights[block] @ values[block]
     mean /= total

@@ -19,16 +19,16 @@ from sksurrogate.physics._prepare import fastest, first_guess, refined, smoothed
 __all__ = ["coarse_start", "thinned"]
 
 #: Rows that are kept at least, of all runs and of the shortest.
-_ROWS, _ROWS_OF_A_RUN = 400, 25
+_LEAST_ROWS, _ROWS_OF_A_RUN = 400, 25
 #: One row of at least and at most so many is kept: records that would be thinned less are faster fitted at once.
-_LEAST, _MOST = 3, 10
+_LEAST_THINNING, _MOST_THINNING = 3, 10
 #: Third differences of the rows that are kept stay below this share of their spread, or twice the noise: else they leave
 #: out what happens between them.
 _ROUGH = 0.03
 #: As many substeps of such a row as the fastest state asks for; at most so many: else steps so long would not do.
 _SUBSTEPS = 8
 #: Open steps converge quadratically: what one leaves that moves by less than this share, the fit does in its first.
-_SETTLED = 0.2
+_START_SETTLED = 0.2
 
 
 def thinned(record: Record, every: int, held: bool) -> Record:
@@ -46,9 +46,9 @@ def _kept(record: Record, every: int) -> np.ndarray:
 
 def _telling_rows(record: Record, sd: np.ndarray, held: bool) -> tuple[Record, int] | None:
     """The record thinned to one row of how many: third differences stay small, so that these tell what the others do."""
-    every = min(record.n_samples // _ROWS, int(record.lengths.min()) // _ROWS_OF_A_RUN, _MOST)
+    every = min(record.n_samples // _LEAST_ROWS, int(record.lengths.min()) // _ROWS_OF_A_RUN, _MOST_THINNING)
     small = np.maximum(2.0 * sd, _ROUGH * record.spread)
-    while every >= _LEAST:
+    while every >= _LEAST_THINNING:
         few = thinned(record, every, held)
         if np.all(noise_of_differences(few.y, few.starts, few.known, few.t) < small):
             return few, every
@@ -72,10 +72,10 @@ def coarse_start(
         Of the fit.
     """
     even = record.steps is None and inner.plant.access == "rhs"
-    begun = _telling_rows(record, sd, inner.plant.hold == "zoh") if even else None
-    if begun is None:
+    started = _telling_rows(record, sd, inner.plant.hold == "zoh") if even else None
+    if started is None:
         return None
-    few, every = begun
+    few, every = started
     inner.probe(record.u[:, 0])
     starts = starts.copy()
     near = first_guess(inner, few, starts, options["fit_start"] and not given)
@@ -87,7 +87,7 @@ def coarse_start(
         replace(model, n_sub=max(math.ceil(n_sub), 1)), theta, near, starts, sd, options["fit_start"]
     )
     wanted = {key: value for key, value in options.items() if key not in ("best", "max_steps", "settled")}
-    found = approached(model, theta, x, sd, open_steps=6, **wanted, settled=_SETTLED)
+    found = approached(model, theta, x, sd, open_steps=6, **wanted, settled=_START_SETTLED)
     if found is None:
         return None
     theta, x = found

@@ -39,9 +39,9 @@ __all__ = ["CalibratedSimulator"]
 #: Squared residuals, in units of the noise, above which single shooting is tried as well.
 _POOR = 4.0
 #: Open steps converge quadratically: after one that moves by less than this share, the next would change nothing.
-_SETTLED = 3e-2
+_CALIBRATION_SETTLED = 3e-2
 #: Slopes serve again after a step by less than this share.
-_NEAR = 2e-2
+_SLOPES_SERVE = 2e-2
 #: Dampings of a step before the descent ends, each ten times the last.
 _TRIES = 12
 #: Runge-Kutta steps of a prediction from stamp to stamp, a sample.
@@ -355,22 +355,22 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self, inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, unit: np.ndarray,
         bounds: tuple, starts: np.ndarray, given: bool, prior: Prior,
     ) -> tuple[FitModel, Fit | None, str]:  # fmt: skip
-        """The lifted fit, begun on thinned data where there are many, and single shooting where it fails."""
+        """The lifted fit, started on thinned data where there are many, and single shooting where it fails."""
         options: dict[str, Any] = {
             "unit": unit,
             "bounds": bounds,
             "best": np.inf,
             "max_steps": self.max_iter,
             "fit_start": self.fit_x0,
-            "settled": _SETTLED,
+            "settled": _CALIBRATION_SETTLED,
             "tries": _TRIES,
             "reach": 10.0,
-            "near": _NEAR,
+            "near": _SLOPES_SERVE,
             **prior.options,
         }
-        begun = coarse_start(inner, record, sd, names, theta, starts, given, options)
-        if begun is not None:
-            model, near, x = begun
+        started = coarse_start(inner, record, sd, names, theta, starts, given, options)
+        if started is not None:
+            model, near, x = started
             fit = output_error(model, near, x, sd, open_steps=6, **options)
             if fit is not None and fit.converged and fit.cost < _POOR * record.n_values:
                 return model, fit, "lifted"

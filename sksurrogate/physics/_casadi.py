@@ -50,7 +50,7 @@ class CasadiSimulator(ParametricSimulator):
     method : str, default="auto"
         Integrator, as in :class:`ODESimulator`.
     output_function : casadi.Function, optional
-        What is measured, where it is no second output of ``function``.
+        What is measured, where it is not a second output of ``function``.
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
     units : dict of str, optional
@@ -131,7 +131,7 @@ class CasadiSimulator(ParametricSimulator):
         return self._inner().simulate(U, x0, t)
 
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all abreast: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
+        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
         return self._inner().simulate_batch(U, X0, t)
 
     @available_if(_is_continuous)
@@ -143,7 +143,7 @@ class CasadiSimulator(ParametricSimulator):
         """The same system as one of this package's simulators."""
         if not callable(getattr(self.function, "n_out", None)):
             raise SimulatorError(
-                f"function={self.function!r} is no casadi.Function: make one, casadi.Function('f', [x, u, p], [dx]), or give a "
+                f"function={self.function!r} is not a casadi.Function: make one, casadi.Function('f', [x, u, p], [dx]), or give a "
                 "Python function to ODESimulator."
             )
         output = self.output if _has_output(self) else None

@@ -176,7 +176,7 @@ class ControlSimulator(ParametricSimulator):
         """The same system as one of this package's simulators."""
         if not hasattr(self.system, "dt"):
             raise SimulatorError(
-                f"system={self.system!r} is no system of python-control: make one with control.ss, control.tf or control.nlsys."
+                f"system={self.system!r} is not a system of python-control: make one with control.ss, control.tf or control.nlsys."
             )
         own = self.system.dt
         names = {
@@ -201,7 +201,7 @@ class ControlSimulator(ParametricSimulator):
         return self._inner().simulate(U, x0, t)
 
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all abreast."""
+        """Free runs of equal length, all at once."""
         return self._inner().simulate_batch(U, X0, t)
 
     @available_if(_is_continuous)

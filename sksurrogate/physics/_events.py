@@ -13,10 +13,10 @@ from sksurrogate.physics._rhs import PointwiseFunction
 __all__ = ["EventMap"]
 
 #: Largest difference between one sample in n and in 2 n substeps, relative to the size of the states.
-_TOLERANCE = 1e-8
-_FEWEST, _MOST = 4, 64
+_EVENT_TOLERANCE = 1e-8
+_FEWEST_SUBSTEPS, _MOST_SUBSTEPS_TRIED = 4, 64
 #: Events that one point may have within a substep; with more (a ball at rest) it stays on the event.
-_EVENTS = 4
+_EVENTS_IN_SUBSTEP = 4
 #: Share of a step after which a point that starts on an event must have risen.
 _SHORT = 1e-3
 #: Steps of the search for the moment of an event.
@@ -49,7 +49,7 @@ class EventMap:
     def sample(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], dt: float) -> np.ndarray:
         """States (n_states, n_points) a time ``dt`` later under held inputs, in as many substeps as their error asks for."""
         times = np.broadcast_to(np.asarray(t, dtype=float), x.shape[1:])
-        n_sub = _FEWEST
+        n_sub = _FEWEST_SUBSTEPS
         coarse, _ = self._march(times, x, u, p, dt, n_sub)
         while True:
             fine, rested = self._march(times, x, u, p, dt, 2 * n_sub)
@@ -57,7 +57,7 @@ class EventMap:
             error = np.abs(fine - coarse) / size
             error = np.max(error[:, np.isfinite(error).all(axis=0) & ~rested], initial=0.0)
             n_sub *= 2
-            if error <= _TOLERANCE or n_sub >= _MOST:
+            if error <= _EVENT_TOLERANCE or n_sub >= _MOST_SUBSTEPS_TRIED:
                 return fine
             coarse = fine
 
@@ -79,7 +79,7 @@ class EventMap:
         h = np.where(rested, 0.0, h)
         active = np.arange(x.shape[1])
         start, end, left, now = x, out, h, t
-        for count in range(_EVENTS + 1):
+        for count in range(_EVENTS_IN_SUBSTEP + 1):
             q, v = _of(p, active), u[:, active]
             which, share = self._first(now, start, end, v, q, left)
             hit = np.flatnonzero(which >= 0)
@@ -95,7 +95,7 @@ class EventMap:
                     at[:, rows] = then(passed[rows], at[:, rows], v[:, rows], _of(q, rows))
             out = out.copy()
             left, now, start = left * (1.0 - share), passed, at
-            if count == _EVENTS:  # events pile up: the point stays where the last one left it
+            if count == _EVENTS_IN_SUBSTEP:  # events pile up: the point stays where the last one left it
                 out[:, active] = at
                 rested[active] = True
                 return out
@@ -131,7 +131,7 @@ class EventMap:
         self, when: PointwiseFunction, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], h: np.ndarray,
         begin: np.ndarray, high: np.ndarray, low: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Share of the step at which ``when`` is zero: false position after Illinois, all points abreast."""
+        """Share of the step at which ``when`` is zero: false position after Illinois, all points at once."""
         a, b, fa, fb = begin, np.ones_like(h), high, low
         side = np.full(len(h), -1)
         for _ in range(_LOCATE):

@@ -18,7 +18,7 @@ from sksurrogate.physics._model import PlantModel
 __all__ = ["BoundFitModel", "FitModel"]
 
 #: Points that go through all stages of a step together, so that they stay in the cache.
-_BLOCK = 8192
+_POINTS_IN_BLOCK = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,11 +134,11 @@ class BoundFitModel:
         if steps is not None:
             steps = np.tile(steps if rows is None else steps[rows], shape[1])
         points = x.reshape(len(x), -1)
-        if m.stiff or points.shape[1] < 2 * _BLOCK:
+        if m.stiff or points.shape[1] < 2 * _POINTS_IN_BLOCK:
             return self._moved(t, points, mean, half, params, steps).reshape(shape)
         out = np.empty(points.shape)
-        for a in range(0, points.shape[1], _BLOCK):
-            b = slice(a, a + _BLOCK)
+        for a in range(0, points.shape[1], _POINTS_IN_BLOCK):
+            b = slice(a, a + _POINTS_IN_BLOCK)
             some = {k: v[b] if isinstance(v, np.ndarray) else v for k, v in params.items()}
             part = None if steps is None else steps[b]
             out[:, b] = self._moved(

@@ -92,7 +92,7 @@ class FMUSimulator(ParametricSimulator):
     MissingExtraError
         FMPy is not installed.
     SimulatorError
-        The file is no safe unit, a variable is unknown, or the unit does not give the access that is asked for.
+        The file is not a safe unit, a variable is unknown, or the unit does not give the access that is asked for.
 
     Notes
     -----
@@ -334,7 +334,7 @@ class FMUSimulator(ParametricSimulator):
 
     @available_if(_has("rhs"))
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all abreast: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
+        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
         return self._integrated(lambda inner: inner.simulate_batch(U, X0, t))
 
     @available_if(_has("rhs"))

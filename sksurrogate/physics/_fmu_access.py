@@ -17,7 +17,7 @@ from sksurrogate.physics._fmu_steps import CoSteps
 __all__ = ["Access", "Question", "find_access", "open_engine"]
 
 #: Rows of the run by which a step is proven.
-_ROWS = 100
+_PROOF_ROWS = 100
 #: Largest difference between steps and a run that goes through, relative to the range of a signal: an inner solver that
 #: begins anew at each sample departs by its own tolerance.
 _SAME = 1e-4
@@ -140,7 +140,7 @@ def _exchanged(question: Question, description: Any) -> Access:
             return Access("ModelExchange", "rhs", (), signals, start)
         if question.wanted == "rhs":
             raise Unfit('it has events, so that it is known by its map from sample to sample: access="step"')
-        t = question.dt * np.arange(_ROWS)
+        t = question.dt * np.arange(_PROOF_ROWS)
         for U in _excitations(signals, len(t)):
             X, Y = steps.run(t, U, None, values)
             if np.all(np.isfinite(X)):
@@ -165,7 +165,7 @@ def _stepped(question: Question, description: Any, through: Through) -> Access:
     for name in signals.states:
         if known[name].initial not in ("exact", "approx") and known[name].causality != "input":
             raise Unfit(f"its state {name!r} cannot be set")
-    t = question.dt * np.arange(_ROWS)
+    t = question.dt * np.arange(_PROOF_ROWS)
     names = [*signals.states, *question.outputs]
     for U in _excitations(signals, len(t)):
         try:

@@ -14,14 +14,14 @@ from sksurrogate.physics._foreign import offered
 __all__ = ["EventSteps"]
 
 #: Largest difference between one sample in n and in 2 n substeps, relative to the size of the states.
-_TOLERANCE = 1e-8
-_MOST = 64
+_FMU_TOLERANCE = 1e-8
+_MOST_FMU_SUBSTEPS = 64
 #: Points at which the substeps are chosen.
-_PROBES = 16
+_FMU_PROBES = 16
 #: Events within a sample: with more (a ball at rest) the states stay where the last one left them.
-_EVENTS = 32
+_EVENTS_IN_SAMPLE = 32
 #: Share of a substep to which the moment of an event is found.
-_NEAR = 1e-13
+_MOMENT_FOUND = 1e-13
 
 
 class EventSteps:
@@ -59,13 +59,13 @@ class EventSteps:
             return np.stack(found, axis=1) if found else np.empty((len(x), 0))
 
         out, n_sub = np.full(x.shape, np.nan), 1
-        probes = good[:: max(1, len(good) // _PROBES)]
+        probes = good[:: max(1, len(good) // _FMU_PROBES)]
         coarse = moved(probes, n_sub)
-        while n_sub < _MOST:
+        while n_sub < _MOST_FMU_SUBSTEPS:
             fine = moved(probes, 2 * n_sub)
             n_sub *= 2
             size = np.maximum(np.max(np.abs(np.c_[x[:, probes], fine]), axis=1, initial=0.0), 1e-12)[:, None]
-            if not np.nanmax(np.abs(fine - coarse) / size, initial=0.0) > _TOLERANCE:
+            if not np.nanmax(np.abs(fine - coarse) / size, initial=0.0) > _FMU_TOLERANCE:
                 break
             coarse = fine
         rest = np.setdiff1d(good, probes)
@@ -90,11 +90,11 @@ class EventSteps:
         """
         X, Y = self._run(t, U, x0, values, 1)
         n_sub = 2
-        while n_sub <= _MOST:
+        while n_sub <= _MOST_FMU_SUBSTEPS:
             before = X
             X, Y = self._run(t, U, x0, values, n_sub)
             size = np.maximum(np.nanmax(np.abs(X), axis=0, initial=0.0), 1e-12)
-            if not np.nanmax(np.abs(X - before) / size, initial=0.0) > _TOLERANCE:
+            if not np.nanmax(np.abs(X - before) / size, initial=0.0) > _FMU_TOLERANCE:
                 break
             n_sub *= 2
         return X, Y
@@ -206,7 +206,7 @@ class EventSteps:
                 if not len(crossed) and now < event and not self._step_ends(now, x):
                     z, positive = z1, positive1
                     continue
-                if count == _EVENTS:  # events pile up
+                if count == _EVENTS_IN_SAMPLE:  # events pile up
                     return x
                 count += 1
                 x, event = self._settled(now, x, u)
@@ -232,7 +232,7 @@ class EventSteps:
         def indicator(share: float, i: int) -> float:
             return float(self._signs(t + share, self._rk4(t, x, share))[0][i])
 
-        near = _NEAR * h
+        near = _MOMENT_FOUND * h
         share = min(brentq(indicator, 0.0, h, args=(i,), xtol=near) if z[i] != 0 else 0.0 for i in crossed)
         while share < h and not np.any(self._signs(t + share, self._rk4(t, x, share))[1] != positive):
             share, near = min(share + near, h), 2 * near  # an event is met behind it

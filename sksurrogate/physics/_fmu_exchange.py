@@ -10,18 +10,18 @@ import numpy as np
 
 from sksurrogate.physics._fmu_signals import Signals
 from sksurrogate.physics._fmu_unit import Messages, new_instance
-from sksurrogate.physics._foreign import LARGEST, offered
+from sksurrogate.physics._foreign import LARGEST_OFFERED, offered
 
 __all__ = ["ExchangeUnit", "Refused"]
 
 #: Up to so many points an order of their visit costs more than it saves.
 _FEW = 8
 #: Rounds of an event until nothing changes any more.
-_ROUNDS = 100
+_EVENT_ROUNDS = 100
 
 
 class Refused(Exception):
-    """The unit refuses what it is told."""
+    """The unit refuses what it is asked."""
 
 
 class Calls:
@@ -101,14 +101,14 @@ class ExchangeUnit:
     def update(self) -> float:
         """Discrete states until they settle, then continuous time; the time of the next event, inf for none."""
         renew = self.instance.newDiscreteStates if self.signals.version == 2 else self.instance.updateDiscreteStates
-        for _ in range(_ROUNDS):
+        for _ in range(_EVENT_ROUNDS):
             again, ended, _, _, timed, event = renew()
             if ended:
                 raise Refused("ends the simulation at an event")
             if not again:
                 self.instance.enterContinuousTimeMode()
                 return float(event) if timed else np.inf
-        raise Refused(f"does not settle in {_ROUNDS} rounds of an event")
+        raise Refused(f"does not settle in {_EVENT_ROUNDS} rounds of an event")
 
     def states(self) -> np.ndarray:
         """Continuous states where the unit is, (n_states,)."""
@@ -150,7 +150,7 @@ class ExchangeUnit:
     ) -> np.ndarray:  # fmt: skip
         """Derivatives, or what is ``asked`` for by reference, (size, n_points).
 
-        Points are visited in the order of parameters, times and inputs, so that the unit is told of a change only, and of
+        Points are visited in the order of parameters, times and inputs, so that the unit hears of a change only, and of
         equal points only once.
         """
         n_points = x.shape[1]
@@ -185,7 +185,7 @@ class ExchangeUnit:
         values = tuple(v.item() if isinstance(v, np.ndarray) else float(v) for v in given)
         X, V, out = np.empty((1, len(x))), np.array(u, dtype=float)[None], np.full((1, size), np.nan)
         X[0, s.order] = x
-        if all(abs(v) <= LARGEST for v in (now, *values, *x.tolist(), *V[0].tolist())):
+        if all(abs(v) <= LARGEST_OFFERED for v in (now, *values, *x.tolist(), *V[0].tolist())):
             try:
                 self._at(values, V[0], now)
             except Exception as error:  # these parameters are refused

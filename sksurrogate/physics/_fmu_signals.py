@@ -72,7 +72,7 @@ def read_signals(
     Raises
     ------
     Unfit
-        A signal is no real scalar, the unit names no states, or ``initial`` does not name them.
+        A signal is not a real scalar, the unit names no states, or ``initial`` does not name them.
     """
     if not str(description.fmiVersion).startswith(("2", "3")):
         raise Unfit(f"FMI {description.fmiVersion} shows no equations here")

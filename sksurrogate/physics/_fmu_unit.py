@@ -19,9 +19,9 @@ from sksurrogate.exceptions import SimulatorError, require
 __all__ = ["Messages", "OpenUnit", "describe", "equal_steps", "new_instance", "unpack"]
 
 #: Largest size of an unpacked unit, bytes.
-_LARGEST = 2_000_000_000
+_LARGEST_UNIT = 2_000_000_000
 #: Most files in a unit.
-_MOST = 20_000
+_MOST_FILES = 20_000
 #: (process, file, time of change) -> folder it was unpacked to; shared by all simulators of a process.
 _UNPACKED: dict[tuple[int, str, int], str] = {}
 
@@ -40,10 +40,10 @@ def unpack(path: str) -> str:
         with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
             size = sum(member.file_size for member in members)
-            if size > _LARGEST or len(members) > _MOST:
+            if size > _LARGEST_UNIT or len(members) > _MOST_FILES:
                 raise SimulatorError(
-                    f"path={path!r} would unpack to {len(members)} files of {size} bytes, expected at most {_MOST} files "
-                    f"of {_LARGEST} bytes: this unit is not safe."
+                    f"path={path!r} would unpack to {len(members)} files of {size} bytes, expected at most {_MOST_FILES} files "
+                    f"of {_LARGEST_UNIT} bytes: this unit is not safe."
                 )
             for member in members:
                 if not (folder / member.filename).resolve().is_relative_to(folder.resolve()):

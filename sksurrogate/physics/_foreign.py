@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["LARGEST", "REFUSALS", "at_points", "offered"]
+__all__ = ["LARGEST_OFFERED", "REFUSALS", "at_points", "offered"]
 
 #: Values beyond this are not offered to a foreign program: their cubes would leave the finite numbers.
-LARGEST = 1e100
+LARGEST_OFFERED = 1e100
 #: What a function raises at a point that it refuses; other errors are mistakes in the function.
 REFUSALS = (ArithmeticError, ValueError, RuntimeError)
 
@@ -26,7 +26,9 @@ def offered(*values: np.ndarray) -> np.ndarray:
     found = np.ones(values[0].shape[-1], dtype=bool)
     for value in values:
         if value.size:
-            found &= (np.abs(value).max(axis=0) if value.ndim > 1 else np.abs(value)) <= LARGEST  # nan is not <=
+            found &= (
+                np.abs(value).max(axis=0) if value.ndim > 1 else np.abs(value)
+            ) <= LARGEST_OFFERED  # nan is not <=
     return found
 
 

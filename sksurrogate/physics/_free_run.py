@@ -20,9 +20,9 @@ TOLERANCE = 1e-8
 #: Evaluations of the right-hand side in a stretch, beside 2000 a sample, after which the integrator counts as stuck.
 MOST_EVALUATIONS = 20_000
 #: More substeps than this and the plant counts as stiff.
-MOST_SUBSTEPS = 48
+MOST_PLANT_SUBSTEPS = 48
 #: Runs of more samples are closed window by window where many points cost little more than one.
-LONG = 1_000
+LONG_RUN = 1_000
 
 Derivative = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
 
@@ -75,8 +75,8 @@ def free_run(
         return np.zeros((len(U), len(t), 0))
     with np.errstate(all="ignore"):
         if method in ("auto", "RK4"):
-            X, n_sub = _explicit(derivative, U, X0, t, order, many and len(t) > LONG)
-            if method == "RK4" or (n_sub <= MOST_SUBSTEPS and np.all(np.isfinite(X))):
+            X, n_sub = _explicit(derivative, U, X0, t, order, many and len(t) > LONG_RUN)
+            if method == "RK4" or (n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X))):
                 return X
             method = "LSODA"
         return np.stack([_adaptive(derivative, U[r], X0[r], t, order, method) for r in range(len(U))])
@@ -96,7 +96,7 @@ def _explicit(
         else:
             X = march(derivative, X0.T, np.full(len(U), t[0]), mean, half, np.asarray(step) / n_sub)
         wanted = _substeps_needed(derivative, X, U, t, order, n_sub, step)
-        if wanted <= n_sub or n_sub > MOST_SUBSTEPS:
+        if wanted <= n_sub or n_sub > MOST_PLANT_SUBSTEPS:
             return X.transpose(1, 2, 0), n_sub
         n_sub = wanted
 
@@ -135,7 +135,7 @@ def _substeps_needed(
 ) -> int:
     """Compare one sample in ``n_sub`` and in ``2 n_sub`` substeps, for all samples at once."""
     if not np.all(np.isfinite(X)):
-        return 2 * n_sub if n_sub <= MOST_SUBSTEPS else n_sub
+        return 2 * n_sub if n_sub <= MOST_PLANT_SUBSTEPS else n_sub
     scale = np.maximum(np.max(np.abs(X), axis=(1, 2)), 1e-12)[:, None, None]
     times = np.broadcast_to(t, X.shape[1:])
     widths = np.broadcast_to(step, X.shape[1:])

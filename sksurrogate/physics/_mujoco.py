@@ -74,7 +74,7 @@ class MuJoCoSimulator(NamedModel):
     MissingExtraError
         MuJoCo is not installed.
     SimulatorError
-        The model cannot be read, or has no such actuator, state, sensor or parameter; ``dt`` is no multiple of the
+        The model cannot be read, or has no such actuator, state, sensor or parameter; ``dt`` is not a multiple of the
         timestep.
 
     Notes
@@ -181,7 +181,7 @@ class MuJoCoSimulator(NamedModel):
     def step(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], dt: float, forces: Any = None) -> np.ndarray:
         """States (n_states, *s) a time ``dt`` later; inputs and forces are held. Other arguments as in :meth:`rhs`.
 
-        A time that is no multiple of the model's timestep is cut into equal shorter steps.
+        A time that is not a multiple of the model's timestep is cut into equal shorter steps.
         """
         shape, at = self._points(t, x, u, p, forces)
         return self._engine().step(at, float(dt)).reshape(-1, *shape)

@@ -11,9 +11,9 @@ from sksurrogate.exceptions import require
 
 __all__ = ["Layout", "name_of", "read_layout"]
 
-_LINEAR, _ROTATION, _QUATERNION = ("x", "y", "z"), ("rx", "ry", "rz"), ("qw", "qx", "qy", "qz")
+_LINEAR_AXES, _ROTATION, _QUATERNION = ("x", "y", "z"), ("rx", "ry", "rz"), ("qw", "qx", "qy", "qz")
 #: Components of a sensor by their number; others are counted.
-_COMPONENTS = {3: _LINEAR, 4: ("w", *_LINEAR)}
+_COMPONENTS = {3: _LINEAR_AXES, 4: ("w", *_LINEAR_AXES)}
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _joints(model: Any) -> tuple[list[str], list[str], list[tuple[int, int]], li
             positions.append(f"{joint}.pos")
             velocities.append(f"{joint}.vel")
             continue
-        linear = _LINEAR if kind == kinds.mjJNT_FREE else ()
+        linear = _LINEAR_AXES if kind == kinds.mjJNT_FREE else ()
         slopes += [(first + k, len(velocities) + k) for k in range(len(linear))]
         quaternions.append((first + len(linear), len(velocities) + len(linear)))
         positions += [f"{joint}.pos.{part}" for part in (*linear, *_QUATERNION)]

@@ -135,7 +135,7 @@ class NamedModel(ParametricSimulator):
 
     @property
     def ports(self) -> list[str]:
-        """Where forces can enter that are no inputs."""
+        """Where forces can enter that are not inputs."""
         taken = set(self.inputs)
         return [name for name in self._engine().layout.ports if name not in taken]
 
@@ -181,6 +181,6 @@ class NamedModel(ParametricSimulator):
         """
         model = self._engine().origin
         known = [model.key(i).name for i in range(model.nkey)]
-        known_names([name], known, "name", "is no keyframe")
+        known_names([name], known, "name", "is not a keyframe")
         key = model.key(name)
         return np.concatenate([key.qpos, key.qvel, key.act])

@@ -143,7 +143,7 @@ class ODESimulator(ParametricSimulator):
         return self._run(inputs[None], self._check_x0(x0)[None], t)[0]
 
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all abreast: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
+        """Free runs of equal length, all at once: U (n_runs, n_samples, n_inputs) -> Y (n_runs, n_samples, n_outputs)."""
         inputs = np.asarray(U, dtype=float)
         if inputs.ndim != 3 or inputs.shape[2] != len(self._names("inputs")):
             raise SimulatorError(
@@ -247,7 +247,7 @@ class ODESimulator(ParametricSimulator):
         return X, times, model
 
     def _with_events(self, model: PlantModel, U: np.ndarray, X0: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """States (n_runs, n_samples, n_states), sample by sample, all runs abreast."""
+        """States (n_runs, n_samples, n_states), sample by sample, all runs at once."""
         if self.hold != "zoh" or self.method not in ("auto", "RK4"):
             raise SimulatorError(
                 f'events go with hold="zoh" and method="auto", here hold={self.hold!r} and method={self.method!r}.'

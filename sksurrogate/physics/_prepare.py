@@ -13,14 +13,14 @@ from sksurrogate.kernels.smoother import drawn
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["LOCAL_ERROR", "fastest", "first_guess", "prepared", "refined", "smoothed_run"]
+__all__ = ["SIMULATOR_LOCAL_ERROR", "fastest", "first_guess", "prepared", "refined", "smoothed_run"]
 
 #: Substeps are doubled until one sample differs by less than this share of the size of a state.
-LOCAL_ERROR = 1e-6
+SIMULATOR_LOCAL_ERROR = 1e-6
 #: Runge-Kutta with more substeps than this, and the plant counts as stiff.
 _MOST_SUBSTEPS = 32
 #: Samples at which that is tried.
-_PROBES = 250
+_PREPARE_PROBES = 250
 #: Graded steps of a stiff plant are cut into at most as many.
 _MOST_CUTS = 4
 #: Largest correction, in sizes of a state, at which the first free run counts as one: the smoother goes on from there.
@@ -117,7 +117,7 @@ def _error(model: FitModel, theta: np.ndarray, x: np.ndarray) -> float:
 
 def _probes(x: np.ndarray) -> np.ndarray:
     """Some samples along a trajectory, evenly."""
-    return np.arange(0, x.shape[1], -(-x.shape[1] // _PROBES))
+    return np.arange(0, x.shape[1], -(-x.shape[1] // _PREPARE_PROBES))
 
 
 def _all_but_worst(errors: np.ndarray) -> float:
@@ -129,7 +129,9 @@ def _all_but_worst(errors: np.ndarray) -> float:
 
 def refined(model: FitModel, theta: np.ndarray, x: np.ndarray, *, most: int = _MOST_SUBSTEPS) -> FitModel:
     """Substeps doubled until their error along a trajectory is small."""
-    while model.inner.plant.access == "rhs" and model.n_sub < most and not _error(model, theta, x) < LOCAL_ERROR:
+    while (
+        model.inner.plant.access == "rhs" and model.n_sub < most and not _error(model, theta, x) < SIMULATOR_LOCAL_ERROR
+    ):
         model = replace(model, n_sub=2 * model.n_sub)
     return model
 
@@ -165,7 +167,7 @@ def _settled_run(model: FitModel, theta: np.ndarray, near: np.ndarray, starts: n
         y = bound.outputs(run[:, None])[:, 0]
         if np.all(np.max(np.abs(y - record.y), axis=1) < room):
             return run
-        if np.all(np.max(np.abs(y - last), axis=1) < 0.1 * room):  # it is no matter of the steps
+        if np.all(np.max(np.abs(y - last), axis=1) < 0.1 * room):  # it is not a matter of the steps
             break
         last = y
     return np.full_like(run, np.nan)

@@ -20,7 +20,7 @@ _LARGEST_POWER = 8
 #: Functions that were said to be slow: once in a process and in those that are forked from it.
 _SAID: weakref.WeakSet[Any] = weakref.WeakSet()
 #: Fewer points than this are passed as plain arrays: the detour would cost more than it saves.
-_MANY = 200
+_FEW_POINTS = 200
 
 
 class _Points(np.ndarray):
@@ -164,7 +164,7 @@ class PointwiseFunction:
 
     def _many(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
         """All points in one call."""
-        if x.size > _MANY * len(x):
+        if x.size > _FEW_POINTS * len(x):
             x, u = x.view(_Points), u.view(_Points)
         value = self._ask(t, x, u, p, *extra)
         out = np.empty((self.size, *x.shape[1:])) if x.ndim > 1 else np.empty(self.size)

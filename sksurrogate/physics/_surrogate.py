@@ -17,7 +17,7 @@ from sksurrogate.physics._wrappers import StepSimulator
 __all__ = ["SurrogateSimulator"]
 
 #: Points at which it is seen which states only pass a value on.
-_PROBES = 5
+_PASSING_PROBES = 5
 
 
 class _Wiring(NamedTuple):
@@ -162,7 +162,7 @@ class SurrogateSimulator(BaseSimulator):
         return self._inner().simulate(U, x0, t)
 
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all abreast: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
+        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
         return self._inner().simulate_batch(U, X0, t)
 
     def _inner(self) -> StepSimulator:
@@ -181,7 +181,7 @@ def _wired(graph: Graph, y_mean: Any) -> _Wiring:
     n, m = graph.nodes[graph.inputs["x"]].size, graph.nodes[graph.inputs["u"]].size
     random = np.random.default_rng(0)
     start = np.zeros(n) if graph.initial is None else np.array(graph.initial, dtype=float)
-    x, u = start + random.normal(size=(_PROBES, n)), random.normal(size=(_PROBES, m))
+    x, u = start + random.normal(size=(_PASSING_PROBES, n)), random.normal(size=(_PASSING_PROBES, m))
     with np.errstate(all="ignore"):
         found = graph(x=x, u=u)
     after, y = found["x_next"].T, found["y"].T

@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate._columns import by_name
 from sksurrogate._tables import as_labels
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError, SurrogateError
-from sksurrogate.physics._foreign import LARGEST, REFUSALS, offered
+from sksurrogate.physics._foreign import LARGEST_OFFERED, REFUSALS, offered
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._params import ParametricSimulator
@@ -39,7 +39,7 @@ def _bearable(inputs: np.ndarray) -> np.ndarray:
     if not offered(inputs.T).all():
         row = int(np.flatnonzero(~offered(inputs.T))[0])
         raise SimulatorError(
-            f"U={inputs[row].tolist()} in row {row}: a simulator is given finite inputs up to {LARGEST:g} alone; interpolate or cut "
+            f"U={inputs[row].tolist()} in row {row}: a simulator is given finite inputs up to {LARGEST_OFFERED:g} alone; interpolate or cut "
             "the record there."
         )
     return inputs
@@ -322,7 +322,7 @@ class StepSimulator(ParametricSimulator):
         )[0]
 
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all abreast: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
+        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
         inputs = np.asarray(U, dtype=float)
         plant = describe(self)
         if inputs.ndim != 3 or inputs.shape[2] != len(plant.inputs):

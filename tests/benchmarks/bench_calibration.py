@@ -143,10 +143,10 @@ def jax_scan(U, Y, X0):
         return (run(jnp.asarray(X0), Us) - Ys).ravel()
 
     both = jax.jit(lambda theta: (residual(theta), jax.jacfwd(residual)(theta)))
-    begun = time.process_time()
+    started = time.process_time()
     both(jnp.asarray(list(START.values())))[1].block_until_ready()
-    compiled = time.process_time() - begun
-    begun, theta, damping, last = time.process_time(), np.array(list(START.values())), 1e-3, np.inf
+    compiled = time.process_time() - started
+    started, theta, damping, last = time.process_time(), np.array(list(START.values())), 1e-3, np.inf
     r, J = map(np.asarray, both(jnp.asarray(theta)))
     for _ in range(40):
         H = J.T @ J
@@ -158,16 +158,16 @@ def jax_scan(U, Y, X0):
                 break
         else:
             damping *= 4
-    return compiled, time.process_time() - begun, theta
+    return compiled, time.process_time() - started, theta
 
 
 def timed(function: Any, repeats: int) -> tuple[float, Any]:
     """Least processor time of a few runs (other jobs do not count), and the result."""
     best, found = np.inf, None
     for _ in range(repeats):
-        begun = time.process_time()
+        started = time.process_time()
         found = function()
-        best = min(best, time.process_time() - begun)
+        best = min(best, time.process_time() - started)
     return best, found
 
 

@@ -34,11 +34,11 @@ def halves(one):
 
 def errors(simulator, form, train, test, **more):
     """RMSE of simulator and hybrid over the outputs' deviation, the share kept, and seconds."""
-    begun = time.process_time()
+    started = time.process_time()
     groups = np.repeat(np.arange(len(train)), [len(U) for U, _ in train])
     hybrid = HybridRegressor(simulator, form=form, **more)
     hybrid.fit(np.concatenate([U for U, _ in train]), np.concatenate([y for _, y in train]), groups=groups)
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - started
     n, o = hybrid.n_initial_, train[0][1].shape[1]
     size = np.std(np.concatenate([y for _, y in test]), axis=0) + 1e-300
     alone = simulate_runs(simulator, [U for U, _ in test], [y[:n] for _, y in test], o)

@@ -21,10 +21,10 @@ def main(repeats: int = 7) -> None:
     loaded: dict[str, str] = {}
     for _ in range(repeats):
         for name, line in LINES.items():
-            begun = os.times()
+            started = os.times()
             out = subprocess.run([sys.executable, "-c", line + COUNT], check=True, capture_output=True, text=True)
             ended = os.times()
-            spent = ended.children_user + ended.children_system - begun.children_user - begun.children_system
+            spent = ended.children_user + ended.children_system - started.children_user - started.children_system
             seconds[name].append(spent)
             loaded[name] = out.stdout.strip()
     bare = statistics.median(seconds["nothing"])

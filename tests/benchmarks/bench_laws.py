@@ -55,10 +55,10 @@ def by_law(system: System, runs: np.ndarray, noise: np.ndarray, fresh: np.ndarra
     """R2 of the formula, its text, and the processor seconds of the diagnosis."""
     y = (runs + noise).reshape(-1, runs.shape[2])
     groups = np.repeat(np.arange(len(runs)), runs.shape[1])
-    begun = time.process_time()
+    started = time.process_time()
     diagnoser = GapDiagnoser(simulator_of(system, False), effects=["sensor_quantization"], n_jobs=1, random_state=0)
     report = diagnoser.fit(np.zeros((len(y), 0)), y, groups=groups).report_
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - started
     law = report.missing_term.law if report.missing_term is not None else None
     if law is None or law.kind != "state" or law.location != system.place:
         return -np.inf, f"{report.verdict}: {law}", seconds

@@ -143,9 +143,9 @@ def child(name, n):
     X, y, truth = data(n)
     Path("/proc/self/clear_refs").write_text("5")
     before = memory("VmRSS")
-    begun = time.process_time()
+    started = time.process_time()
     model = fit(X, y)
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - started
     peak = memory("VmHWM") - before
     if truth is None:
         error = float(np.abs(model.coef_[[1, 51, 52]] - [1.0, 1.5, -0.7]).max())

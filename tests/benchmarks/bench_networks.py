@@ -108,9 +108,9 @@ def measure(make, X, y, tests, seeds):
     """Processor seconds of the fits and errors on (X, y) of ``tests``, one row a seed."""
     seconds, errors = [], []
     for seed in seeds:
-        begun = time.process_time()
+        started = time.process_time()
         model = make(seed).fit(X, y)
-        seconds.append(time.process_time() - begun)
+        seconds.append(time.process_time() - started)
         errors.append([np.mean((model.predict(a) - b) ** 2) for a, b in tests])
     return np.array(seconds), np.array(errors)
 

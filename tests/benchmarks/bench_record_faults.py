@@ -29,7 +29,7 @@ def judged(case: RecordCase, report: object) -> str:
         wrong.append("effect not named")
     if not case.effect and report.verdict == "unknown":
         wrong.append("unknown")
-    return "right" if fault and not wrong else "; ".join(([] if fault else ["fault not told"]) + wrong)
+    return "right" if fault and not wrong else "; ".join(([] if fault else ["fault not given"]) + wrong)
 
 
 def main() -> None:
@@ -46,14 +46,16 @@ def main() -> None:
         for fault in given.faults:
             for with_effect in {"with": [True], "without": [False], "both": [False, True]}[given.effect]:
                 case = make_case(name, fault, with_effect, given.seed)
-                begun = time.process_time()
+                started = time.process_time()
                 report = GapDiagnoser(case.simulator, n_jobs=1, random_state=0).fit(case.U, case.Y, case.groups).report_
                 said = judged(case, report)
                 right, n = right + (said == "right"), n + 1
                 names = [f"{e.name}@{e.location}" for e in report.effects]
-                told = [f"{f.kind}@{f.location}:{len(f.rows)}r:{f.size:.3g}:{100 * f.share:.0f}%" for f in report.data]
-                seconds = time.process_time() - begun
-                print(f"{case.name:28} {said:24} {report.verdict:9} {names} {told} {seconds:.1f} s", flush=True)
+                summary = [
+                    f"{f.kind}@{f.location}:{len(f.rows)}r:{f.size:.3g}:{100 * f.share:.0f}%" for f in report.data
+                ]
+                seconds = time.process_time() - started
+                print(f"{case.name:28} {said:24} {report.verdict:9} {names} {summary} {seconds:.1f} s", flush=True)
     print(f"{right} of {n} right")
 
 

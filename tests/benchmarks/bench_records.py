@@ -71,7 +71,7 @@ def blind_cases(count: int) -> None:
         said = []
         for name, spoil in VARIANTS.items():
             question, rng = case.question, np.random.default_rng(i)
-            begun = time.process_time()
+            started = time.process_time()
             y = np.asarray(question.y, dtype=float)
             y = y.reshape(len(y), -1)
             diagnoser = GapDiagnoser(question.simulator, free_params=question.free_params, random_state=0, n_jobs=1)
@@ -80,7 +80,7 @@ def blind_cases(count: int) -> None:
             right[name] += good
             named = ",".join(e.name for e in report.effects) or "-"
             said.append(
-                f"{name}: {'right' if good else 'WRONG'} {report.verdict} {named} {time.process_time() - begun:.1f} s"
+                f"{name}: {'right' if good else 'WRONG'} {report.verdict} {named} {time.process_time() - started:.1f} s"
             )
         truths = ",".join(t.name for t in case.truths) or "none"
         print(f"{arm}/{plant}/{i} [{truths}]  " + " | ".join(said), flush=True)

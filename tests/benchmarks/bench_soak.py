@@ -38,13 +38,13 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3)
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    begun, warm = time.perf_counter(), max(given.diagnoses // 10, 1)
+    started, warm = time.perf_counter(), max(given.diagnoses // 10, 1)
     for k in range(given.diagnoses):
         X, y, groups = make_reactor_runs(given.runs, 60, noise=0.02, random_state=k)
         effects = ["sensor_bias", "input_bias", "input_gain"]
         GapDiagnoser(make_reactor(), effects=effects, random_state=k).fit(X, y + 0.3, groups=groups)
         if k + 1 in (warm, given.diagnoses):
-            print(f"after {k + 1:4d}: {state()}, {time.perf_counter() - begun:.0f} s", flush=True)
+            print(f"after {k + 1:4d}: {state()}, {time.perf_counter() - started:.0f} s", flush=True)
 
 
 if __name__ == "__main__":

@@ -110,16 +110,16 @@ def ask(case: str) -> dict[str, Any]:
     if case.startswith("run_"):
         _, plant = oscillator(case.removeprefix("run_"), 1.0)
         U = np.repeat(np.random.default_rng(0).uniform(-1, 1, 5_000), 20)[:, None]
-        CALLS[0], begun = 0, time.process_time()
+        CALLS[0], started = 0, time.process_time()
         answer = f"{plant.simulate(U)[-1, 0]:.9g}"
     else:
         from sksurrogate.gap import GapDiagnoser
 
         simulator, X, y, groups, free = data_of(case)
-        CALLS[0], begun = 0, time.process_time()
+        CALLS[0], started = 0, time.process_time()
         report = GapDiagnoser(simulator, free_params=free, n_jobs=1, random_state=0).fit(X, y, groups=groups).report_
         answer = f"{report.verdict}: {', '.join(e.name for e in report.effects)}"
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - started
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     return {"seconds": seconds, "calls": CALLS[0], "peak": peak, "answer": answer}
 

@@ -169,11 +169,11 @@ def row_of(task: Task, decisions: Decisions, frozen: dict[str, Any]) -> dict[str
         return {**row, "left_out": frozen["left_out"]}
     limit = LONGEST * PATIENCE if frozen else LONGEST
     decisions.clear()
-    begun = None
+    started = None
     try:
         asked: Asked = task.prepare()
         row |= asked.facts
-        begun = time.process_time()
+        started = time.process_time()
         signal.setitimer(signal.ITIMER_PROF, limit)
         report = asked.diagnose()
         signal.setitimer(signal.ITIMER_PROF, 0.0)
@@ -184,7 +184,7 @@ def row_of(task: Task, decisions: Decisions, frozen: dict[str, Any]) -> dict[str
         row["error"] = f"{type(error).__name__}: {error}"
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
-    row["seconds"] = round(time.process_time() - begun, 2) if begun is not None else None
+    row["seconds"] = round(time.process_time() - started, 2) if started is not None else None
     return row
 
 

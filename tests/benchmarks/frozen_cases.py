@@ -124,7 +124,7 @@ def recorded(name: str) -> Asked:
     return Asked(partial(diagnosed, *asked), {"data": fingerprint(one.X, one.y, one.groups)})
 
 
-def told(story: str) -> Asked:
+def summary(story: str) -> Asked:
     """A story of the demo."""
     demo.GapDiagnoser = partial(GapDiagnoser, n_jobs=1)  # type: ignore[misc, assignment]
     return Asked(lambda: getattr(demo, story)().report, {})
@@ -152,7 +152,7 @@ def _cases() -> tuple[Task, ...]:
     known = {task.id: task for task in blinds}
     alone = [_again(known[f"blind/{arm}/{k:02d}"]) for arm, numbers in AGAIN.items() for k in numbers]
     stories = [
-        Task(f"demo/{name}", "demo", {"access": "rhs"}, partial(told, f"story_{name}"))
+        Task(f"demo/{name}", "demo", {"access": "rhs"}, partial(summary, f"story_{name}"))
         for name in ("actuator_and_sensor", "linearised")
     ]
     names = NAMES if os.environ.get("SKSURROGATE_DATA") else ()

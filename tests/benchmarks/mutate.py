@@ -169,7 +169,7 @@ def main() -> None:
         folder = Path(name)
         shutil.copytree(PACKAGE, folder / "sksurrogate", ignore=shutil.ignore_patterns("__pycache__"))
         for fault in drawn(given.faults, given.seed, given.folders):
-            begun, tests = time.monotonic(), tests_of(fault.path)
+            started, tests = time.monotonic(), tests_of(fault.path)
             place, text = folder / fault.path.relative_to(ROOT), fault.path.read_text(encoding="utf-8")
             if tuple(tests) not in known:
                 known[tuple(tests)] = bool(tests) and passes(folder, tests, given.limit)
@@ -187,7 +187,7 @@ def main() -> None:
                 "after": fault.after,
                 "tests": [test.relative_to(ROOT).as_posix() for test in tests],
                 "said": said,
-                "seconds": round(time.monotonic() - begun, 1),
+                "seconds": round(time.monotonic() - started, 1),
             }
             print(f"{said:9} {row['file']}:{fault.line} {fault.kind}: {fault.before!r} -> {fault.after!r}", flush=True)
             if given.out is not None:

@@ -7,7 +7,7 @@ import pytest
 
 from sksurrogate.blind._cases import draw
 from sksurrogate.blind._excite import inputs
-from sksurrogate.blind._gap import SUBSTEPS, gap_beyond
+from sksurrogate.blind._gap import INTEGRATOR_SUBSTEPS, gap_beyond
 from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
 
@@ -22,7 +22,7 @@ def experiment():
 
 def test_other_initial_states_are_no_gap(experiment):
     plant, U, X0 = experiment
-    outputs = march(plant, U, X0 + 0.3, substeps=SUBSTEPS).outputs
+    outputs = march(plant, U, X0 + 0.3, substeps=INTEGRATOR_SUBSTEPS).outputs
     unit = 0.01 * outputs.reshape(-1, outputs.shape[-1]).std(axis=0)
     assert gap_beyond(plant, U, X0, outputs, unit) < 1e-3
 
@@ -30,7 +30,7 @@ def test_other_initial_states_are_no_gap(experiment):
 def test_other_parameters_are_a_gap_until_they_are_free(experiment):
     plant, U, X0 = experiment
     moved = replace(plant, params={name: 1.03 * value for name, value in plant.params.items()})
-    outputs = march(moved, U, X0, substeps=SUBSTEPS).outputs
+    outputs = march(moved, U, X0, substeps=INTEGRATOR_SUBSTEPS).outputs
     unit = 0.01 * outputs.reshape(-1, outputs.shape[-1]).std(axis=0)
     assert gap_beyond(plant, U, X0, outputs, unit) > 0.3
     assert gap_beyond(plant, U, X0, outputs, unit, retune=True) < 1e-2
@@ -38,7 +38,7 @@ def test_other_parameters_are_a_gap_until_they_are_free(experiment):
 
 def test_an_output_that_is_not_measured_does_not_count(experiment):
     plant, U, X0 = experiment
-    outputs = march(plant, U, X0, substeps=SUBSTEPS).outputs
+    outputs = march(plant, U, X0, substeps=INTEGRATOR_SUBSTEPS).outputs
     unit = np.ones(outputs.shape[-1])
     outputs[..., 0] += np.arange(outputs.shape[1])  # a drift that no initial state makes
     assert gap_beyond(plant, U, X0, outputs, unit) > 1

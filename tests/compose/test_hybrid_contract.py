@@ -76,7 +76,7 @@ def test_far_from_the_data_the_physics_is_left_alone_and_the_spread_says_so():
 
 
 def test_the_spread_grows_from_the_edge_of_the_data_on_and_stays():
-    """Where the correction has not begun to fade yet; back inside, the run still remembers where it was."""
+    """Where the correction has not started to fade yet; back inside, the run still remembers where it was."""
     X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)
     hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
     there_and_back = np.concatenate([np.full(40, 0.1), np.full(20, 0.155), np.full(40, 0.1)])[:, None]

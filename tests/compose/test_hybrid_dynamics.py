@@ -104,7 +104,7 @@ def test_mistakes_speak():
     X, y, groups = make_reactor_runs(2, 60, random_state=0)
     with pytest.raises(SimulatorError, match="no state 'z'"):
         HybridRegressor(make_reactor(), form="dynamics", states=["z"]).fit(X, y, groups=groups)
-    with pytest.raises(DataError, match="is no regressor: it has no method predict"):
+    with pytest.raises(DataError, match="is not a regressor: it has no method predict"):
         HybridRegressor(make_reactor(), PolynomialFeatures(2), "dynamics").fit(X, y, groups=groups)
     X, y, groups = runs(plant(), n_runs=2)
     with pytest.raises(DataError, match="one step ahead needs all states"):

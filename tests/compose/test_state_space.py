@@ -199,12 +199,12 @@ def test_steps_to_models_that_run_away_from_another_start_are_not_taken():
     assert stays(fading, x)
     assert not stays(growing, x)
     X, y, _, _ = planted(n_runs=1)
-    begun = StateModel(2, 1, 1).affine(
+    started = StateModel(2, 1, 1).affine(
         0.5 * np.eye(2), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1)), np.zeros(2), np.zeros(1)
     )
     fits = [
-        fit_output_error(StateModel(2, 1, 1), begun, np.zeros((1, 2)), X, y[:, None], np.array([0]), holds=holds)
+        fit_output_error(StateModel(2, 1, 1), started, np.zeros((1, 2)), X, y[:, None], np.array([0]), holds=holds)
         for holds in (None, lambda theta, x: bool(np.abs(theta).max() <= 1.0), lambda theta, x: False)
     ]
     assert fits[0].cost <= fits[1].cost <= fits[2].cost and np.abs(fits[1].theta).max() <= 1.0
-    np.testing.assert_array_equal(fits[2].theta, begun)
+    np.testing.assert_array_equal(fits[2].theta, started)

@@ -168,7 +168,7 @@ def test_effect_on_two_tanks(name, location, variable, values, rhs, tolerance, m
 @pytest.mark.parametrize(("name", "size"), [("input_delay", 0.053), ("input_lag", 0.07)])
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_late_inputs(name, size, hold, make_oscillator, force, reference):
-    """A delay that is no multiple of dt and a lag, both holds."""
+    """A delay that is not a multiple of dt and a lag, both holds."""
     plant, dt, u = make_oscillator(hold), 0.02, force[:, 0]
     t = dt * np.arange(len(u))
     held = hold == "zoh"

@@ -305,7 +305,7 @@ def test_values_must_fit_the_effects(values, message, oscillator):
 def test_shapes_and_names_are_checked(oscillator):
     with pytest.raises(SimulatorError, match=r"one column for each of inputs=\['u'\]"):
         drag(plant=oscillator).simulate(np.zeros((5, 3)))
-    with pytest.raises(ValueError, match="location='w' is no state"):
+    with pytest.raises(ValueError, match="location='w' is not a state"):
         AugmentedSimulator(oscillator, [CATALOGUE["drift"]("w")], [(1.0,)]).simulate(np.zeros((5, 1)))
     with pytest.raises(SimulatorError, match="retuned: the simulator has no parameter 'zz'"):
         drag(plant=oscillator, retuned={"zz": 1.0}).simulate(np.zeros((5, 1)))

@@ -231,7 +231,7 @@ def test_names_classes_instances_and_own_places_may_be_mixed(make_tanks):
         (["coulomb"], r"'coulomb' is not in the catalogue; did you mean 'coulomb_friction'"),
         (["zzz"], r"known are \['parameter_error'"),
         ([3], "neither a name of the catalogue"),
-        ([CATALOGUE["drift"]("third")], r"location='third' is no state of the simulator: \['upper', 'lower'\]"),
+        ([CATALOGUE["drift"]("third")], r"location='third' is not a state of the simulator: \['upper', 'lower'\]"),
         ([CATALOGUE["exchange"]("upper", "third")], "variable='third' is made of signals"),
         ([CATALOGUE["input_coupling"]("first", "upper")], "variable='upper' is made of signals"),
     ],

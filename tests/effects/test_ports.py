@@ -191,7 +191,7 @@ def test_a_flow_between_two_tanks_is_a_port_driven_by_their_levels():
 
 def test_a_place_that_is_neither_says_what_there_is():
     with pytest.raises(
-        ValueError, match=r"location='t3' is no state of the simulator: .*, and no port: \['t1', 't2'\]"
+        ValueError, match=r"location='t3' is not a state of the simulator: .*, and no port: \['t1', 't2'\]"
     ):
         build_effects(describe(arm()), ["v1"], CATALOGUE["coulomb_friction"]("t3", "v2"))
 
@@ -234,5 +234,5 @@ def test_states_can_be_declared_kinematic():
     assert kinematic_states(PlantModel(describe(scaled))) == ()
     declared = scaled.set_params(kinematic=["q"])
     assert kinematic_states(PlantModel(describe(declared))) == ("q",)
-    with pytest.raises(SimulatorError, match=r"kinematic=\['p'\]: 'p' is no state; states are \['q', 'v'\]"):
+    with pytest.raises(SimulatorError, match=r"kinematic=\['p'\]: 'p' is not a state; states are \['q', 'v'\]"):
         kinematic_states(PlantModel(describe(scaled.set_params(kinematic=["p"]))))

@@ -196,7 +196,7 @@ def test_a_simulator_reads_whole_steps(oscillator, force):
 
 
 def test_readings_that_show_their_steps_are_interval_censored():
-    """Within its interval a value is no error, outside it is a share of the way back, never a whole step."""
+    """Within its interval a value is not an error, outside it is a share of the way back, never a whole step."""
     effect, step = CATALOGUE["sensor_quantization"]("q"), 0.5
     true = np.linspace(-2.0, 2.0, 2001)
     readings = step * np.round(true / step)

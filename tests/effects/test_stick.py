@@ -68,5 +68,5 @@ def test_slopes_are_those_of_the_free_run_while_it_sticks(problem, name, rest, l
 @pytest.mark.parametrize("start", [0.3, 1.0, 6.0])
 def test_the_level_is_found_from_far_off(problem, start):
     problem, smoothed = problem
-    rival = problem.fit((CATALOGUE["coulomb_friction"]("v", "v"),), np.array([start]), smoothed.x)
-    assert rival.fit.theta[0] == pytest.approx(LEVEL, rel=0.03)
+    candidate = problem.fit((CATALOGUE["coulomb_friction"]("v", "v"),), np.array([start]), smoothed.x)
+    assert candidate.fit.theta[0] == pytest.approx(LEVEL, rel=0.03)

@@ -109,9 +109,9 @@ def test_every_number_is_that_of_the_definition(monkeypatch, fill, threads):
     from sksurrogate.features import _lag
 
     rng = np.random.default_rng(0)
-    monkeypatch.setattr(_lag, "_MANY", 0 if threads else 10**9)
+    monkeypatch.setattr(_lag, "_SHARED_NUMBERS", 0 if threads else 10**9)
     for trial in range(30):
-        monkeypatch.setattr(_lag, "_ROWS", int(rng.integers(1, 40)))
+        monkeypatch.setattr(_lag, "_LAG_ROWS", int(rng.integers(1, 40)))
         n, m = int(rng.integers(1, 100)), int(rng.integers(1, 4))
         X = rng.normal(size=(n, m))
         groups = rng.permutation(n)[np.cumsum(rng.random(n) < rng.choice([0.05, 0.3])) % n]

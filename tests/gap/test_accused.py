@@ -1,4 +1,4 @@
-"""Of a balance and an input that pushes it, the one is accused that tells the force."""
+"""Of a balance and an input that pushes it, the one is likely that tells the force."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import pytest
 
 from sksurrogate.gap.unnamed._latent_force import Place
 from sksurrogate.gap.unnamed._law_rival import LawRival
-from sksurrogate.gap.unnamed._location import accused, told_by_law
+from sksurrogate.gap.unnamed._location import likely_place, place_of_law
 
 #: Log likelihoods of the balance and the input; R2 of the force from the input alone and from everything; who did it.
 CASES = [
@@ -26,12 +26,12 @@ CASES = [
 def test_the_place_that_tells_the_force_is_accused(state, channel, alone, everything, kind):
     found = [Place("x", "state", state), Place("u", "input", channel), Place("y", "output", -2000.0)]
     found.sort(key=lambda place: -place.log_likelihood)
-    assert accused(found, lambda *_: (alone, everything)) == ({"state": "x", "input": "u"}[kind], kind)
+    assert likely_place(found, lambda *_: (alone, everything)) == ({"state": "x", "input": "u"}[kind], kind)
 
 
 def test_a_sensor_is_accused_where_nothing_else_is_likely():
     found = [Place("y", "output", 0.0), Place("x", "state", -50.0), Place("u", "input", -60.0)]
-    assert accused(found, lambda *_: (0.9, 0.9)) == ("y", "output")
+    assert likely_place(found, lambda *_: (0.9, 0.9)) == ("y", "output")
 
 
 PLACES = [Place("x", "state", 0.0), Place("u", "input", 0.0), Place("v", "state", -40.0), Place("y", "output", -90.0)]
@@ -49,5 +49,5 @@ PLACES = [Place("x", "state", 0.0), Place("u", "input", 0.0), Place("v", "state"
 )
 def test_a_law_that_tells_the_gap_tells_its_place(location, kind, variable, place):
     law = LawRival(location, kind, variable, gain=50.0, parameters=1.0)
-    assert told_by_law(law, PLACES, ["u"]) == place
-    assert told_by_law(replace(law, gain=5.0), PLACES, ["u"]) is None
+    assert place_of_law(law, PLACES, ["u"]) == place
+    assert place_of_law(replace(law, gain=5.0), PLACES, ["u"]) is None

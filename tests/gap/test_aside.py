@@ -10,14 +10,14 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from sksurrogate._parallel._parallel_map import side_by_side
-from sksurrogate._parallel._second import Second, can_fork, one_thread
+from sksurrogate._parallel._worker_process import WorkerProcess, can_fork, one_thread
 
 #: In a process of its own: test runners have threads, beside which no second process is made.
 forks = """
 import os
 import time
 import numpy as np
-from sksurrogate._parallel._second import Second, can_fork
+from sksurrogate._parallel._worker_process import Second, can_fork
 from sksurrogate._parallel._parallel_map import side_by_side
 assert can_fork()
 here = os.getpid()
@@ -28,7 +28,7 @@ needs_fork = pytest.mark.skipif(
 )
 
 
-def told(script):
+def summary(script):
     """What a script prints."""
     done = subprocess.run([sys.executable, "-c", forks + script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -45,7 +45,7 @@ print([Second(later=later).ask(lambda: os.nice(0)).answer() - os.nice(0) for lat
 first, last = second.ask(lambda: 'first'), second.ask(lambda: 'last')
 print(last.answer(), first.answer())
 """
-    assert told(script).splitlines() == ["False 1 True", "[0, 10]", "last first"]
+    assert summary(script).splitlines() == ["False 1 True", "[0, 10]", "last first"]
 
 
 @needs_fork
@@ -61,7 +61,7 @@ found[0][0] = found[4][0] = 5
 print(big.sum() == 5999 * 3000, found[0].sum(), found[1].shape, (found[2] == strided).all(), (found[3] == strided[0]).all())
 print(found[4].sum(), found[5])
 """
-    assert told(script) == "True 6004.0 (2, 0) True True\n26 end"
+    assert summary(script) == "True 6004.0 (2, 0) True True\n26 end"
 
 
 @needs_fork
@@ -74,7 +74,7 @@ second = Second(known=[handle])
 pid, back = second.ask(lambda: (os.getpid(), handle)).answer()
 print(pid != here, back is handle, second.ask(lambda: (os.getpid(), other)[0]).answer() == here)
 """
-    assert told(script) == "True True True"
+    assert summary(script) == "True True True"
 
 
 @needs_fork
@@ -90,18 +90,18 @@ try:
 except RuntimeWarning as warning:
     print(warning)
 """
-    assert told(script).splitlines() == ["[inf]", "divide by zero encountered in divide"]
+    assert summary(script).splitlines() == ["[inf]", "divide by zero encountered in divide"]
 
 
 @needs_fork
 def test_two_processes_meet_in_the_middle():
     slow = "second = Second()\ndef slow(k):\n    time.sleep(0.3)\n    return k, os.getpid() == here\n"
     script = slow + "found = side_by_side(slow, list(range(6)), second)\n"
-    assert told(script + "print([k for k, _ in found], found[0][1], found[5][1])") == "[0, 1, 2, 3, 4, 5] True False"
+    assert summary(script + "print([k for k, _ in found], found[0][1], found[5][1])") == "[0, 1, 2, 3, 4, 5] True False"
     script = script.replace(", second)", ", second, lambda k: k in (2, 3))")  # the long ones stand at the ends
-    assert told(script + "print([k for k, _ in found], found[2][1], found[3][1])") == "[0, 1, 2, 3, 4, 5] True False"
+    assert summary(script + "print([k for k, _ in found], found[2][1], found[3][1])") == "[0, 1, 2, 3, 4, 5] True False"
     again = "print(all(side_by_side(lambda k: k * n, list(range(n)), second) == [k * n for k in range(n)] for n in range(200)))"
-    assert told(slow + again) == "True"
+    assert summary(slow + again) == "True"
 
 
 @needs_fork
@@ -117,7 +117,7 @@ try:
 except ZeroDivisionError:
     print(waiting.answer(), side_by_side(lambda k: k, list(range(8)), second), second.ask(os.getpid).answer() != here)
 """
-    assert told(script) == "asked before [0, 1, 2, 3, 4, 5, 6, 7] True"
+    assert summary(script) == "asked before [0, 1, 2, 3, 4, 5, 6, 7] True"
 
 
 @needs_fork
@@ -128,7 +128,9 @@ except ZeroDivisionError:
     ids=["killed", "raised", "not to be sent"],
 )  # fmt: skip
 def test_without_an_answer_the_question_is_answered_here(question):
-    assert told(f"second = Second()\nprint(second.ask({question}).answer(), second.ask(lambda: 2).answer())") == "1 2"
+    assert (
+        summary(f"second = Second()\nprint(second.ask({question}).answer(), second.ask(lambda: 2).answer())") == "1 2"
+    )
 
 
 @needs_fork
@@ -146,18 +148,18 @@ try:
 except ZeroDivisionError as error:
     print(repr(error))
 """
-    assert told(script) == "1 careful\nZeroDivisionError('division by zero')"
+    assert summary(script) == "1 careful\nZeroDivisionError('division by zero')"
 
 
 @needs_fork
 @pytest.mark.parametrize(
     "refused",
     ["def refused(*given): raise BlockingIOError('no more processes')\nos.fork = refused\n",
-     "import resource\nfrom sksurrogate._parallel._second import libraries\nlibraries()\nresource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))\n"],
+     "import resource\nfrom sksurrogate._parallel._worker_process import libraries\nlibraries()\nresource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))\n"],
     ids=["no process", "no file"],
 )  # fmt: skip
 def test_where_no_process_may_be_made_the_question_is_answered_here(refused):
-    assert told("second = Second()\n" + refused + "print(second.ask(os.getpid).answer() == here)") == "True"
+    assert summary("second = Second()\n" + refused + "print(second.ask(os.getpid).answer() == here)") == "True"
 
 
 @needs_fork
@@ -166,25 +168,23 @@ def test_a_process_that_is_left_is_ended():
 import multiprocessing
 with Second() as second:
     second.ask(lambda: time.sleep(60))
-begun = time.monotonic()
-while multiprocessing.active_children() and time.monotonic() - begun < 30:
+started = time.monotonic()
+while multiprocessing.active_children() and time.monotonic() - started < 30:
     time.sleep(0.05)
 print('there' if multiprocessing.active_children() else 'gone')
 """
-    assert told(script) == "gone"
+    assert summary(script) == "gone"
 
 
 @needs_fork
 def test_processes_whose_first_one_is_gone_end():
-    code = (
-        "import os, time\nfrom sksurrogate._parallel._second import Second\none, other = Second(), Second(later=True)\n"
-    )
+    code = "import os, time\nfrom sksurrogate._parallel._worker_process import Second\none, other = Second(), Second(later=True)\n"
     code += "print(one.ask(os.getpid).answer(), other.ask(os.getpid).answer(), flush=True)\ntime.sleep(120)\n"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as first:
         pids = first.stdout.readline().split()
         first.kill()
-    begun = time.monotonic()
-    while any(map(alive, pids)) and time.monotonic() - begun < 30:
+    started = time.monotonic()
+    while any(map(alive, pids)) and time.monotonic() - started < 30:
         time.sleep(0.05)
     assert len(pids) == 2 and not any(map(alive, pids))
 
@@ -202,16 +202,16 @@ def alive(pid):
 def test_items_of_a_process_that_died_are_asked_here():
     script = "def asked(k):\n    time.sleep(0.05)\n"
     script += "    if k == 3 and os.getpid() != here:\n        os.kill(os.getpid(), 9)\n    return k\n"
-    assert told(script + "print(side_by_side(asked, list(range(8)), Second()))") == "[0, 1, 2, 3, 4, 5, 6, 7]"
+    assert summary(script + "print(side_by_side(asked, list(range(8)), Second()))") == "[0, 1, 2, 3, 4, 5, 6, 7]"
 
 
 @needs_fork
 def test_one_that_does_not_answer_in_time_is_not_waited_for():
-    script = "from sksurrogate._parallel import _second\n_second.PATIENCE = 0.2\n_second.TIMES = 0.0\n"
+    script = "from sksurrogate._parallel import _worker_process\n_second.PATIENCE = 0.2\n_second.TIMES = 0.0\n"
     question = "lambda: 1 if os.getpid() == here else time.sleep(60)"
-    begun = time.monotonic()
-    assert told(script + f"print(Second().ask({question}).answer())") == "1"
-    assert time.monotonic() - begun < 50
+    started = time.monotonic()
+    assert summary(script + f"print(Second().ask({question}).answer())") == "1"
+    assert time.monotonic() - started < 50
 
 
 def test_beside_other_threads_all_is_answered_here():
@@ -220,13 +220,13 @@ def test_beside_other_threads_all_is_answered_here():
     other.start()
     try:
         assert not can_fork()
-        assert Second().ask(os.getpid).answer() == os.getpid()
+        assert WorkerProcess().ask(os.getpid).answer() == os.getpid()
     finally:
         stop.set()
         other.join()
 
 
-@pytest.mark.parametrize("second", [None, Second(apart=False)], ids=["none", "not wanted"])
+@pytest.mark.parametrize("second", [None, WorkerProcess(apart=False)], ids=["none", "not wanted"])
 def test_here_every_item_is_asked_once_and_stays_in_its_place(second):
     asked = []
     assert side_by_side(lambda k: asked.append(k) or k**2, range(5), second) == [0, 1, 4, 9, 16]
@@ -247,7 +247,7 @@ def test_linear_algebra_keeps_to_one_thread_and_has_its_own_back_afterwards():
 DIAGNOSIS = """
 import warnings
 from dataclasses import replace
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import Second
 from sksurrogate.gap.results._provenance import UNKNOWN_ORIGIN
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.gap import GapDiagnoser
@@ -255,7 +255,7 @@ count = []
 wait = Second.wait
 def counted(self, *given):
     answer = wait(self, *given)
-    count.append(answer.told)
+    count.append(answer.given)
     return answer
 Second.wait = counted
 X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
@@ -270,6 +270,6 @@ for n_jobs in (None, 1):
 
 @needs_fork
 def test_a_diagnosis_in_two_processes_gives_the_answer_of_one():
-    two, one = told(DIAGNOSIS).splitlines()
+    two, one = summary(DIAGNOSIS).splitlines()
     assert two.startswith("True ") and one.startswith("False ")
     assert two.removeprefix("True ") == one.removeprefix("False ")

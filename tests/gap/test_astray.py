@@ -1,4 +1,4 @@
-"""Fits that go astray: open steps to a free run far from the data are taken back, held-out runs behind a limit too, and a run that
+"""Fits that diverge: open steps to a free run far from the data are taken back, held-out runs behind a limit too, and a run that
 Newton cannot close is looped."""
 
 import numpy as np
@@ -77,10 +77,10 @@ def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_tra
     record = Record.from_runs(U, Y, [2.0 * np.arange(300)] * 4, 2.0)
     problem, smoothed = build_problem(described, PlantModel(described), record, (), states)
     x = np.concatenate([ODESimulator(cell, outputs=states, **common).simulate(u) for u in U]).T
-    rival = problem.fit((CATALOGUE["sensor_saturation"]("voltage"),), np.array([limit]), x)
-    assert rival.fit.cost < 1.5 * record.y.size
-    assert np.max(np.abs(rival.fit.x[:, record.starts])) < 5.0, "what no reading shows stays near"
-    held = held_out([rival] * 4, without_names(problem.fit((), np.zeros(0), smoothed.x)))
+    candidate = problem.fit((CATALOGUE["sensor_saturation"]("voltage"),), np.array([limit]), x)
+    assert candidate.fit.cost < 1.5 * record.y.size
+    assert np.max(np.abs(candidate.fit.x[:, record.starts])) < 5.0, "what no reading shows stays near"
+    held = held_out([candidate] * 4, without_names(problem.fit((), np.zeros(0), smoothed.x)))
     assert np.sqrt(np.mean((held.after - np.concatenate(truth).T) ** 2)) < 0.5 * noise
 
 

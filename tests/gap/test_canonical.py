@@ -75,12 +75,12 @@ def named(name, order, unit):
 )
 def test_the_same_twin_is_named_in_every_unit_and_order(name, first):
     n = len(PLANTS[name][1])
-    told = named(name, tuple(range(n)), 1.0)
-    assert told[0][0] == first and told[1]
-    assert named(name, tuple(range(n)), 1000.0) == told
-    assert named(name, tuple(range(n)), 1.0 / 60.0) == told
+    summary = named(name, tuple(range(n)), 1.0)
+    assert summary[0][0] == first and summary[1]
+    assert named(name, tuple(range(n)), 1000.0) == summary
+    assert named(name, tuple(range(n)), 1.0 / 60.0) == summary
     if n > 1:
-        assert named(name, (1, 0), 1.0) == told
+        assert named(name, (1, 0), 1.0) == summary
 
 
 def test_the_order_of_twins_is_total():

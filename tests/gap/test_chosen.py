@@ -35,7 +35,7 @@ def recorded():
 
 
 def fitted(data, *effects):
-    """The problem, and one rival of each effect."""
+    """The problem, and one candidate of each effect."""
     X, y, groups = data
     runs = [groups == k for k in range(RUNS)]
     record = Record.from_runs([X[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
@@ -44,27 +44,29 @@ def fitted(data, *effects):
     return problem, [problem.fit((effect,), np.full(1, 0.1), smoothed.x) for effect in effects]
 
 
-def likelihood(rival, noise):
-    """Largest log likelihood under a noise, with what the rival's initial states cost."""
-    return judged_under(rival, [noise]).log_likelihood - 0.5 * prior_cost(rival)
+def likelihood(candidate, noise):
+    """Largest log likelihood under a noise, with what the candidate's initial states cost."""
+    return judged_under(candidate, [noise]).log_likelihood - 0.5 * prior_cost(candidate)
 
 
 def test_likelihoods_of_runs_add_up_and_those_of_some_runs_are_those_of_a_fit_to_them():
     """The plant and the effect are linear: one step leads from the fit of all runs to that of three of them."""
-    problem, (rival,) = fitted(recorded(), CATALOGUE["constant_bias"]("level"))
+    problem, (candidate,) = fitted(recorded(), CATALOGUE["constant_bias"]("level"))
     noise = problem.first_noise()
-    runs = by_run(rival, [noise], problem.record.starts, by_size=False, prior=prior_cost(rival))
+    runs = by_run(candidate, [noise], problem.record.starts, by_size=False, prior=prior_cost(candidate))
     everything = np.ones(RUNS, bool)
-    assert runs.evidence(everything) == pytest.approx(likelihood(rival, noise), rel=1e-9)
+    assert runs.evidence(everything) == pytest.approx(likelihood(candidate, noise), rel=1e-9)
     kept = np.array([True, False, True, True])
     some = problem.on([0, 2, 3])
-    again = some.fit(rival.effects, rival.fit.theta, rival.fit.x[:, np.isin(problem.record.run_of_row, [0, 2, 3])])
+    again = some.fit(
+        candidate.effects, candidate.fit.theta, candidate.fit.x[:, np.isin(problem.record.run_of_row, [0, 2, 3])]
+    )
     assert runs.evidence(kept) == pytest.approx(likelihood(again, noise), abs=0.01)
 
 
 def test_blocks_of_a_run_have_the_likelihood_of_runs_of_their_own():
-    problem, (rival,) = fitted(recorded(), CATALOGUE["constant_bias"]("level"))
-    whole, noise = rival.disturbance, problem.first_noise()
+    problem, (candidate,) = fitted(recorded(), CATALOGUE["constant_bias"]("level"))
+    whole, noise = candidate.disturbance, problem.first_noise()
     cut = np.sort(np.r_[whole.starts, whole.starts + 60])
     r = np.random.default_rng(1).normal(size=(1, 2, problem.record.n_samples))
     grams, log_dets = whole.begun_at(cut).gram_by_run(r, noise)
@@ -77,7 +79,7 @@ def test_blocks_of_a_run_have_the_likelihood_of_runs_of_their_own():
 
 
 def of_costs(costs, n_parameters=1):
-    """A rival of these costs in the runs, whose parameters do nothing there."""
+    """A candidate of these costs in the runs, whose parameters do nothing there."""
     none = np.zeros(0)
     return ByRun(
         np.array(costs, float)[:, None, None],

@@ -33,7 +33,7 @@ def names(effect):
 
 @pytest.mark.parametrize("gain, seen", [(0.3, 1.0), (2.0, 0.15)])
 def test_the_gain_of_an_actuator_is_that_of_the_only_sensor_of_a_linear_plant(gain, seen):
-    """Also a large one: what forces and initial states would do is told apart, what the inputs do is not."""
+    """Also a large one: what forces and initial states would do is distinguished, what the inputs do is not."""
     X, y, groups = recorded(mass(gain, seen), 0.005, 0)
     effects = [CATALOGUE["input_gain"]("f"), CATALOGUE["sensor_gain"]("q"), CATALOGUE["cubic_stiffness"]("v", "q")]
     report = GapDiagnoser(mass(), effects=effects, free_params="all", random_state=0).fit(X, y, groups=groups).report_

@@ -49,7 +49,9 @@ def test_names_that_leave_more_than_they_explain_are_unknown():
 
 def test_within_the_noise_a_certain_name_explains():
     assert rule_of(replace(NAMED, share_left=0.4, left=1.1)) == "at_the_noise"
-    assert rule_of(replace(NAMED, share_left=0.6, left=1.1)) == "most_left"  # noise that is as large as the gap hides no name
+    assert (
+        rule_of(replace(NAMED, share_left=0.6, left=1.1)) == "most_left"
+    )  # noise that is as large as the gap hides no name
 
 
 def test_retuning_alone_is_judged_as_a_name_is():

@@ -23,17 +23,17 @@ def searched(monkeypatch, simulator, X, y, **options):
 
 def shortfalls(search):
     """What sets lack to their subsets, price included, far from the data left out (no noise model holds there)."""
-    judged = [rival for rival in search.judged if not search.is_far(rival)]
+    judged = [candidate for candidate in search.judged if not search.is_far(candidate)]
     best = {}
-    for rival in judged:
-        key = frozenset(rival.keys)
-        best[key] = max(best.get(key, -np.inf), search.evidence(rival))
-    best[frozenset()] = search.evidence(search.begun.candidate)
-    for rival in judged:
+    for candidate in judged:
+        key = frozenset(candidate.keys)
+        best[key] = max(best.get(key, -np.inf), search.evidence(candidate))
+    best[frozenset()] = search.evidence(search.fitted_null.candidate)
+    for candidate in judged:
         for key, level in best.items():
-            added = sum(len(e.parameters) for e in rival.effects if e.key not in key)
-            if key < frozenset(rival.keys):
-                yield level - 0.5 * search.bar(added) - search.evidence(rival)
+            added = sum(len(e.parameters) for e in candidate.effects if e.key not in key)
+            if key < frozenset(candidate.keys):
+                yield level - 0.5 * search.bar(added) - search.evidence(candidate)
 
 
 def leaking(t):

@@ -17,7 +17,7 @@ def lag(variable):
     return CATALOGUE["hidden_relaxation"]("v", variable)
 
 
-def rival(effect, cost, n_sub=1):
+def candidate(effect, cost, n_sub=1):
     return SimpleNamespace(
         effects=(effect,), keys=(effect.key,), fit=SimpleNamespace(cost=cost),
         problem=SimpleNamespace(numerics=Numerics(n_sub)), theta_of=lambda i: np.array([1.0, 2.0]),
@@ -35,9 +35,9 @@ def expander(monkeypatch):
 def test_siblings_that_were_fitted_with_these_numerics_are_not_fitted_again(monkeypatch, expander):
     asked = []
     monkeypatch.setattr(Search, "shaped", lambda self, *given: asked.append(given) or [])
-    known, coarse = rival(lag("v"), 300.0), rival(lag("f"), 400.0, n_sub=2)
+    known, coarse = candidate(lag("v"), 300.0), candidate(lag("f"), 400.0, n_sub=2)
     expander.remember([known, coarse])
-    found = expander.siblings([rival(lag("q"), 20.0)], BASE)
+    found = expander.siblings([candidate(lag("q"), 20.0)], BASE)
     assert found == [known]
     ((_, others, shape, best),) = asked
     assert [e.variable for e in others] == ["f", "w"]
@@ -51,7 +51,7 @@ def test_every_effect_has_the_cheapest_of_its_starts_and_the_first_is_what_other
 
     def fit_apart(self, problem, base, chosen, best):
         asked.extend((len(starts), best) for starts in chosen)
-        return [rival(starts[0].effect, min(start.cost for start in starts)) for starts in chosen]
+        return [candidate(starts[0].effect, min(start.cost for start in starts)) for starts in chosen]
 
     monkeypatch.setattr(Search, "fit_apart", fit_apart)
     effects = [lag(f"x{k}") for k in range(n)]

@@ -26,16 +26,16 @@ def test_a_law_counts_only_where_its_force_moves_the_outputs():
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     described = describe(plant, n_inputs=1, n_outputs=2, dt=DT)
     problem, smoothed = build_problem(described, PlantModel(described), record, (), ("p", "q"))
-    rival = problem.fit((), np.zeros(0), smoothed.x)
+    candidate = problem.fit((), np.zeros(0), smoothed.x)
     lawful, noise = 0.1 * smoothed.x[1] ** 3, 0.1 * rng.normal(size=record.n_samples)
-    A = rival.linearised.A
+    A = candidate.linearised.A
     for size, counts in ((1.0, True), (0.01, False)):
         force = np.stack([noise, size * lawful])
         latent = LatentForce(
-            smoothed.x, force, problem.first_noise(), force.std(axis=1) / problem.rate + 0.01, A, rival.fit.y
+            smoothed.x, force, problem.first_noise(), force.std(axis=1) / problem.rate + 0.01, A, candidate.fit.y
         )
-        moved = np.sum(moved_by(rival, latent) ** 2, axis=(1, 2))
+        moved = np.sum(moved_by(candidate, latent) ** 2, axis=(1, 2))
         assert (moved[1] > 0.0225 * moved.sum()) == counts
-        law = law_of(rival, latent, 0)
+        law = law_of(candidate, latent, 0)
         assert (law[1] > 0.5) if counts else law[1] == 0.0
         assert law[0] < 0.1

@@ -1,4 +1,4 @@
-"""Unknown as a rival: a law without a name beats several names that imitate it, and never the name that is true."""
+"""Unknown as a candidate: a law without a name beats several names that imitate it, and never the name that is true."""
 
 import numpy as np
 import pytest
@@ -43,8 +43,8 @@ def problem_of(law, free=(), outputs=("q",), read=lambda y: y, force=0.0, real=N
 def fitted(problem, x, *effects):
     """Effects and where their parameters start, fitted."""
     theta = np.concatenate([np.zeros(0), *(start for _, start in effects), np.zeros(len(problem.free))])
-    rival = problem.fit(tuple(effect for effect, _ in effects), theta, x)
-    return estimate_noise(rival, problem.first_noise())
+    candidate = problem.fit(tuple(effect for effect, _ in effects), theta, x)
+    return estimate_noise(candidate, problem.first_noise())
 
 
 def effect(name, *start):

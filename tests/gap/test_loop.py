@@ -47,7 +47,9 @@ def test_the_noise_is_seen_in_an_input_whose_reference_jumps():
     record = Record(u[None], y[None], t, np.arange(0, len(u), N), DT)
     assert closed_loop(record, clean[None], ["i"]) == "i"
     other = np.random.default_rng(1).normal(scale=0.01, size=len(u))
-    noisy = Record(u[None], (clean + other)[None], t, np.arange(0, len(u), N), DT)  # a noise that the input does not follow
+    noisy = Record(
+        u[None], (clean + other)[None], t, np.arange(0, len(u), N), DT
+    )  # a noise that the input does not follow
     assert closed_loop(noisy, clean[None], ["i"]) is None
 
 

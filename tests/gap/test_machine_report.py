@@ -83,9 +83,9 @@ def test_the_json_keeps_its_schema(report):
 
 
 def test_every_entry_of_the_schema_is_described(report):
-    told = {name: one.get("description") for name, one in GapReport.json_schema()["properties"].items()}
+    summary = {name: one.get("description") for name, one in GapReport.json_schema()["properties"].items()}
     parts = ("where", "shrink", "missing_term", "next_experiment", "schema", "outputs", "states", "inputs", "complete")
-    assert [name for name, text in told.items() if not text and name not in parts] == []
+    assert [name for name, text in summary.items() if not text and name not in parts] == []
 
 
 def test_json_is_written_to_a_file(report, tmp_path):

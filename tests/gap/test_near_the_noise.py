@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._ode import QUIET, REACH
+from sksurrogate.gap.fit._ode import QUIET_OUTPUT, REACH
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.search._fits import APART, apart
 from sksurrogate.gap.search._search import arrived
@@ -50,7 +50,7 @@ def test_a_quiet_force_moves_no_output_by_more_than_its_share_of_the_noise():
     b[0, 0, 1:] = DT * problem.quiet_force()[0] * w[:-1]
     b[:, :, starts] = 0.0
     moved = solve_recursion(recursion_band(np.ascontiguousarray(D.A.transpose(1, 2, 0)), starts), b)
-    assert 0.1 * QUIET * NOISE < np.std(moved) < 2.0 * QUIET * NOISE
+    assert 0.1 * QUIET_OUTPUT * NOISE < np.std(moved) < 2.0 * QUIET_OUTPUT * NOISE
 
 
 def test_white_noise_of_a_slow_plant_is_called_white():
@@ -63,10 +63,10 @@ def test_white_noise_of_a_slow_plant_is_called_white():
 def test_steps_of_an_effect_are_held_within_its_size_and_those_of_free_parameters_are_not():
     problem, smoothed = problem_of(free=("loss",))
     effect = CATALOGUE["constant_bias"]("level")
-    rival = problem.fit((effect,), np.array([0.02, 0.0]), smoothed.x)
-    _, _, precision, pull = rival.columns()
-    prior = 1.0 / problem.prior(rival.effects, rival.fit.theta) ** 2
-    assert precision[0] == pytest.approx((REACH * rival.fit.theta[0]) ** -2)
+    candidate = problem.fit((effect,), np.array([0.02, 0.0]), smoothed.x)
+    _, _, precision, pull = candidate.columns()
+    prior = 1.0 / problem.prior(candidate.effects, candidate.fit.theta) ** 2
+    assert precision[0] == pytest.approx((REACH * candidate.fit.theta[0]) ** -2)
     assert precision[1] == pytest.approx(prior[1])
     assert pull[0] == 0.0
 

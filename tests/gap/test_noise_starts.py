@@ -39,12 +39,12 @@ def shaken():
 
 
 def test_a_noise_fit_finds_the_force_from_a_start_that_blames_the_sensor(shaken):
-    problem, rival = shaken
-    residual = float(np.std(problem.record.y - rival.fit.y))
+    problem, candidate = shaken
+    residual = float(np.std(problem.record.y - candidate.fit.y))
     assert residual > 2 * SIGMA
     forces = replace(problem.first_noise(), coloured=1e-2 * problem.sd)
     sensors = replace(forces, force=1e-5 * problem.force_unit(), coloured=np.array([residual]))
-    found = [estimate_noise(rival, start) for start in (forces, sensors)]
+    found = [estimate_noise(candidate, start) for start in (forces, sensors)]
     assert found[0].log_likelihood == pytest.approx(found[1].log_likelihood, abs=1.0)
     for one in found:
         assert one.noise.sigma[0] == pytest.approx(SIGMA, rel=0.15)

@@ -46,7 +46,7 @@ def _falling(t, x, u, p):
 
 @pytest.fixture(scope="module")
 def ball():
-    """A light ball whose drag is no form of the catalogue (power 1.7), filmed at 15 Hz."""
+    """A light ball whose drag is not a form of the catalogue (power 1.7), filmed at 15 Hz."""
 
     def plant(t, x, u, p):
         return x[1], -9.81 - 0.12 * np.sign(x[1]) * np.abs(x[1]) ** 1.7 + 0.0 * x[0]

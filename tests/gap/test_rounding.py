@@ -34,7 +34,7 @@ def experiment(step, noise, seed=0):
 
 
 def free_run(step, noise, effects=()):
-    """A rival whose free run is that of the true tank, beside readings in steps."""
+    """A candidate whose free run is that of the true tank, beside readings in steps."""
     _, Y, _ = experiment(step, noise)
     true = experiment(0.0, 0.0)[1]
     record = Record.from_runs([np.zeros((len(Y), 0))], [Y], [np.arange(len(Y)) * 0.1], 0.1)
@@ -44,11 +44,11 @@ def free_run(step, noise, effects=()):
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
 def test_the_step_and_the_error_of_the_rounding_are_found(noise):
-    rival = free_run(0.3, noise)
-    found = unnamed_rounding(rival)
+    candidate = free_run(0.3, noise)
+    found = unnamed_rounding(candidate)
     assert found.sensor == "level"
     assert found.step == pytest.approx(0.3, rel=1e-3)
-    assert found.share == pytest.approx(0.3 / 12**0.5 / rival.problem.record.y.std(), rel=1e-3)
+    assert found.share == pytest.approx(0.3 / 12**0.5 / candidate.problem.record.y.std(), rel=1e-3)
 
 
 @pytest.mark.parametrize(("step", "noise"), [(0.0, 0.01), (0.3, 0.15)])
@@ -58,21 +58,21 @@ def test_smooth_readings_and_steps_below_the_noise_stand_on_no_grid(step, noise)
 
 @pytest.mark.parametrize(("step", "named", "shown"), [(0.3, 0.3, True), (0.3, 0.25, False), (0.0, 0.3, False)])
 def test_a_rounding_is_seen_in_readings_that_stand_on_its_steps(step, named, shown):
-    rival = free_run(step, 0.01, effects=(SensorQuantization("level"),))
-    rival.theta_of = lambda i: np.array([named])
-    assert names_steps(rival) is shown
+    candidate = free_run(step, 0.01, effects=(SensorQuantization("level"),))
+    candidate.theta_of = lambda i: np.array([named])
+    assert names_steps(candidate) is shown
 
 
 def test_a_slow_disturbance_that_shifts_the_free_run_hides_no_grid():
-    rival = free_run(0.3, 0.01)
-    rival.fit.y = rival.fit.y + 0.03 * np.sin(np.arange(rival.fit.y.shape[1]) / 40.0)
-    assert unnamed_rounding(rival).step == pytest.approx(0.3, rel=1e-3)
+    candidate = free_run(0.3, 0.01)
+    candidate.fit.y = candidate.fit.y + 0.03 * np.sin(np.arange(candidate.fit.y.shape[1]) / 40.0)
+    assert unnamed_rounding(candidate).step == pytest.approx(0.3, rel=1e-3)
 
 
 def test_a_grid_far_finer_than_what_is_left_is_not_what_is_missing():
-    rival = free_run(0.3, 0.01)
-    rival.fit.y = rival.fit.y + 0.3 * np.sin(np.arange(rival.fit.y.shape[1]) / 40.0)
-    assert unnamed_rounding(rival) is None
+    candidate = free_run(0.3, 0.01)
+    candidate.fit.y = candidate.fit.y + 0.3 * np.sin(np.arange(candidate.fit.y.shape[1]) / 40.0)
+    assert unnamed_rounding(candidate) is None
 
 
 def test_a_named_quantizer_explains_its_grid():

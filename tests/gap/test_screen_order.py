@@ -74,10 +74,12 @@ def test_a_fit_that_went_astray_is_none(problem):
     problem, smoothed = problem
     search = Search(problem, effects("linear_loss", "quadratic_drag"), smoothed.x)
     null = search.null = search.judge(estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise()))
-    fits = [problem.fit((effect,), np.array([0.1]), smoothed.x) for effect in search.candidates]
-    astray = replace(fits[0], fit=replace(fits[0].fit, cost=1e80))
-    assert [rival.effects[0].name for rival in search.ranked([astray, fits[1]], null.candidate)] == ["quadratic_drag"]
-    assert search.ranked([astray], null.candidate) == []
+    fits = [problem.fit((effect,), np.array([0.1]), smoothed.x) for effect in search.library]
+    diverged = replace(fits[0], fit=replace(fits[0].fit, cost=1e80))
+    assert [candidate.effects[0].name for candidate in search.ranked([diverged, fits[1]], null.candidate)] == [
+        "quadratic_drag"
+    ]
+    assert search.ranked([diverged], null.candidate) == []
 
 
 def test_a_base_without_a_linearisation_has_no_screen_however_short_its_list(problem, monkeypatch):

@@ -1,4 +1,4 @@
-"""Where a search stops: sets that grow in vain, sets that remember enough, stacks of stand-ins."""
+"""Where a search stops: sets that grow in vain, sets that remember enough, stacks of surrogates."""
 
 from types import SimpleNamespace
 
@@ -34,7 +34,7 @@ def test_a_set_grows_in_vain_that_leaves_much_after_an_effect_that_took_little(c
 
 
 def leaving(error, names, sigma=0.1):
-    """A rival of so many names whose residual is a constant."""
+    """A candidate of so many names whose residual is a constant."""
     candidate = SimpleNamespace(
         effects=[CATALOGUE["constant_bias"](f"x{i}") for i in range(names)],
         residual=np.full((1, 50), error),

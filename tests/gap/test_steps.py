@@ -79,9 +79,9 @@ def test_a_step_far_below_the_noise_earns_nothing(plant):
     null = problem.fit((), np.zeros(0), smoothed.x)
     null = estimate_noise(null, problem.first_noise())
     effects = (CATALOGUE["input_quantization"]("flow"),)
-    rival = problem.candidate(effects, null.fit)
+    candidate = problem.candidate(effects, null.fit)
     for step in np.geomspace(1e-6, 5e-6, 25):
-        one = rival.frozen(np.array([step]))
+        one = candidate.frozen(np.array([step]))
         assert judged_under(one, [null.noise]).log_likelihood < null.log_likelihood + 0.3
 
 
@@ -102,7 +102,7 @@ def test_a_step_larger_than_every_input_is_found(plant):
 
 
 def test_values_nearby_are_ranked_as_their_own_free_runs_rank_them(plant):
-    """All abreast and to first order; every value's own free run with fitted initial states is the oracle."""
+    """All at once and to first order; every value's own free run with fitted initial states is the oracle."""
     data = recorded(plant, np.random.default_rng(5), act=lambda u: 0.31 * np.round(u / 0.31))
     problem, smoothed = problem_of(plant, data)
     effects = (CATALOGUE["input_quantization"]("flow"),)

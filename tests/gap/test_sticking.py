@@ -56,7 +56,7 @@ def problem(runs):
 
 
 def at(problem, effects, theta):
-    """A rival at given values, not fitted."""
+    """A candidate at given values, not fitted."""
     found, smoothed = problem
     model, theta = found.augmented(effects), np.asarray(theta, dtype=float)
     x = free_run(model, theta, smoothed.x[:, found.record.starts])
@@ -78,14 +78,14 @@ def test_the_screen_knows_what_stops(problem):
 
 def test_two_parts_of_one_law_are_one(problem):
     parts = CATALOGUE["coulomb_friction"]("v", "v"), CATALOGUE["stribeck_friction"]("v", "v")
-    rival = at(problem, parts, [0.8, LEVEL - 0.8, STATIC - 0.8, VELOCITY])
-    assert together(rival, 1, 0) == pytest.approx([LEVEL, STATIC, VELOCITY], rel=1e-4)
+    candidate = at(problem, parts, [0.8, LEVEL - 0.8, STATIC - 0.8, VELOCITY])
+    assert together(candidate, 1, 0) == pytest.approx([LEVEL, STATIC, VELOCITY], rel=1e-4)
 
 
 def test_what_is_no_sum_stays_two(problem):
     parts = CATALOGUE["linear_loss"]("v", "v"), CATALOGUE["power_law"]("v", "v")
-    rival = at(problem, parts, [0.5, 0.8, 3.0])
-    assert together(rival, 1, 0) is None
+    candidate = at(problem, parts, [0.5, 0.8, 3.0])
+    assert together(candidate, 1, 0) is None
 
 
 def test_it_is_named(runs):

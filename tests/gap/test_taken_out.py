@@ -22,7 +22,7 @@ TRUTH = (0.2, 0.15)
 
 @pytest.fixture(scope="module")
 def fitted():
-    """The problem, and the rival with both effects fitted."""
+    """The problem, and the candidate with both effects fitted."""
     rng = np.random.default_rng(0)
     U = [np.repeat(rng.uniform(0.5, 2.0, N // 20), 20)[:, None] for _ in range(2)]
     whole = AugmentedSimulator(TANK, EFFECTS, [(value,) for value in TRUTH])
@@ -35,16 +35,16 @@ def fitted():
 
 @pytest.mark.parametrize("i", [0, 1])
 def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
-    _problem, rival = fitted
-    rest = rival.taken_out(i)
+    _problem, candidate = fitted
+    rest = candidate.taken_out(i)
     assert rest.effects == (EFFECTS[1 - i],)
-    assert np.array_equal(rest.fit.theta, rival.fit.theta[[1 - i]])
-    assert rest.fit.cost > 3.0 * rival.fit.cost
+    assert np.array_equal(rest.fit.theta, candidate.fit.theta[[1 - i]])
+    assert rest.fit.cost > 3.0 * candidate.fit.cost
 
 
 def test_the_exact_twin_is_found_from_there(fitted):
-    problem, rival = fitted
-    search = Search(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], rival.fit.x)
-    found = {r.effects[-1].name: r for r in search.anew(rival.taken_out(1), None, 2, 0)}
-    assert found["parameter_error"].fit.cost == pytest.approx(rival.fit.cost, rel=1e-6)
-    assert found["parameter_error"].fit.theta == pytest.approx(rival.fit.theta, rel=1e-3)
+    problem, candidate = fitted
+    search = Search(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], candidate.fit.x)
+    found = {r.effects[-1].name: r for r in search.anew(candidate.taken_out(1), None, 2, 0)}
+    assert found["parameter_error"].fit.cost == pytest.approx(candidate.fit.cost, rel=1e-6)
+    assert found["parameter_error"].fit.theta == pytest.approx(candidate.fit.theta, rel=1e-3)

@@ -1,4 +1,4 @@
-"""Tied rivals in words: the experiment that parts them, and the sentence beside each name."""
+"""Tied candidates in words: the experiment that parts them, and the sentence beside each name."""
 
 import numpy as np
 
@@ -12,7 +12,10 @@ def test_an_exact_twin_does_not_hide_the_experiment_that_parts_another_rival():
         ("a faster run", 8.0, "drag and loss"),
         ("a larger run", 5.0, "drag and friction"),
     ]
-    assert "record a faster run" in found.sentence and "None of the simulated experiments separates twin from drag" in found.sentence
+    assert (
+        "record a faster run" in found.sentence
+        and "None of the simulated experiments separates twin from drag" in found.sentence
+    )
     assert (found.named, found.parted) == ("drag", ("friction", "loss"))
 
 
@@ -29,7 +32,9 @@ def test_a_sentence_says_only_what_was_computed_for_its_name():
     both = when_they_part("drag", ["twin", "friction"], False, found)
     assert "parts from friction; nothing is known to part the rest" in both
     assert when_they_part("drag", ["friction"], False, found).endswith("they part with a faster run.")
-    assert "no experiment was computed for this pair (the suggested one concerns drag)" in when_they_part("bias", ["gain"], True, found)
+    assert "no experiment was computed for this pair (the suggested one concerns drag)" in when_they_part(
+        "bias", ["gain"], True, found
+    )
 
 
 def test_without_ties_it_says_so():

@@ -94,9 +94,9 @@ def slow_level(t, x, u, p):
 
 @pytest.mark.parametrize("simulator", [plant(rhs=slow_level), Slow()], ids=["rhs", "simulate"])
 def test_a_slow_simulator_ends_near_the_limit(simulator, data):
-    begun = time.perf_counter()
+    started = time.perf_counter()
     report = diagnosed(simulator, data, time_limit=2.0).report_
-    assert time.perf_counter() - begun < 5.0  # a busy machine; the whole diagnosis takes some twenty seconds
+    assert time.perf_counter() - started < 5.0  # a busy machine; the whole diagnosis takes some twenty seconds
     assert not report.complete and report.seconds < 5.0
     assert "The time limit of 2 s ended the diagnosis early" in report.notes[0]
 

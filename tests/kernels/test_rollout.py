@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.kernels.net import LagNet, Net
 from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivities
-from sksurrogate.kernels.rollout import abreast, free_run, known_sums, long_run, march
+from sksurrogate.kernels.rollout import free_run, known_sums, long_run, march, runs_at_once
 from sksurrogate.kernels.scalar import scalar_run
 from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run
 
@@ -39,7 +39,7 @@ def test_fast_routes_equal_the_plain_recursion(activation, n_outputs, n_runs, hi
     wanted = plain(model, U, first)
     np.testing.assert_allclose(free_run(model, U, first), wanted, rtol=1e-9, atol=1e-9)
     folded, n = model.folded(), first.shape[1]
-    np.testing.assert_allclose(abreast(folded, U, first), wanted, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(runs_at_once(folded, U, first), wanted, rtol=1e-9, atol=1e-9)
     sums = known_sums(folded, U, n)
     share = sums.reshape(len(sums), n_runs, -1)
     for r in range(n_runs):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sksurrogate.kernels.windows import SHORTEST, run_in_windows
+from sksurrogate.kernels.windows import SHORTEST_WINDOW, run_in_windows
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics import _free_run as free_runs
 
@@ -87,7 +87,7 @@ def test_from_a_trajectory_nearby_a_run_is_one_window():
         return spring(x, rows)
 
     found = run_in_windows(counted, np.zeros((2, 1)), starts, lengths, np.ones(2), exact + 1e-4)
-    assert len(asked) <= SHORTEST
+    assert len(asked) <= SHORTEST_WINDOW
     assert np.allclose(found, exact, atol=1e-9)
 
 
@@ -101,5 +101,5 @@ def test_a_long_run_of_a_simulator_is_that_of_a_loop(monkeypatch, hold):
         friction, states=["x", "v"], inputs=["u"], outputs=["x"], params={"width": 0.05}, dt=0.1, hold=hold
     )
     in_windows = simulator.simulate(U[:1200, None])
-    monkeypatch.setattr(free_runs, "LONG", 10_000)
+    monkeypatch.setattr(free_runs, "LONG_RUN", 10_000)
     assert np.allclose(in_windows, simulator.simulate(U[:1200, None]), rtol=0.0, atol=1e-10)

@@ -35,8 +35,8 @@ def test_heavy_weights_hold_the_prior_and_none_begins_there(solver):
     other = np.cos(2 * x[:, 0])
     held = FNNRegressor((4,), solver=solver, alpha=1e8, theta0=first, random_state=1).fit(x, other)
     np.testing.assert_allclose(held.predict(x), first.predict(x), atol=1e-4)
-    begun = FNNRegressor((4,), solver=solver, n_starts=1, theta0=first, max_epochs=1).fit(x, square)
-    assert begun.loss_curve_[0] < 1e-6
+    started = FNNRegressor((4,), solver=solver, n_starts=1, theta0=first, max_epochs=1).fit(x, square)
+    assert started.loss_curve_[0] < 1e-6
 
 
 def test_a_prior_from_many_rows_helps_where_few_are_at_hand():

@@ -51,7 +51,7 @@ def test_intervals_hold_what_they_promise():
         X, y, groups, _ = _data(n_runs=2, n=200, noise=0.03, seed=seed)
         model = CalibratedSimulator(_plant(a=1.2)).fit(X, y, groups=groups)
         inside += [model.intervals_[k][0] <= v <= model.intervals_[k][1] for k, v in TRUE.items()]
-    # 60 intervals of 90 %: fewer than 45 inside has a chance below 1e-4, correlation within a fit aside.
+    # 60 intervals of 90 %: fewer than 45 inside has a chance below 1e-4, correlation within a fit apart.
     assert sum(inside) >= 45
 
 

@@ -58,16 +58,16 @@ def _long(n_runs, n, every=20):
 def test_a_long_record_begun_thinned_ends_where_it_would_at_once(monkeypatch, every):
     plant, X, y, groups = _long(3, 2500, every)
     model = CalibratedSimulator(plant.set_params(params__d=0.6, params__a=1.6, params__b=0.3, params__g=1.0))
-    begun = []
+    started = []
     quick = begin.coarse_start
     monkeypatch.setattr(
-        "sksurrogate.physics._calibrate.coarse_start", lambda *a: begun.append(quick(*a) is not None) or quick(*a)
+        "sksurrogate.physics._calibrate.coarse_start", lambda *a: started.append(quick(*a) is not None) or quick(*a)
     )
     short = model.fit(X, y, groups=groups)
     found, ends = short.params_, short.intervals_
     monkeypatch.setattr("sksurrogate.physics._calibrate.coarse_start", lambda *a: None)
     at_once = model.fit(X, y, groups=groups)
-    assert begun == [True]
+    assert started == [True]
     for name, value in at_once.params_.items():
         width = at_once.intervals_[name][1] - at_once.intervals_[name][0]
         assert abs(found[name] - value) < 0.02 * width  # both stop well within the noise
@@ -86,7 +86,7 @@ def test_thinned_rows_are_those_of_each_run_and_held_inputs_are_averaged():
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_the_map_of_a_record_is_the_march_from_row_to_row(monkeypatch, hold):
-    monkeypatch.setattr(fit_model, "_BLOCK", 7)  # many blocks
+    monkeypatch.setattr(fit_model, "_POINTS_IN_BLOCK", 7)  # many blocks
     plant = reactor().set_params(hold=hold)
     rng = np.random.default_rng(0)
     u, x = rng.uniform(0.05, 0.3, size=(1, 40)), rng.uniform(0.5, 2.0, size=(2, 40))
@@ -117,7 +117,7 @@ def test_a_nominal_run_that_bursts_leads_no_fit_astray(seed):
         Y.append(clean + 0.02 * clean.std() * rng.normal(size=200))
     X, y, groups = stack_runs(X, Y)
     model = CalibratedSimulator(reactor(mu=0.53, K=0.28, S=5.5))
-    with warnings.catch_warnings():  # the way it went is told in a warning
+    with warnings.catch_warnings():  # the way it went is given in a warning
         warnings.simplefilter("ignore", ConvergenceWarning)
         model.fit(X, y, groups=groups)
     for name, value in TRUE.items():

@@ -114,7 +114,7 @@ def test_mistakes_speak():
         _simulator(ca.Function("f", [x, u, p], [BY_VECTOR], ["x", "u", "p"], ["dx"]), params={"k": 4.0}).simulate(U)
     with pytest.raises(SimulatorError, match=r"outputs are of shape \[\(1, 1\)\], expected \(2, 1\) at place 0"):
         _simulator(ca.Function("f", [x, u, p], [BY_VECTOR[1]])).simulate(U)
-    with pytest.raises(SimulatorError, match=r"is no casadi.Function"):
+    with pytest.raises(SimulatorError, match=r"is not a casadi.Function"):
         _simulator(rhs).simulate(U)
     with pytest.raises(SurrogateError, match=r"use simulator.function itself"):
         to_graph(_simulator(ca.Function("f", [x, u, p], [BY_VECTOR])))

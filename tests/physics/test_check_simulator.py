@@ -1,4 +1,4 @@
-"""Our simulators pass; broken ones are told why."""
+"""Our simulators pass; broken ones are given why."""
 
 import numpy as np
 import pytest

@@ -465,5 +465,5 @@ def test_mistakes_in_the_data_are_named():
         simulator.simulate(np.zeros((3, 2)), t=[0.0, 0.003, 0.006])
     with pytest.raises(SimulatorError, match=r"params: the model has no parameter 'k'"):
         simulator.step(0.0, np.zeros(4), np.zeros(2), {"k": 1.0}, 0.01)
-    with pytest.raises(SimulatorError, match=r"name: 'home' is no keyframe of the model; it has \[\]"):
+    with pytest.raises(SimulatorError, match=r"name: 'home' is not a keyframe of the model; it has \[\]"):
         simulator.keyframe("home")

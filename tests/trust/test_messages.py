@@ -226,7 +226,9 @@ def test_no_free_parameters_may_be_none():
 
 @pytest.mark.parametrize("jobs", [0, 1.5, "2"])
 def test_a_number_of_workers_that_is_none(jobs):
-    with pytest.raises(ValueError, match=rf"n_jobs={jobs!r}: expected None, -1 .* or a positive integer; write n_jobs=1"):
+    with pytest.raises(
+        ValueError, match=rf"n_jobs={jobs!r}: expected None, -1 .* or a positive integer; write n_jobs=1"
+    ):
         GapDiagnoser(5, n_jobs=jobs).fit(X, y, groups=groups)  # said before the simulator is looked at
 
 

@@ -15,15 +15,15 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="process numbers
 
 BLOCKED = """
 import os, sys, time
-from sksurrogate._parallel import _second
-_second.can_fork = lambda: True
+from sksurrogate._parallel import _worker_process
+_worker_process.can_fork = lambda: True
 read, write = os.pipe()
 
 def question():
     print(os.getpid(), flush=True)
     os.read(read, 1)  # for good: both ends are open here, as of a simulator that never answers
 
-second = _second.Second()
+second = _worker_process.WorkerProcess()
 second.ask(question)
 time.sleep(3600)
 """

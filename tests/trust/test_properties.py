@@ -68,7 +68,7 @@ def test_lags_are_shifts_and_never_cross_a_run(seed, rows, lag):
     wide = LagEmbedding([lag]).fit(X, groups=groups).transform(X, groups=groups)
     for part, run in zip(unstack_runs(wide, groups), Xs):
         np.testing.assert_array_equal(part[lag:], run[: len(run) - lag])
-        # what pads the first rows comes from this run or is no number
+        # what pads the first rows comes from this run or is not a number
         assert all(np.isnan(value) or value in run or value == 0 for value in part[:lag].ravel())
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.decide._held_out import HeldOut, without_names
 from sksurrogate.gap.fit._closeness import NOTHING_TO_LEARN
@@ -30,7 +30,7 @@ class Baseline:
         Process for what is wanted later.
     """
 
-    def __init__(self, null: Evidence, correction: Correction | None, early: bool, later: Second):
+    def __init__(self, null: Evidence, correction: Correction | None, early: bool, later: WorkerProcess):
         self.correction = correction
         at_once = correction if early and gap_to_learn(null) else None
 

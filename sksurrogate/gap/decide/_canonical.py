@@ -14,7 +14,7 @@ from sksurrogate.gap.search._base import BaseSearch
 __all__ = ["canonical_classes", "rank"]
 
 #: Places in the order in which twins are named: what the simulator has already comes first.
-_KINDS = ("parameter", "state", "input", "output")
+_ORDER_OF_KINDS = ("parameter", "state", "input", "output")
 _PLACE = {name: i for i, name in enumerate(CATALOGUE)}
 
 
@@ -28,7 +28,7 @@ def rank(effect: BaseEffect) -> tuple[int, int, int, str, str, str]:
     >>> rank(InputBias("valve")) < rank(SensorBias("level"))
     True
     """
-    kind = _KINDS.index(effect.kind) if effect.kind in _KINDS else len(_KINDS)
+    kind = _ORDER_OF_KINDS.index(effect.kind) if effect.kind in _ORDER_OF_KINDS else len(_ORDER_OF_KINDS)
     place = _PLACE.get(effect.name, len(_PLACE))
     return len(effect.parameters), kind, place, effect.name, str(effect.location), effect.variable or ""
 
@@ -52,7 +52,7 @@ def canonical_classes(search: BaseSearch[C], weights: Sequence[float]) -> tuple[
     weights : list of float
         In the same order.
     """
-    final = search.final or search.begun
+    final = search.final or search.fitted_null
     slots, kept = equivalents(search, final), list(weights)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)

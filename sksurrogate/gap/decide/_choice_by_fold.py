@@ -16,18 +16,18 @@ from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["ByRun", "by_run", "chosen_without", "names_by_fold"]
 
-#: Rivals that stand for election again in every fold, the best on all runs.
+#: Candidates that stand for election again in every fold, the best on all runs.
 MOST_RIVALS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class ByRun:
-    """Log likelihood of one rival run by run, to first order in its parameters about the fit to all runs.
+    """Log likelihood of one candidate run by run, to first order in its parameters about the fit to all runs.
 
     Attributes
     ----------
     grams : ndarray (n_runs, 1 + n_theta, 1 + n_theta)
-        Of the residual and its sensitivities, under the rival's noise.
+        Of the residual and its sensitivities, under the candidate's noise.
     log_dets : ndarray (n_runs,)
     precision, pull, theta : ndarray (n_theta,)
     bounds : (ndarray (n_theta,), ndarray (n_theta,))
@@ -60,41 +60,41 @@ class ByRun:
         return -0.5 * n_values / CORRELATED * float(np.log(max(-2.0 * value, 1e-300))) if by_size else value
 
 
-def by_run(rival: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool, prior: float) -> ByRun:
-    """Likelihood of a rival over runs (or blocks) that begin at ``starts``: under the likeliest of some noises, white by size."""
-    problem = rival.problem
-    r, J, precision, pull = rival.columns()
+def by_run(candidate: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool, prior: float) -> ByRun:
+    """Likelihood of a candidate over runs (or blocks) that begin at ``starts``: under the likeliest of some noises, white by size."""
+    problem = candidate.problem
+    r, J, precision, pull = candidate.columns()
     stacked = np.concatenate([r[:, None], J], axis=1)
     if by_size:
-        white = rival.without_starts(stacked.transpose(1, 0, 2), starts)
+        white = candidate.without_starts(stacked.transpose(1, 0, 2), starts)
         ends = np.r_[starts[1:], problem.record.n_samples]
         flat = [white[:, :, a:b].reshape(len(white), -1) for a, b in zip(starts, ends)]
         grams, log_dets = np.stack([part @ part.T for part in flat]), np.zeros(len(starts))
     else:
-        noise = judged_under(rival, noises).noise if len(noises) > 1 else noises[0]
-        grams, log_dets = rival.disturbance.begun_at(starts).gram_by_run(stacked, noise)
-    theta, bounds = rival.fit.theta, problem.bounds(rival.effects)
-    return ByRun(grams, log_dets, precision, pull, theta, bounds, rival.prior_square, prior, rival.n_parameters)
+        noise = judged_under(candidate, noises).noise if len(noises) > 1 else noises[0]
+        grams, log_dets = candidate.disturbance.begun_at(starts).gram_by_run(stacked, noise)
+    theta, bounds = candidate.fit.theta, problem.bounds(candidate.effects)
+    return ByRun(grams, log_dets, precision, pull, theta, bounds, candidate.prior_square, prior, candidate.n_parameters)
 
 
 def chosen_without(
     own: ByRun,
-    rivals: Sequence[ByRun],
+    candidates: Sequence[ByRun],
     fold: np.ndarray,
     lengths: np.ndarray,
     n_candidates: int,
     by_size: bool = False,
 ) -> list[int | None]:
-    """For every fold the rival that the other runs choose in place of the named one; None where they keep it.
+    """For every fold the candidate that the other runs choose in place of the named one; None where they keep it.
 
-    They reject a name where a rival gains over it what an effect must gain over none. A simpler rival gains nothing for that:
+    They reject a name where a candidate gains over it what an effect must gain over none. A simpler candidate gains nothing for that:
     where the effect acts in the runs left out alone, the others need no parameters at all.
 
     Parameters
     ----------
     own : ByRun
         What is named.
-    rivals : sequence of ByRun
+    candidates : sequence of ByRun
     fold : ndarray of int (n_runs,)
     lengths : ndarray of int (n_runs,)
         Measured values of every run.
@@ -109,9 +109,9 @@ def chosen_without(
         n_values = int(lengths[kept].sum())
         level = own.worth(kept, n_values, by_size) if kept.any() else np.inf
         gains = [
-            2.0 * (rival.worth(kept, n_values, by_size) - level)
-            - bar(1 + max(rival.n_parameters - own.n_parameters, 0), n_candidates, n_values)
-            for rival in rivals
+            2.0 * (candidate.worth(kept, n_values, by_size) - level)
+            - bar(1 + max(candidate.n_parameters - own.n_parameters, 0), n_candidates, n_values)
+            for candidate in candidates
         ]
         best = int(np.argmax(gains)) if gains else -1
         out.append(best if best >= 0 and gains[best] > 0 else None)
@@ -119,7 +119,7 @@ def chosen_without(
 
 
 def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slot[C]]) -> list[C]:
-    """The rival that the runs outside each fold choose: the final one, or another set of as many effects.
+    """The candidate that the runs outside each fold choose: the final one, or another set of as many effects.
 
     Parameters
     ----------
@@ -136,26 +136,28 @@ def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slo
     n_folds = len(np.unique(fold))
     if not others or n_folds < 2:
         return [named] * n_folds
-    by_size = all(search.is_far(rival) for rival in (named, *others))
+    by_size = all(search.is_far(candidate) for candidate in (named, *others))
     own = by_run(named, [final.noise], starts, by_size, search.prior_cost(named))
-    known = [[noise for noise in (search.noise_of(rival), final.noise) if noise is not None] for rival in others]
+    known = [
+        [noise for noise in (search.noise_of(candidate), final.noise) if noise is not None] for candidate in others
+    ]
     against = [by_run(r, noises, starts, by_size, search.prior_cost(r)) for r, noises in zip(others, known)]
-    picks = chosen_without(own, against, fold, record.counts.sum(axis=1), len(search.candidates), by_size)
+    picks = chosen_without(own, against, fold, record.counts.sum(axis=1), len(search.library), by_size)
     return [named if pick is None else others[pick] for pick in picks]
 
 
 def _others(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]]) -> list[C]:
-    """Rivals that differ from the final one in one effect, outside of its class; the best on all runs."""
+    """Candidates that differ from the final one in one effect, outside of its class; the best on all runs."""
     keys = frozenset(final.keys)
     same = set()
     for slot in slots:
         own = final.effects[slot.index].key
-        kin = {rival.effects[-1].key for rival in slot.twins} | set(search.richer.get(own, []))
+        kin = {candidate.effects[-1].key for candidate in slot.twins} | set(search.richer.get(own, []))
         same |= {(keys - {own}) | {key} for key in kin}
     found = [
-        rival
-        for names, rival in search.fitted.items()
+        candidate
+        for names, candidate in search.fitted.items()
         if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and names not in same
     ]
-    found = [rival for rival in found if np.isfinite(search.score(rival))]
+    found = [candidate for candidate in found if np.isfinite(search.score(candidate))]
     return sorted(found, key=search.order([final, *found]), reverse=True)[:MOST_RIVALS]

@@ -1,4 +1,4 @@
-"""Every named effect with its parameters, intervals, share, probability, and the effects that cannot be told from it."""
+"""Every named effect with its parameters, intervals, share, probability, and the effects that cannot be distinguished from it."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
         rows = final.candidate.slice_of(i)
         slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
         params, ends = reported(effect, best.fit.theta[rows], low[rows], high[rows])
-        ahead = [rival.effects[-1] for rival in slot.twins if richer_form(rival.effects[-1], effect)]
-        others = [rival.effects[-1] for rival in slot.twins if rival.effects[-1] not in ahead]
+        ahead = [candidate.effects[-1] for candidate in slot.twins if richer_form(candidate.effects[-1], effect)]
+        others = [candidate.effects[-1] for candidate in slot.twins if candidate.effects[-1] not in ahead]
         tied = [name_of(other) for other in others]
         twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.candidate.keys]
         contained = [*(form.key for form in ahead), *search.richer.get(effect.key, [])]

@@ -1,4 +1,4 @@
-"""Tied rivals in words: the experiment that parts them, and the sentence beside each name that says when they part."""
+"""Tied candidates in words: the experiment that parts them, and the sentence beside each name that says when they part."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["ENOUGH", "name_of", "suggestion", "when_they_part"]
+__all__ = ["NATS_THAT_SETTLE", "name_of", "suggestion", "when_they_part"]
 
-#: Nats of log likelihood that settle between two rivals.
-ENOUGH = 3.0
-#: Tied rivals that a sentence lists.
-LISTED = 4
+#: Nats of log likelihood that settle between two candidates.
+NATS_THAT_SETTLE = 3.0
+#: Tied candidates that a sentence lists.
+EXPERIMENTS_LISTED = 4
 
 
 def name_of(effect: BaseEffect) -> str:
@@ -40,25 +40,25 @@ def leaves_the_range(u: np.ndarray, recorded: np.ndarray) -> bool:
 
 
 def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Collection[str] = ()) -> NextExperiment:
-    """The experiment that parts a named effect best from the tied rival that is hardest to tell.
+    """The experiment that parts a named effect best from the tied candidate that is hardest to tell.
 
-    Twins that none parts are left out where another can be told. Of experiments that settle it those come first whose inputs
+    Twins that none parts are left out where another can be determined. Of experiments that settle it those come first whose inputs
     stay where inputs were recorded.
 
     Parameters
     ----------
     apart : dict of ndarray (n_rivals,)
-        For every experiment the nats that part the named effect from each rival; nan where they are not known.
+        For every experiment the nats that part the named effect from each candidate; nan where they are not known.
     names : sequence of str
-        The named effect, then its rivals.
+        The named effect, then its candidates.
     beyond : collection of str
         Experiments whose inputs leave the recorded range.
     """
     most = np.nanmax(np.where(np.isfinite(list(apart.values())), list(apart.values()), -1.0), axis=0)
-    told = np.flatnonzero(most >= ENOUGH) if np.any(most >= ENOUGH) else np.arange(len(most))
+    summary = np.flatnonzero(most >= NATS_THAT_SETTLE) if np.any(most >= NATS_THAT_SETTLE) else np.arange(len(most))
     rows: list[dict[str, Any]] = []
     for experiment, values in apart.items():
-        known = [int(k) for k in told if np.isfinite(values[k])]
+        known = [int(k) for k in summary if np.isfinite(values[k])]
         hardest = min(known, key=lambda k: values[k], default=None)
         if hardest is not None:
             between = f"{names[0]} and {names[1 + hardest]}"
@@ -66,9 +66,9 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
             rows.append(
                 {"experiment": experiment, "gain": float(values[hardest]), "between": between, "within": within}
             )
-    rows.sort(key=lambda row: (not (row["within"] and row["gain"] >= ENOUGH), -row["gain"]))
+    rows.sort(key=lambda row: (not (row["within"] and row["gain"] >= NATS_THAT_SETTLE), -row["gain"]))
     best = rows[0]
-    if best["gain"] < ENOUGH:
+    if best["gain"] < NATS_THAT_SETTLE:
         sentence = (
             f"No variation of the inputs tried here separates {', '.join(names)}: they predict the same. "
             "Only another sensor or knowledge of the plant can decide."
@@ -80,10 +80,10 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
     )
     if not best["within"]:
         sentence += " Its inputs leave the recorded range: make sure that the plant allows them."
-    same = [names[1 + k] for k in range(len(most)) if k not in told]
+    same = [names[1 + k] for k in range(len(most)) if k not in summary]
     if same:
         sentence += f" None of the simulated experiments separates {', '.join(same)} from {names[0]}."
-    parted = tuple(names[1 + int(k)] for k in told if apart[best["experiment"]][k] >= ENOUGH)
+    parted = tuple(names[1 + int(k)] for k in summary if apart[best["experiment"]][k] >= NATS_THAT_SETTLE)
     return NextExperiment(sentence, Table(tuple(rows)), names[0], parted)
 
 
@@ -101,7 +101,7 @@ def when_they_part(
     ----------
     named : str
     tied : sequence of str
-        Rivals that these data cannot tell from it.
+        Candidates that these data cannot tell from it.
     same : bool
         Whether all of them predict the same.
     experiment : NextExperiment or None
@@ -115,7 +115,7 @@ def when_they_part(
         return f"Only richer forms ({', '.join(richer)}) explain these data as well; nothing in the data needs them."
     if not tied:
         return f"No other effect {among} explains these data as well."
-    listed = ", ".join(tied[:LISTED]) + (" and more" if len(tied) > LISTED else "")
+    listed = ", ".join(tied[:EXPERIMENTS_LISTED]) + (" and more" if len(tied) > EXPERIMENTS_LISTED else "")
     how = "predict the same" if same else "explain these data equally well"
     return f"{named} and {listed} {how} on the range that was reached; {_part(named, tied, experiment)}."
 

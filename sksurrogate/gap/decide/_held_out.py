@@ -70,7 +70,7 @@ def without_names(null: BaseCandidate) -> HeldOut:
 def held_out(finals: Sequence[BaseCandidate], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
     """Refit on all runs but those of one fold, free run there with fitted initial states; every fold in turn.
 
-    ``finals`` are the rivals that the other runs of each fold choose (`names_by_fold`).
+    ``finals`` are the candidates that the other runs of each fold choose (`names_by_fold`).
     """
     after = _or_else(_by_fold(without.record, finals), without.before)
     return replace(without, after=after, same_names=same_names)
@@ -81,13 +81,13 @@ def law_held_out(finals: Sequence[BaseCandidate], held: HeldOut) -> HeldOut:
     return replace(held, law=_or_else(_by_fold(held.record, finals), held.before))
 
 
-def _by_fold(record: Record, rivals: Sequence[BaseCandidate | None]) -> np.ndarray:
-    """Outputs on the runs of every fold, of its rival refitted on the others; nan where it gives none."""
+def _by_fold(record: Record, candidates: Sequence[BaseCandidate | None]) -> np.ndarray:
+    """Outputs on the runs of every fold, of its candidate refitted on the others; nan where it gives none."""
     fold = run_folds(record)
     out = np.full(record.y.shape, np.nan)
-    for k, rival in enumerate(rivals):
+    for k, candidate in enumerate(candidates):
         test, train = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
-        predicted = rival.left_out(record, train, test) if rival is not None else None
+        predicted = candidate.left_out(record, train, test) if candidate is not None else None
         if predicted is not None:
             out[:, np.isin(record.run_of_row, test)] = predicted
     return out
@@ -215,7 +215,7 @@ def pieces(record: Record, labels: Sequence[Any]) -> list[Any]:
 
 def same_names(finals: Sequence[Any], final: Any) -> float:
     """Share of the folds whose other runs choose what all runs choose; nan without a name."""
-    return float(np.mean([rival is final for rival in finals])) if final.effects else float("nan")
+    return float(np.mean([candidate is final for candidate in finals])) if final.effects else float("nan")
 
 
 def notes_on_names(
@@ -231,9 +231,9 @@ def notes_on_names(
         if effects is not final:
             left_out = [repr(label) for label, f in zip(pieces(record, labels), fold) if f == k]
             named.setdefault(" and ".join(map(name_of, effects)), []).extend(left_out)
-    told = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
+    summary = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
     return (
-        [f"Parts of the data choose other effects, which stand there in the error on runs left out: {told}."]
-        if told
+        [f"Parts of the data choose other effects, which stand there in the error on runs left out: {summary}."]
+        if summary
         else []
     )

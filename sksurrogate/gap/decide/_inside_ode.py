@@ -14,7 +14,7 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import law_beside_none, stands
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
-from sksurrogate.gap.decide._rules import ROUNDING
+from sksurrogate.gap.decide._rules import GRID_SHARE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
@@ -32,7 +32,7 @@ from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._free_curve import FreeCurve, free_curve
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_rival import LawRival, law_rival
-from sksurrogate.gap.unnamed._location import accused, told_by, told_by_law
+from sksurrogate.gap.unnamed._location import force_predictability, likely_place, place_of_law
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, Remains, law_left
 from sksurrogate.kernels.record import Record
 
@@ -40,8 +40,8 @@ __all__ = ["OdeInside"]
 
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
-PIECES = (
-    "The rivals were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
+PIECES_NOTE = (
+    "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."
 )
 
@@ -103,7 +103,7 @@ class OdeInside:
 
     def begin(self) -> None:
         """The places of the gap are made once for one null."""
-        self.channels = Channels(self.search.begun.candidate)
+        self.channels = Channels(self.search.fitted_null.candidate)
 
     def correction(self, correction: Any) -> Correction | None:
         """Beside the runs of the simulator that are known."""
@@ -113,7 +113,7 @@ class OdeInside:
     def look(self, final: Evidence[OdeCandidate]) -> None:
         """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
         search = self.search
-        self.remaining = Remaining(search.later, search.begun, self.channels, final, self.seed)
+        self.remaining = Remaining(search.later, search.fitted_null, self.channels, final, self.seed)
         self.curve = free_curve(final)
         few = 0 < len(final.effects) < STACK
         if not (few and final.left < NEAR and self.curve is not None and self.curve.gain > CERTAIN):
@@ -141,15 +141,15 @@ class OdeInside:
         """One law without a name, in the place of all names or of nothing."""
         search, named = self.search, bool(final.effects) and of_names
         if named not in self.laws and self.complete:
-            rival, x = (final, final.candidate.fit.x) if named else (search.begun, search.x)
+            candidate, x = (final, final.candidate.fit.x) if named else (search.fitted_null, search.x)
             x = x[: len(search.problem.plant.states)]
-            self.laws[named] = law_rival(rival, x, len(search.candidates), search.second)
+            self.laws[named] = law_rival(candidate, x, len(search.library), search.second)
         return self.laws.get(named)
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
         """The force on top of what stands, whether it is a law, and the places of the gap."""
         if self.remaining is None:
-            self.remaining = Remaining(self.search.later, self.search.begun, self.channels, final, self.seed)
+            self.remaining = Remaining(self.search.later, self.search.fitted_null, self.channels, final, self.seed)
         self.remains = self.remaining.of(final)
 
     def withdraw(self, null: Evidence[OdeCandidate]) -> None:
@@ -183,23 +183,25 @@ class OdeInside:
     def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
         """A grid of readings that nothing named explains, where it is coarse enough to matter."""
         found = unnamed_rounding(final.candidate)
-        return found if found is not None and found.share > ROUNDING else None
+        return found if found is not None and found.share > GRID_SHARE else None
 
     # ---- where ------------------------------------------------------------------------------------------------------
-    def accused(self, final: Evidence[OdeCandidate]) -> tuple[str | None, str | None]:
+    def likely_place(self, final: Evidence[OdeCandidate]) -> tuple[str | None, str | None]:
         """A sensor that rounds, the place of a certain law, an input with a curve of its own, the place of a free force."""
         problem, rounding, remains = self.search.problem, self.rounding(final), self.remains
         if rounding is not None and final.left < NEARLY_WHITE:
             return rounding.sensor, "output"
-        told = told_by_law(self.law(final, final.left < NEAR), remains.places if remains else [], problem.plant.inputs)
-        if told:
-            return told
+        summary = place_of_law(
+            self.law(final, final.left < NEAR), remains.places if remains else [], problem.plant.inputs
+        )
+        if summary:
+            return summary
         curve = self.curve
         if curve is not None and not final.effects and curve.gain > CERTAIN and curve.location in problem.plant.inputs:
             return curve.location, "input"
         if remains is None or not remains.places:
             return None, None
-        return accused(remains.places, lambda b, u: told_by(problem, remains.gap, b, u, self.seed))
+        return likely_place(remains.places, lambda b, u: force_predictability(problem, remains.gap, b, u, self.seed))
 
     def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
         """By region and by time."""
@@ -229,13 +231,13 @@ class OdeInside:
         if law.curve:
             return False
         score = search.order([law.found.candidate, final.candidate])
-        names = score(final.candidate) - len(final.effects) * np.log(len(search.candidates))
+        names = score(final.candidate) - len(final.effects) * np.log(len(search.library))
         return bool(score(law.found.candidate) - law.price > names + CERTAIN)
 
     def places_of_law(self, final: Evidence[OdeCandidate], named: bool) -> list[tuple[str, str]]:
-        """Where a law may stand: beside names where the evidence of a law puts it, else the place accused; then the next."""
+        """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""
         remains, beside = self.remains, self.beside
-        first = (beside.location, beside.kind) if named and beside is not None else self.accused(final)
+        first = (beside.location, beside.kind) if named and beside is not None else self.likely_place(final)
         found = [first, *((place.location, place.kind) for place in (remains.places if remains else []))]
         plant = self.search.problem.plant
         named_by_kind = {"state": self.search.problem.balances, "input": plant.inputs, "output": plant.outputs}
@@ -245,7 +247,7 @@ class OdeInside:
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         """Effects that the re-tuning would hide."""
         screen = self.search.first_screen
-        found = imitated_by_retuning(screen, self.search.begun.fit.theta) if screen is not None else []
+        found = imitated_by_retuning(screen, self.search.fitted_null.fit.theta) if screen is not None else []
         return [(effect.name, str(effect.location), effect.variable) for effect in found]
 
     # ---- long records -----------------------------------------------------------------------------------------------
@@ -258,8 +260,8 @@ class OdeInside:
         record, _ = excerpt(self.whole, FITTED_SAMPLES)
         larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances, at.known)
         larger = replace(larger, numerics=at.numerics, scale=at.scale, caps=at.caps)
-        rival = larger.fit(final.effects, final.fit.theta, smoothed.x)
-        return final if rival is None else estimate_noise(rival, final.noise, final.curvature, max_iterations=5)
+        candidate = larger.fit(final.effects, final.fit.theta, smoothed.x)
+        return final if candidate is None else estimate_noise(candidate, final.noise, final.curvature, max_iterations=5)
 
     def notes(self, final: Evidence[OdeCandidate], verdict: str) -> list[str]:
         """What a careful reader should know of the data."""
@@ -267,4 +269,4 @@ class OdeInside:
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
-        return [*notes, PIECES.format(some=some, whole=whole)] if whole > some else notes
+        return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes

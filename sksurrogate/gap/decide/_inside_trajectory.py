@@ -85,7 +85,7 @@ class TrajectoryInside:
     def weigh(self, final: Evidence[TrajectoryCandidate]) -> Sequence[float]:
         """How probable what stands is against none; no law inside can be put in the place of a name."""
         search = self.search
-        less = search.score(search.begun.candidate) - search.score(final.candidate)
+        less = search.score(search.fitted_null.candidate) - search.score(final.candidate)
         return [float(1.0 / (1.0 + np.exp(np.clip(less, -700.0, 700.0))))] * len(final.effects)
 
     def weigh_none(self) -> None:
@@ -94,7 +94,9 @@ class TrajectoryInside:
     def look_at_what_is_left(self, final: Evidence[TrajectoryCandidate]) -> None:
         """A force on the states of the surrogate, whether inputs and outputs repeat it, and the places it may come from."""
         latent, law = force_left(final, self.seed)
-        known = self.remains.places if self.remains is not None else equivalent_places(self.search.begun.candidate)
+        known = (
+            self.remains.places if self.remains is not None else equivalent_places(self.search.fitted_null.candidate)
+        )
         self.remains = Remains(latent, law, known, latent)
 
     def withdraw(self, null: Evidence[TrajectoryCandidate]) -> None:
@@ -122,7 +124,7 @@ class TrajectoryInside:
         nothing = (0, 0, self.search.problem.first_noise())
         return LawBeside(0.0, 0.0, place.location, place.kind, "", size, size, nothing) if place is not None else None
 
-    def accused(self, final: Evidence[TrajectoryCandidate]) -> tuple[str | None, str | None]:
+    def likely_place(self, final: Evidence[TrajectoryCandidate]) -> tuple[str | None, str | None]:
         """The place of the likeliest equivalent disturbance."""
         return (place.location, place.kind) if (place := self.likeliest) else (None, None)
 
@@ -132,15 +134,15 @@ class TrajectoryInside:
         return self.remains.places[0] if self.remains is not None and self.remains.places else None
 
     def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
-        """By region and by time, of the signal at the accused place, or at the likeliest."""
+        """By region and by time, of the signal at the likely place, or at the likeliest."""
         at = location if kind in ("input", "output") else (self.likeliest.location if self.likeliest else None)
-        channel = channel_of(self.search.begun.candidate, at)
+        channel = channel_of(self.search.fitted_null.candidate, at)
         w = channel.force()
         return regions(channel.record, channel.Z, channel.names, w), times(channel.record, w)
 
     def missing_term(self, location: str, kind: str) -> MissingTerm:
         """The shape of what is missing at a place."""
-        return shape_of(channel_of(self.search.begun.candidate, location), location, kind)
+        return shape_of(channel_of(self.search.fitted_null.candidate, location), location, kind)
 
     def law_beside(
         self, base: Evidence[TrajectoryCandidate], final: Evidence[TrajectoryCandidate], held: HeldOut

@@ -23,36 +23,36 @@ HIDES = " It would hide these effects: they part from it where parameters are me
 
 
 def covariance(found: Evidence) -> np.ndarray:
-    """Covariance of the output-error parameters when the residual has the rival's own noise.
+    """Covariance of the output-error parameters when the residual has the candidate's own noise.
 
     The sandwich ``H^-1 J' W S W J H^-1`` with W the white weights of the fit and S the covariance of white noise, forces
     and coloured sensor noise; initial states are projected out. A prior that the user gives counts as one more measured value.
     """
-    rival = found.candidate
-    k = len(rival.fit.theta)
+    candidate = found.candidate
+    k = len(candidate.fit.theta)
     if k == 0:
         return np.zeros((0, 0))
-    J = rival.without_starts(rival.sensitivities.transpose(1, 0, 2))
+    J = candidate.without_starts(candidate.sensitivities.transpose(1, 0, 2))
     flat = J.reshape(k, -1)
-    H, blind = seen_inverse(flat @ flat.T + np.diag(rival.precision))
-    white = 1.0 / rival.problem.sd[:, None]
-    spread = rival.disturbance.spread((J * white).transpose(1, 0, 2), found.noise)
-    out = H @ (spread + np.diag(np.where(rival.prior_known, rival.precision, 0.0))) @ H
+    H, blind = seen_inverse(flat @ flat.T + np.diag(candidate.precision))
+    white = 1.0 / candidate.problem.sd[:, None]
+    spread = candidate.disturbance.spread((J * white).transpose(1, 0, 2), found.noise)
+    out = H @ (spread + np.diag(np.where(candidate.prior_known, candidate.precision, 0.0))) @ H
     out[blind, blind] = np.inf
     return out
 
 
 def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
     """90 % intervals of all parameters: noise and disturbance, and what steps and kinks may have moved."""
-    rival, theta = found.candidate, found.fit.theta
+    candidate, theta = found.candidate, found.fit.theta
     spread = np.sqrt(np.maximum(np.diag(covariance(found)), 0.0))
-    numerical = rival.numerical_change()
+    numerical = candidate.numerical_change()
     within_a_sample = np.zeros(len(theta))
-    for i, effect in enumerate(rival.effects):  # readings tell the sample in which a window begins or ends
+    for i, effect in enumerate(candidate.effects):  # readings tell the sample in which a window begins or ends
         if isinstance(effect, Starting):
-            within_a_sample[rival.slice_of(i)][-len(effect.span) :] = rival.problem.record.dt
+            within_a_sample[candidate.slice_of(i)][-len(effect.span) :] = candidate.problem.record.dt
     half = np.sqrt((BAND * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2 + within_a_sample**2)
-    low, high = rival.problem.bounds(rival.effects)
+    low, high = candidate.problem.bounds(candidate.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
 
 

@@ -69,7 +69,7 @@ def held_out_law(search: Search, laws: Sequence[FittedLaw], held: HeldOut) -> He
             for c, law in zip(candidates, (first, *others))
         ]
         lengths = record.lengths * len(record.y)
-        picks = chosen_without(runs[0], runs[1:], fold, lengths, len(search.candidates), by_size)
+        picks = chosen_without(runs[0], runs[1:], fold, lengths, len(search.library), by_size)
     finals = [(first if pick is None else others[pick]).found.candidate for pick in picks]
     return law_held_out(finals, held)
 

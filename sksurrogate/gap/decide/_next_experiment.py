@@ -20,16 +20,16 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["next_experiment"]
 
-#: Samples of an experiment, and tied rivals that are compared.
+#: Samples of an experiment, and tied candidates that are compared.
 LONGEST_EXPERIMENT, MOST_TIED = 400, 5
 #: Initial states are pushed by this share of their size for sensitivities.
 PUSH_OF_START = 1e-4
-#: Nats that part what is named from every tied rival, by experiment.
+#: Nats that part what is named from every tied candidate, by experiment.
 Apart: TypeAlias = dict[str, np.ndarray]
 
 
 def next_experiment(final: Evidence, slots: Sequence[Slot]) -> NextExperiment | None:
-    """Which experiment separates the tied rivals best, in expected nats of log likelihood."""
+    """Which experiment separates the tied candidates best, in expected nats of log likelihood."""
     slot = max(slots, key=lambda s: len(s.twins), default=None)
     if slot is None or not slot.twins:
         return None
@@ -39,7 +39,7 @@ def next_experiment(final: Evidence, slots: Sequence[Slot]) -> NextExperiment | 
     apart = {name: value for name, value in separate(final, tied, varied).items() if np.isfinite(value).any()}
     if not apart:
         return None
-    names = [name_of(final.effects[slot.index]), *(name_of(rival.effects[-1]) for rival in tied)]
+    names = [name_of(final.effects[slot.index]), *(name_of(candidate.effects[-1]) for candidate in tied)]
     beyond = {name for name, u in varied.items() if leaves_the_range(u, record.u)}
     return suggestion(apart, names, beyond)
 
@@ -76,7 +76,7 @@ def of_trajectories(
         at = problem.over_inputs(np.ascontiguousarray(u))
         try:
             first = at.outputs(named.effects, named.fit.theta)
-            others = [at.outputs(rival.effects, rival.fit.theta) for rival in tied]
+            others = [at.outputs(candidate.effects, candidate.fit.theta) for candidate in tied]
         except SurrogateError:
             continue
         weight = (problem.sd / final.noise.sigma)[:, None]
@@ -104,7 +104,7 @@ def of_ode(final: Evidence[OdeCandidate], tied: Sequence[OdeCandidate], varied: 
     pushed = [replace(e, x0=e.x0 + step) for step in PUSH_OF_START * np.diag(problem.scale) for e in experiments]
     try:
         first = _responses(named, [*experiments, *pushed])
-        others = [_responses(rival, experiments) for rival in tied]
+        others = [_responses(candidate, experiments) for candidate in tied]
     except (FloatingPointError, np.linalg.LinAlgError):
         return {}
     m = len(problem.record.y)
@@ -124,19 +124,19 @@ def of_ode(final: Evidence[OdeCandidate], tied: Sequence[OdeCandidate], varied: 
     return apart
 
 
-def _experiments(rival: OdeCandidate, varied: Mapping[str, np.ndarray]) -> list[_Experiment]:
+def _experiments(candidate: OdeCandidate, varied: Mapping[str, np.ndarray]) -> list[_Experiment]:
     """The variations from the initial state of the first run, and no input from a large one."""
-    x0 = rival.fit.x[: rival.model.n_nominal, int(rival.problem.record.starts[0])]
+    x0 = candidate.fit.x[: candidate.model.n_nominal, int(candidate.problem.record.starts[0])]
     found = [_Experiment(name, u, x0) for name, u in varied.items()]
     u = found[0].u
     still = np.broadcast_to(u.mean(axis=1, keepdims=True), u.shape)
-    large = _Experiment("a run without input, from a large initial state", still, x0 + 2 * rival.problem.scale)
+    large = _Experiment("a run without input, from a large initial state", still, x0 + 2 * candidate.problem.scale)
     return [*found[:6], large, *found[6:]]
 
 
-def _responses(rival: OdeCandidate, experiments: Sequence[_Experiment]) -> np.ndarray:
-    """States of a rival in every experiment, (n_states, n_experiments, n_samples); nan where it diverges."""
-    problem = rival.problem
+def _responses(candidate: OdeCandidate, experiments: Sequence[_Experiment]) -> np.ndarray:
+    """States of a candidate in every experiment, (n_states, n_experiments, n_samples); nan where it diverges."""
+    problem = candidate.problem
     n = experiments[0].u.shape[1]
     count = len(experiments)
     record = Record(
@@ -146,8 +146,8 @@ def _responses(rival: OdeCandidate, experiments: Sequence[_Experiment]) -> np.nd
         n * np.arange(count),
         problem.record.dt,
     )
-    model = replace(problem, record=record).augmented(rival.effects)
-    theta = rival.fit.theta
+    model = replace(problem, record=record).augmented(candidate.effects)
+    theta = candidate.fit.theta
     with np.errstate(all="ignore"):
         bound = model.bind(theta[:, None])
         x0 = bound.start(np.stack([e.x0 for e in experiments], axis=1)[:, None])[:, 0]
@@ -158,7 +158,7 @@ def _responses(rival: OdeCandidate, experiments: Sequence[_Experiment]) -> np.nd
 
 
 def _separations(differences: Sequence[np.ndarray], starts: np.ndarray, sd: np.ndarray) -> np.ndarray:
-    """Nats that part the final effect from every tied rival, initial states fitted to each; nan where a run breaks.
+    """Nats that part the final effect from every tied candidate, initial states fitted to each; nan where a run breaks.
 
     ``differences`` of predictions (n_outputs, n_samples), ``starts`` what the initial states move (n_outputs, n_states,
     n_samples).

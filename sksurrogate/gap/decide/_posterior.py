@@ -87,8 +87,8 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
         if fewer is None or not fewer.effects:
             break
         final = _taken(search, fewer, final)
-    search.final = search.begun
-    return search.begun, Posterior((), None)
+    search.final = search.fitted_null
+    return search.fitted_null, Posterior((), None)
 
 
 def _taken(search: Search, candidate: OdeCandidate, before: Evidence) -> Evidence:
@@ -168,7 +168,7 @@ def _log_prior(search: Search, candidate: OdeCandidate) -> float:
     """Of the names of a set."""
     problem = search.problem
     positions = [name for name in problem.plant.states if name not in problem.balances]
-    return log_prior(candidate.effects, search.candidates, positions)
+    return log_prior(candidate.effects, search.library, positions)
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
@@ -203,7 +203,7 @@ def _judged(
 
 def gap_cost(search: Search) -> float:
     """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values."""
-    null = search.begun.candidate
+    null = search.fitted_null.candidate
     if not search.problem.free:
         return null.fit.cost
     if null not in search.nominal_costs:
@@ -219,7 +219,7 @@ def gap_over_noise(search: Search) -> float:
 
 def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:
     """The law beside no effect at all, along the measured path."""
-    null = search.begun
+    null = search.fitted_null
     problem = null.candidate.problem
     noises = null.noise, problem.quiet(null.noise)
     with np.errstate(all="ignore"):

@@ -27,7 +27,7 @@ def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], pos
     own = search.score(final)
     out = []
     for slot, chance in zip(slots, posterior):
-        ours = [own, *(_score(search, rival, final) for rival in slot.twins)]
+        ours = [own, *(_score(search, candidate, final) for candidate in slot.twins)]
         against = _others(search, final, slot)
         top = max([*ours, *against])
         for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
@@ -35,21 +35,21 @@ def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], pos
     return out
 
 
-def _score(search: BaseSearch[C], rival: C, final: C) -> float:
-    """Of a tied rival; one that was not given a noise of its own predicts the same as the final one."""
-    if search.own(rival) is not None:
-        return search.score(rival)
-    return search.score(final) - 0.5 * (rival.n_parameters - final.n_parameters) * float(np.log(search.n_values))
+def _score(search: BaseSearch[C], candidate: C, final: C) -> float:
+    """Of a tied candidate; one that was not given a noise of its own predicts the same as the final one."""
+    if search.own(candidate) is not None:
+        return search.score(candidate)
+    return search.score(final) - 0.5 * (candidate.n_parameters - final.n_parameters) * float(np.log(search.n_values))
 
 
 def _others(search: BaseSearch[C], final: C, slot: Slot[C]) -> list[float]:
-    """Scores of the rivals in one slot that the data reject, at least :data:`EQUAL` below the final one."""
+    """Scores of the candidates in one slot that the data reject, at least :data:`EQUAL` below the final one."""
     own = final.effects[slot.index].key
     beside = frozenset(final.keys) - {own}
-    taken = {own, *(rival.effects[-1].key for rival in slot.twins)}
+    taken = {own, *(candidate.effects[-1].key for candidate in slot.twins)}
     scores = [
-        search.score(rival)
-        for keys, rival in search.fitted.items()
+        search.score(candidate)
+        for keys, candidate in search.fitted.items()
         if len(keys) == len(final.keys) and beside < keys and not (keys - beside) & taken
     ]
     return [min(score, search.score(final) - EQUAL) for score in scores if np.isfinite(score)]

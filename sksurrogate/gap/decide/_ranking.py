@@ -1,4 +1,4 @@
-"""All rivals with what the screen expected of them, what their fit costs, and their evidence."""
+"""All candidates with what the screen expected of them, what their fit costs, and their evidence."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
     """One row a candidate, the most evident first; nan where it was not fitted, no rows before the null is."""
     if search.null is None:
         return Table()
-    fitted = {rival.keys[0]: rival for rival in search.first_round}
+    fitted = {candidate.keys[0]: candidate for candidate in search.first_round}
     expected, rows = search.expected(), []
-    for effect in search.candidates:
+    for effect in search.library:
         fit = fitted.get(effect.key)
         row: dict[str, Any] = {
             "name": effect.name,

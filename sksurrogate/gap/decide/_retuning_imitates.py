@@ -11,7 +11,7 @@ from sksurrogate.gap.screen._screen import Screen
 __all__ = ["imitated_by_retuning"]
 
 #: An effect counts that may make up this part of what re-tuning closes (amplitude).
-PART = 0.5
+PART_OF_RETUNING = 0.5
 
 
 def imitated_by_retuning(found: Screen, ratios: np.ndarray) -> list[BaseEffect]:
@@ -36,7 +36,7 @@ def imitated_by_retuning(found: Screen, ratios: np.ndarray) -> list[BaseEffect]:
     stack = np.concatenate([found.known, found.columns])
     flat = project_starts(stack, found.J_x, found.record_starts).reshape(len(stack), -1)
     n, few = flat.shape[1], 1 + len(ratios)
-    closed = PART * float(np.linalg.norm(ratios @ flat[1:few]))
+    closed = PART_OF_RETUNING * float(np.linalg.norm(ratios @ flat[1:few]))
     amplitude = closed / np.maximum(np.linalg.norm(flat[few:], axis=1), 1e-300)
     rest = eliminate(flat @ flat.T, len(ratios), found.precision, found.pull)
     either = np.where(found.low < 0.0, np.abs(rest[0, 1:]), rest[0, 1:])

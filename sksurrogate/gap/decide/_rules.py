@@ -14,13 +14,13 @@ from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 __all__ = ["RULES", "Rule", "decide", "first_rule"]
 
 #: Probability from which a name is given.
-NAMED = 0.9
+CERTAIN_NAME = 0.9
 #: Names that leave more than this share of the gap (amplitude) explain less of it than they leave.
 MOST_LEFT = 0.5
 #: A reading's grid counts from this share of the output's deviation on.
-ROUNDING = 0.01
+GRID_SHARE = 0.01
 #: R2 of a law of states and inputs in what is left, and its least value over the number of samples: less may be chance.
-LAW, FEW = 0.10, 20.0
+LAW, LEAST_LAW_PER_SAMPLE = 0.10, 20.0
 #: A gap below these shares of the outputs' deviation is of no practical size, the second only where no law is in it.
 PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
 #: A free run beyond both (error over the deviation, over the noise) is wrong by more than a disturbance.
@@ -49,22 +49,22 @@ class Rule:
 
 def certain(f: DecisionFeatures) -> bool:
     """Every name is probable, or re-tuning alone moved the parameters."""
-    return bool(f.probability >= NAMED if f.names else f.retuned)
+    return bool(f.probability >= CERTAIN_NAME if f.names else f.retuned)
 
 
 def lawful(f: DecisionFeatures) -> bool:
     """States and inputs repeat what is left on runs left out, more than chance does."""
-    return bool(f.law > max(LAW, FEW / f.n_samples))
+    return bool(f.law > max(LAW, LEAST_LAW_PER_SAMPLE / f.n_samples))
 
 
 RULES: tuple[Rule, ...] = (
     Rule(
         "grid_beside_names",
-        lambda f: f.rounding > ROUNDING and f.names > 0 and certain(f) and f.share_left <= MOST_LEFT,
+        lambda f: f.rounding > GRID_SHARE and f.names > 0 and certain(f) and f.share_left <= MOST_LEFT,
         "partial",
         "The effects are certain; the readings also lie on a grid that no effect names.",
     ),
-    Rule("grid", lambda f: f.rounding > ROUNDING, "unknown", "The readings lie on a grid that no effect names."),
+    Rule("grid", lambda f: f.rounding > GRID_SHARE, "unknown", "The readings lie on a grid that no effect names."),
     Rule(
         "uncertain_names",
         lambda f: f.names > 0 and not certain(f),

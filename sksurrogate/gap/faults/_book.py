@@ -113,7 +113,7 @@ class RecordBook:
         law_gain : float
             What a free curve gains on top of what was named, twice the log likelihood: a fault must gain more.
         """
-        final = search.final or search.begun
+        final = search.final or search.fitted_null
         if self.earlier is not None and final.left > self.left:
             return replace(self.earlier, closed=True)  # the names leave more without the fault than with it
         if self.closed or self.depth >= MOST_ROUNDS:
@@ -121,8 +121,8 @@ class RecordBook:
         odd = outlying(final.candidate)
         if odd is not None:
             return self.with_fault(replace(odd, rows=rows[odd.rows]), np.inf)
-        if final.left < AT_THE_NOISE or search.begun.left < AT_THE_NOISE:
-            near = final if final.left < AT_THE_NOISE else search.begun
+        if final.left < AT_THE_NOISE or search.fitted_null.left < AT_THE_NOISE:
+            near = final if final.left < AT_THE_NOISE else search.fitted_null
             hum = tone_left(near, self.raw.run_of_row[rows])
             return self if hum is None else self.with_fault(hum, np.inf)
         found = fault_left(_bases(search, final), self.raw.run_of_row[rows], search)
@@ -139,10 +139,10 @@ class RecordBook:
 
 def _bases(search: BaseSearch[Any], final: Evidence) -> list[Evidence]:
     """What stands, the simulator alone, and the best single effects where what stands is far from the noise."""
-    out = {final.candidate: final, search.begun.candidate: search.begun}
+    out = {final.candidate: final, search.fitted_null.candidate: search.fitted_null}
     singles = search.first_round if final.left > CLOSED else []
-    for rival in [*singles[:MOST_SINGLES], *sorted(singles, key=lambda one: one.fit.cost)[:MOST_SINGLES]]:
-        out.setdefault(rival, search.judged.get(rival, Evidence(rival, search.begun.noise, -np.inf)))
+    for candidate in [*singles[:MOST_SINGLES], *sorted(singles, key=lambda one: one.fit.cost)[:MOST_SINGLES]]:
+        out.setdefault(candidate, search.judged.get(candidate, Evidence(candidate, search.fitted_null.noise, -np.inf)))
     return list(out.values())
 
 

@@ -31,7 +31,7 @@ class NoisyInput(BaseFault):
     removed : float
         Share of the gap that it removes.
     taken_out : bool
-        Whether the record is corrected: noise that is slow beside the plant cannot be told from the input.
+        Whether the record is corrected: noise that is slow beside the plant cannot be distinguished from the input.
     """
 
     input: int

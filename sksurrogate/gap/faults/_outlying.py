@@ -13,7 +13,7 @@ __all__ = ["outlying", "outlying_rows"]
 #: A reading is off from so many robust deviations of the residual on, and its neighbours are below this share of it.
 OFF, NEIGHBOURS = 6.0, 0.35
 #: Most readings in a row, and the largest share of all, that are off by themselves.
-LONGEST, MOST = 8, 0.05
+LONGEST_BURST, MOST_OUTLYING = 8, 0.05
 #: They are the reason of what is left where the rest is at the noise, or where they hold this share of its power.
 REASON = 0.5
 
@@ -35,12 +35,12 @@ def outlying_rows(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
     found = [
         np.arange(a, b)
         for a, b in zip(edges[::2], edges[1::2])
-        if b - a <= LONGEST
+        if b - a <= LONGEST_BURST
         and not first_rows & set(range(a, b + 1))  # at the ends of a run nothing returns
         and max(abs(residual[a - 1]), abs(residual[b])) < NEIGHBOURS * np.max(np.abs(residual[a:b]))
     ]
     rows = np.concatenate(found) if found else np.zeros(0, dtype=int)
-    return rows if len(rows) <= MOST * len(residual) else rows[:0]
+    return rows if len(rows) <= MOST_OUTLYING * len(residual) else rows[:0]
 
 
 def outlying(model: BaseCandidate) -> WrongReadings | None:

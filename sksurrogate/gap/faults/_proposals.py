@@ -16,7 +16,7 @@ __all__ = ["WHOLE", "Proposal", "later", "proposals", "tone", "tones"]
 #: A tone has this many periods in a run or more: less is a trend.
 LEAST_PERIODS = 3.0
 #: Parts into which a step of the periodogram is divided where a tone is placed.
-FINE = 40
+FINE_SHIFTS = 40
 #: Longest shift that is tried, as a share of the shortest run.
 LONGEST_SHIFT = 0.2
 #: A shift or a smoother input is there whole, not in part: its column has a weight of one, more or less.
@@ -149,7 +149,9 @@ def tone(record: Record, residual: np.ndarray) -> float | None:
     parts = [residual[a:b] - residual[a:b].mean() for a, b in zip(edges[:-1], edges[1:])]
     power = np.sum([np.abs(np.fft.rfft(part, 2 * n)) ** 2 for part in parts], axis=0)
     power[: int(2 * LEAST_PERIODS)] = 0.0
-    at = 2 * np.pi * (np.argmax(power) + np.arange(-FINE, FINE + 1) / FINE) / (2 * n)  # rad per sample
+    at = (
+        2 * np.pi * (np.argmax(power) + np.arange(-FINE_SHIFTS, FINE_SHIFTS + 1) / FINE_SHIFTS) / (2 * n)
+    )  # rad per sample
     rows = [np.arange(len(part)) for part in parts]
     explained = [sum(abs(part @ np.exp(-1j * w * row)) ** 2 / len(part) for part, row in zip(parts, rows)) for w in at]
     return float(at[int(np.argmax(explained))] / record.dt)

@@ -26,7 +26,7 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
     ----------
     record : Record
     expected : callable () -> ndarray (n_outputs, n_samples) or None
-        Outputs of the simulator alone, asked for only where something was found: what it does by itself is no fault.
+        Outputs of the simulator alone, asked for only where something was found: what it does by itself is not a fault.
 
     Returns
     -------

@@ -25,7 +25,7 @@ from sksurrogate.physics._simulator import Plant
 __all__ = ["build_problem", "build_trajectory", "nominal_run"]
 
 #: Largest error of the integrator over one sample, in units of the size of the states.
-LOCAL_ERROR = 2e-5
+DIAGNOSIS_LOCAL_ERROR = 2e-5
 
 
 def nominal_run(problem: OdeBackend) -> np.ndarray:
@@ -37,7 +37,7 @@ def nominal_run(problem: OdeBackend) -> np.ndarray:
 
 
 def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
-    """States (n_states, n_samples) of the simulator alone, measured ones begun at their first readings."""
+    """States (n_states, n_samples) of the simulator alone, measured ones started at their first readings."""
     near = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
     for j, i in enumerate(plant.output_states or ()):
         near[i] = record.y[j]
@@ -114,7 +114,7 @@ def build_problem(
         rate = np.sqrt(np.mean(((smoothed.x[:, 1:] - smoothed.x[:, :-1]) / record.dt) ** 2, axis=1))
         n_sub = substeps(
             smoothed.x,
-            np.minimum(nominal.closing_weight(sd), LOCAL_ERROR * 100 * scale),
+            np.minimum(nominal.closing_weight(sd), DIAGNOSIS_LOCAL_ERROR * 100 * scale),
             lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
         )
         problem = replace(

@@ -14,13 +14,13 @@ __all__ = ["LOOP", "closed_loop", "may_follow_noise"]
 
 #: Lags of an input that explain its next move without the outputs: at most so many, for a profile of twenty lines foretells
 #: itself from forty, and one for so many samples; lags of the residual that must add nothing.
-OWN, SAMPLES_A_LAG, FOREIGN = 40, 25, 3
+INPUT_LAGS, SAMPLES_A_LAG, RESIDUAL_LAGS = 40, 25, 3
 #: Share of the moves of an input that residuals must explain beyond its own past, and its size against chance.
-SHARE_FOLLOWED, CHANCE = 0.02, 40.0
+SHARE_FOLLOWED, FOLLOWED_AGAINST_CHANCE = 0.02, 40.0
 #: A move beyond this many times the median one is a jump of the reference.
 JUMP_OF_INPUT = 6.0
 #: Pieces of the moves of which every other one makes a half.
-PIECES = 4
+LOOP_PIECES = 4
 #: Moves of an input that are enough to judge by.
 FEWEST_MOVES = 60
 
@@ -46,7 +46,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         Of the inputs.
     """
     age = np.arange(record.n_samples) - record.starts[record.run_of_row]
-    lags = max(min(OWN, record.n_samples // SAMPLES_A_LAG, int(record.lengths.max()) // 4), FOREIGN)
+    lags = max(min(INPUT_LAGS, record.n_samples // SAMPLES_A_LAG, int(record.lengths.max()) // 4), RESIDUAL_LAGS)
     inside = np.flatnonzero(age >= lags + 1)
     r = record.y - y
     quick = np.diff(r, axis=1, prepend=r[:, :1])  # what is slow in a residual may come from the input itself
@@ -57,7 +57,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         if len(rows) < FEWEST_MOVES:
             continue
         move = u[rows] - u[rows - 1]
-        foreign = np.stack([e[rows - lag] for e in quick for lag in range(FOREIGN)], axis=1)
+        foreign = np.stack([e[rows - lag] for e in quick for lag in range(RESIDUAL_LAGS)], axis=1)
         own = np.stack([np.ones(len(rows)), *_past(record, y, rows, lags), *_repeated(record, i, rows)], axis=1)
         left, calm = _foretold(own, move)
         if float(left[calm] @ left[calm]) <= 1e-10 * float(move[calm] @ move[calm]):
@@ -68,7 +68,11 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         e = foreign[calm] - known @ np.linalg.lstsq(known, foreign[calm], rcond=1e-10)[0]
         z = left[calm] - left[calm].mean()
         share = _explained(e, z)
-        if share > SHARE_FOLLOWED and share * len(z) > CHANCE + 2.0 * foreign.shape[1] and _in_every_part(e, z):
+        if (
+            share > SHARE_FOLLOWED
+            and share * len(z) > FOLLOWED_AGAINST_CHANCE + 2.0 * foreign.shape[1]
+            and _in_every_part(e, z)
+        ):
             return name
     return None
 
@@ -84,7 +88,7 @@ def _in_every_part(e: np.ndarray, z: np.ndarray) -> bool:
 
     Halves alternate in pieces, and each explains the other at least half as well as all of it is explained.
     """
-    half = (np.arange(len(z)) * 2 * PIECES // len(z)) % 2 == 0
+    half = (np.arange(len(z)) * 2 * LOOP_PIECES // len(z)) % 2 == 0
     whole = _explained(e, z)
     for learnt in (half, ~half):
         w = np.linalg.lstsq(e[learnt], z[learnt], rcond=1e-10)[0]
@@ -97,8 +101,8 @@ def _in_every_part(e: np.ndarray, z: np.ndarray) -> bool:
 def _past(record: Record, y: np.ndarray, rows: np.ndarray, lags: int) -> list[np.ndarray]:
     """What an operator or a fixed profile knows: the past of all inputs, and what the model makes of it, however long ago."""
     inputs = [v[rows - lag] for v in record.u for lag in range(1, lags + 1)]
-    shown = [out[rows - lag] for out in y for lag in range(1, FOREIGN + 1)]
-    return [*inputs, *shown, *(v * np.abs(v) for v in shown[::FOREIGN])]
+    shown = [out[rows - lag] for out in y for lag in range(1, RESIDUAL_LAGS + 1)]
+    return [*inputs, *shown, *(v * np.abs(v) for v in shown[::RESIDUAL_LAGS])]
 
 
 def _repeated(record: Record, i: int, rows: np.ndarray) -> list[np.ndarray]:
@@ -120,26 +124,26 @@ def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return left, np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
 
 
-def may_follow_noise(rival: OdeCandidate, base: OdeCandidate) -> bool:
-    """Whether what a rival adds to ``base`` at an input may only follow the noise that a controller puts into it.
+def may_follow_noise(candidate: OdeCandidate, base: OdeCandidate) -> bool:
+    """Whether what a candidate adds to ``base`` at an input may only follow the noise that a controller puts into it.
 
     Where an output shows an input at once and the input answers the output's noise at once, an effect on the input can
     follow that noise, but it can remove no more than all of it.
     """
-    added = {e.location for e in rival.effects if e.kind == "input" and e.key not in base.keys}
-    problem = rival.problem
-    if not added or base.fit.cost - rival.fit.cost > problem.record.n_values:
+    added = {e.location for e in candidate.effects if e.kind == "input" and e.key not in base.keys}
+    problem = candidate.problem
+    if not added or base.fit.cost - candidate.fit.cost > problem.record.n_values:
         return False
-    looped = closed_loop(problem.record, rival.fit.y, problem.plant.inputs)
-    return looped in added and shown_at_once(rival, str(looped))
+    looped = closed_loop(problem.record, candidate.fit.y, problem.plant.inputs)
+    return looped in added and shown_at_once(candidate, str(looped))
 
 
-def shown_at_once(rival: OdeCandidate, name: str) -> bool:
+def shown_at_once(candidate: OdeCandidate, name: str) -> bool:
     """Whether an output of the simulator depends on an input in the same sample."""
-    problem = rival.problem
+    problem = candidate.problem
     record, i = problem.record, problem.plant.inputs.index(name)
     u = record.u.copy()
     u[i] += 1e-3 * max(float(np.std(u[i])), 1e-9)
-    x, nothing = rival.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
+    x, nothing = candidate.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
     moved = replace(problem, record=replace(record, u=u)).augmented(()).bind(nothing).outputs(x)
     return not np.allclose(moved, problem.augmented(()).bind(nothing).outputs(x), rtol=1e-12, atol=0.0)

@@ -30,15 +30,15 @@ SETTLED = 1.15
 CLOSED = 1.2
 #: A residual below this may be white noise; up to here pairs are tried where no further effect passes.
 NEARLY_WHITE = 1.5
-#: From here on the places of a gap are told apart by the law that fits there, and a certain curve adds no name.
+#: From here on the places of a gap are distinguished by the law that fits there, and a certain curve adds no name.
 NEAR = 2.0
 #: Names further off are not doubted for a law in their place: of a real plant that far off any law may beat a true name.
 DOUBTED = 4.0
-#: Far from the data: no noise model holds, and rivals are told apart by size.
+#: Far from the data: no noise model holds, and candidates are distinguished by size.
 FAR = 5.0
 
 # Levels of the cost over the number of measured values.
-#: Sizes, not likelihoods, tell rivals apart; a limit is fitted from another start too.
+#: Sizes, not likelihoods, tell candidates apart; a limit is fitted from another start too.
 FAR_BY_COST = 5.0
 #: An effect more is judged by size: a disturbance leaves less, and follows any effect.
 JUDGED_BY_SIZE = 10.0

@@ -20,7 +20,7 @@ _LEAVE = "Give smaller inputs, or leave the run out."
 def divergence(plant: Plant, record: Record, nominal: np.ndarray, labels: Sequence[object]) -> SimulationDiverged:
     """The error for the first run whose outputs are not finite, with what the simulator itself says of it.
 
-    Runs of one length are simulated abreast, and one that raises takes the others with it: each is tried alone.
+    Runs of one length are simulated at once, and one that raises takes the others with it: each is tried alone.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import BaseCandidate, Fitted
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
@@ -125,53 +125,55 @@ def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.nd
     return step
 
 
-def judged_under(rival: C, noises: Sequence[Noise]) -> Evidence[C]:
+def judged_under(candidate: C, noises: Sequence[Noise]) -> Evidence[C]:
     """A candidate under the first of the likeliest of some noises."""
-    best = Evidence(rival, noises[0], -np.inf, quick=True)
-    r, J, precision, pull = rival.columns()
+    best = Evidence(candidate, noises[0], -np.inf, quick=True)
+    r, J, precision, pull = candidate.columns()
     if not np.all(np.isfinite(J)):
         return best
-    bounds = rival.problem.bounds(rival.effects)
+    bounds = candidate.problem.bounds(candidate.effects)
     for noise in noises:
         try:
-            G, logdet = rival.disturbance.gram(np.concatenate([r[:, None], J], axis=1), noise)
+            G, logdet = candidate.disturbance.gram(np.concatenate([r[:, None], J], axis=1), noise)
         except np.linalg.LinAlgError:
             continue
         if not np.all(np.isfinite(G)):
             continue
-        value = profile(G, logdet, precision, pull, rival.fit.theta, bounds, rival.prior_square)
+        value = profile(G, logdet, precision, pull, candidate.fit.theta, bounds, candidate.prior_square)
         if value > best.log_likelihood:
-            best = Evidence(rival, noise, value, quick=True)
+            best = Evidence(candidate, noise, value, quick=True)
     return best
 
 
 def estimate_noise(
-    rival: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+    candidate: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
 ) -> Evidence[C]:
     """A candidate under its own noise.
 
-    The noise of another rival is a start; forces beside quiet sensors are others, followed too where they are likelier:
+    The noise of another candidate is a start; forces beside quiet sensors are others, followed too where they are likelier:
     the likelihood has a top for coloured sensors and one for forces. Near the data white noise of the size of the residual
     takes the start's place where it is likelier: a fit that explains what was coloured before must not start from that
     colour.
     """
-    forces, white = rival.other_noises(start)
+    forces, white = candidate.other_noises(start)
     noises = [start, *forces, *white]
-    value = [judged_under(rival, [noise]).log_likelihood for noise in noises]
+    value = [judged_under(candidate, [noise]).log_likelihood for noise in noises]
     k = int(np.argmax(value)) if max(value) > value[0] + LIKELIER else 0
-    if k > len(forces) and rival.white_alone:
-        return follow_noise(rival, noises[k], None, max_iterations)
-    first = follow_noise(rival, start, curvature, max_iterations)
-    other = follow_noise(rival, noises[k], None, max_iterations) if k else first
+    if k > len(forces) and candidate.white_alone:
+        return follow_noise(candidate, noises[k], None, max_iterations)
+    first = follow_noise(candidate, start, curvature, max_iterations)
+    other = follow_noise(candidate, noises[k], None, max_iterations) if k else first
     return first if other.log_likelihood <= first.log_likelihood else other
 
 
-def follow_noise(rival: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15) -> Evidence[C]:
+def follow_noise(
+    candidate: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+) -> Evidence[C]:
     """The top of the likelihood that is reached from one start."""
-    r, J, precision, pull = rival.columns()
-    problem, D = rival.problem, rival.disturbance
+    r, J, precision, pull = candidate.columns()
+    problem, D = candidate.problem, candidate.disturbance
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
-        return Evidence(rival, start, -np.inf)
+        return Evidence(candidate, start, -np.inf)
     noise, _, curved = fit_noise(
         D,
         r,
@@ -185,11 +187,13 @@ def follow_noise(rival: C, start: Noise, curvature: np.ndarray | None = None, ma
         caps=problem.caps,
         sigma_unit=problem.sd,
     )
-    return Evidence(rival, noise, judged_under(rival, [noise]).log_likelihood, curved)
+    return Evidence(candidate, noise, judged_under(candidate, [noise]).log_likelihood, curved)
 
 
-def follow_null(null: C, start: Noise, known: Evidence[C] | None = None, second: Second | None = None) -> Evidence[C]:
-    """The null under its own noise: what it misses there would count for every rival.
+def follow_null(
+    null: C, start: Noise, known: Evidence[C] | None = None, second: WorkerProcess | None = None
+) -> Evidence[C]:
+    """The null under its own noise: what it misses there would count for every candidate.
 
     The likelihood has a top for coloured sensors and one for forces: the likeliest start of each kind is followed, side by
     side where a second process is wanted. What is ``known`` stays where neither is likelier.
@@ -204,6 +208,10 @@ def follow_null(null: C, start: Noise, known: Evidence[C] | None = None, second:
     return max([*([] if known is None else [known]), *tops], key=lambda top: top.log_likelihood)
 
 
-def arrived(rival: Evidence | None, before: BaseCandidate) -> bool:
-    """Whether a rival is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
-    return rival is not None and rival.left < AT_THE_NOISE and before.fit.cost > AT_THE_NOISE**2 * rival.fit.cost
+def arrived(candidate: Evidence | None, before: BaseCandidate) -> bool:
+    """Whether a candidate is at the noise and another one is not: by its noise, for the other's own may hold what it misses."""
+    return (
+        candidate is not None
+        and candidate.left < AT_THE_NOISE
+        and before.fit.cost > AT_THE_NOISE**2 * candidate.fit.cost
+    )

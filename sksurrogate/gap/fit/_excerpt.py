@@ -1,4 +1,4 @@
-"""Long records: the part on which rivals are compared, and the larger part on which the winner is fitted."""
+"""Long records: the part on which candidates are compared, and the larger part on which the winner is fitted."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["FITTED_SAMPLES", "SEARCHED_SAMPLES", "excerpt"]
 
-#: Rivals are compared on at most this many samples: what more of them could tell apart is below any practical bar.
+#: Candidates are compared on at most this many samples: what more of them could tell apart is below any practical bar.
 SEARCHED_SAMPLES = 9_000
-#: The rival that won is fitted again on at most this many.
+#: The candidate that won is fitted again on at most this many.
 FITTED_SAMPLES = 60_000
 #: Samples of a piece that is cut out of a long run.
 PIECE = 1_500

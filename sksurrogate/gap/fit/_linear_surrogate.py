@@ -1,7 +1,7 @@
-"""A linear stand-in for a simulator that only gives trajectories: how inputs, forces and initial states spread in it.
+"""A linear surrogate for a simulator that only gives trajectories: how inputs, forces and initial states spread in it.
 
 Learned from the simulator's own outputs. It never decides how well an effect fits (the simulator does), but it orders the
-rivals, carries a coloured disturbance to the outputs, and says where a disturbance would have to enter.
+candidates, carries a coloured disturbance to the outputs, and says where a disturbance would have to enter.
 """
 
 from __future__ import annotations

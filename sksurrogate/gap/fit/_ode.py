@@ -27,7 +27,7 @@ __all__ = ["LARGEST_DISTURBANCE", "REACH", "Numerics", "OdeBackend", "OdeCandida
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
 #: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.
-QUIET, QUIET_FORCE = 0.05, 1e-3
+QUIET_OUTPUT, QUIET_FORCE = 0.05, 1e-3
 #: Steps of an effect's parameters, over their size, that slopes are good for.
 REACH = 1.0
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
@@ -219,14 +219,14 @@ class OdeBackend:
     rate : ndarray (n_states,)
         RMS of their derivatives.
     free : tuple of str
-        Parameters that are re-tuned with every rival.
+        Parameters that are re-tuned with every candidate.
     balances : tuple of str
         States whose balance may be wrong.
     numerics : Numerics
     caps : (ndarray (n_balances,), ndarray (n_outputs,))
         Largest force of every balance and coloured noise of every sensor that count as disturbance.
     run : ndarray (n_states, n_samples), optional
-        States of the simulator alone, measured ones begun at their first readings.
+        States of the simulator alone, measured ones started at their first readings.
     known : KnownParameters
         What the user knows of the simulator's parameters.
     """
@@ -387,12 +387,12 @@ class OdeBackend:
         return self.rate[[self.plant.states.index(name) for name in self.balances]]
 
     def quiet_force(self) -> np.ndarray:
-        """Force of every balance that moves no output by more than :data:`QUIET` of its noise."""
+        """Force of every balance that moves no output by more than :data:`QUIET_OUTPUT` of its noise."""
         unit = self.force_unit()
         if self.caps is None:
             return QUIET_FORCE * unit
         return np.minimum(
-            QUIET * self.caps[0] * np.min(self.sd / self.record.spread) / LARGEST_DISTURBANCE, QUIET_FORCE * unit
+            QUIET_OUTPUT * self.caps[0] * np.min(self.sd / self.record.spread) / LARGEST_DISTURBANCE, QUIET_FORCE * unit
         )
 
     def quiet(self, noise: Noise) -> Noise:

@@ -1,4 +1,4 @@
-"""Readings that stand on a grid which nothing named explains: a quantizer that no rival knows.
+"""Readings that stand on a grid which nothing named explains: a quantizer that no candidate knows.
 
 The error of a rounding looks like white noise to every likelihood; the grid, on which the free run does not stand, tells them apart.
 """
@@ -42,25 +42,25 @@ class Rounding:
     share: float
 
 
-def names_steps(rival: OdeCandidate) -> bool:
-    """Whether an effect of a rival is a rounding whose steps the readings show."""
-    outputs, record = rival.problem.plant.outputs, rival.problem.record
+def names_steps(candidate: OdeCandidate) -> bool:
+    """Whether an effect of a candidate is a rounding whose steps the readings show."""
+    outputs, record = candidate.problem.plant.outputs, candidate.problem.record
     return any(
         effect.name == "sensor_quantization"
-        and bool(shows_steps(record.measured(outputs.index(str(effect.location))), rival.theta_of(i)[0])[0])
-        for i, effect in enumerate(rival.effects)
+        and bool(shows_steps(record.measured(outputs.index(str(effect.location))), candidate.theta_of(i)[0])[0])
+        for i, effect in enumerate(candidate.effects)
     )
 
 
-def unnamed_rounding(rival: OdeCandidate) -> Rounding | None:
-    """The coarsest grid that rounds the free run of a rival to the readings, where nothing named does; None without one."""
-    rounded = {effect.location for effect in rival.effects if effect.name == "sensor_quantization"}
-    record = rival.problem.record
+def unnamed_rounding(candidate: OdeCandidate) -> Rounding | None:
+    """The coarsest grid that rounds the free run of a candidate to the readings, where nothing named does; None without one."""
+    rounded = {effect.location for effect in candidate.effects if effect.name == "sensor_quantization"}
+    record = candidate.problem.record
     found = [
         Rounding(name, step, step / 12**0.5 / max(float(np.std(y)), 1e-300))
-        for j, name in enumerate(rival.problem.plant.outputs)
+        for j, name in enumerate(candidate.problem.plant.outputs)
         for y, fitted in [
-            (record.measured(j), rival.fit.y[j] if record.known is None else rival.fit.y[j, record.known[j]])
+            (record.measured(j), candidate.fit.y[j] if record.known is None else candidate.fit.y[j, record.known[j]])
         ]
         if name not in rounded
         for step in lattice_steps(y)

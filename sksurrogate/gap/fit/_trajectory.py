@@ -26,7 +26,7 @@ from sksurrogate.physics._simulator import Plant
 __all__ = ["TrajectoryBackend", "TrajectoryCandidate", "TrajectoryFit"]
 
 #: Relative step of the differences: acting inputs may jump, so it is not tiny.
-STEP = 1e-3
+RELATIVE_STEP = 1e-3
 #: Relative change of the parameters up to which a prediction is taken as linear in them.
 LINEAR = 0.05
 NO_PARAMETERS = np.zeros(0)
@@ -167,7 +167,7 @@ class TrajectoryCandidate(BaseCandidate):
 
     def numerical_change(self) -> np.ndarray:
         """How far differences may move the parameters."""
-        return STEP * np.abs(self.fit.theta)
+        return RELATIVE_STEP * np.abs(self.fit.theta)
 
     def initial_states(self) -> np.ndarray:
         """Of the runs (n_runs, n_states); nan where the simulator is given none."""
@@ -249,8 +249,8 @@ class TrajectoryBackend:
         base, columns = self.outputs(effects, theta), []
         for i in range(self.x0.shape[1]):
             moved = self.x0.copy()
-            moved[:, i] += STEP * max(float(np.max(np.abs(self.x0[:, i]))), 1.0)
-            columns.append((self.outputs(effects, theta, moved) - base) / STEP)
+            moved[:, i] += RELATIVE_STEP * max(float(np.max(np.abs(self.x0[:, i]))), 1.0)
+            columns.append((self.outputs(effects, theta, moved) - base) / RELATIVE_STEP)
         seen = [c for c in columns if np.all(np.isfinite(c)) and np.any(c)]
         transients = np.stack(seen, axis=1) if seen else np.zeros((len(base), 0, base.shape[1]))
         return replace(self, transients=transients, nominal=self.simulations.run(self.record.u, {}, self.x0))
@@ -355,7 +355,7 @@ class TrajectoryBackend:
         _, high = self.bounds(effects)
         out = np.zeros((len(only), *y.shape))
         for row, k in enumerate(only):
-            step = STEP * max(abs(theta[k]), self.unit(effects, k))
+            step = RELATIVE_STEP * max(abs(theta[k]), self.unit(effects, k))
             step = -step if theta[k] + step > high[k] else step
             moved = theta.copy()
             moved[k] += step

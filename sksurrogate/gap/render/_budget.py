@@ -22,12 +22,12 @@ _NAMES = {
     "disturbance": "disturbance (not repeatable)",
 }
 #: Parts below this share are left out of the text, unless they are effects.
-_LEAST = 0.0005
+_LEAST_SHARE = 0.0005
 
 
 def shown(budget: Table) -> list[Mapping[str, Any]]:
     """The parts that the text lists."""
-    return [row for row in budget if row["kind"] == "effect" or row["share"] >= _LEAST]
+    return [row for row in budget if row["kind"] == "effect" or row["share"] >= _LEAST_SHARE]
 
 
 def budget_lines(budget: Table, width: int) -> list[str]:

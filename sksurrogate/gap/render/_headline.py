@@ -19,7 +19,7 @@ LISTED = 4
 #: Below this error (share of the outputs' deviation) a gap is said to be small.
 SMALL = 0.005
 #: A formula longer than this (characters) is not read in a sentence.
-LONGEST_LAW = 80
+LONGEST_LINE = 80
 
 
 def joined(names: Sequence[str]) -> str:
@@ -89,7 +89,7 @@ def _with_law(report: ReportData) -> str:
     law = None if report.missing_term is None else report.missing_term.law
     if law is None or not law.certified:
         return ""
-    form = str(law) if len(str(law)) <= LONGEST_LAW else "a law (below)"
+    form = str(law) if len(str(law)) <= LONGEST_LINE else "a law (below)"
     closed = report.shrink.fraction_law
     return f": {form}" + (f" closes {percent(closed)} of the gap on runs left out" if np.isfinite(closed) else "")
 

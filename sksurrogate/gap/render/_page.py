@@ -29,7 +29,7 @@ from sksurrogate.gap.results._table import Table
 __all__ = ["html_fragment", "html_page"]
 
 #: Candidates that the ranking shows before the rest is folded away; candidates at most.
-SHOWN, MOST_RANKED = 6, 60
+RANKED_SHOWN, MOST_RANKED = 6, 60
 #: A curve that explains less of the missing term on runs left out (share of its variance) shows nothing.
 LEAST_EXPLAINED = 0.02
 
@@ -224,7 +224,9 @@ def _ranking(report: ReportData) -> str:
         return ""
     rows = [_with_margin(dict(row)) for row in report.ranking[:MOST_RANKED]]
     short = Table(
-        tuple({k: row.get(k) for k in ("name", "location", "variable", "margin", "named")} for row in rows[:SHOWN])
+        tuple(
+            {k: row.get(k) for k in ("name", "location", "variable", "margin", "named")} for row in rows[:RANKED_SHOWN]
+        )
     )
     rest = explained(Table(tuple(rows)))
     count = f"{len(rows)} of {len(report.ranking)}" if len(rows) < len(report.ranking) else f"all {len(rows)}"

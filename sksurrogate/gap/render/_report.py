@@ -32,7 +32,7 @@ class GapReport(ReportData):
     effects : list of EffectEstimate
         In order of share; never None.
     ranking : Table
-        All rivals with their evidence.
+        All candidates with their evidence.
     retuned : Table
         One row a free parameter: parameter, nominal, value, low, high, moved.
     where : Where

@@ -118,13 +118,13 @@ def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Pa
     noise = NOISE_BAND * noise_of(report, j)
     ends = np.array([trace.t[0], trace.t[-1]])
     band = (ends, np.full(2, -noise), np.full(2, noise)) if np.isfinite(noise) and noise > 0 else None
-    told = "noise, two deviations" if band else ""
+    summary = "noise, two deviations" if band else ""
     first = Line("residual before", t, before, "before", "6 4", 1.2)
     second = Line("residual after", t, after, "ink", width=1.0)
     name = _name(report.outputs, j, "y")
     if not known.any() or np.nanstd(after) > MUCH_SMALLER * np.nanstd(before):
         label = f"residual of {axis(name, report.units)}"
-        return [Panel([first, second], label, _range(before, after), band, told, height)]
+        return [Panel([first, second], label, _range(before, after), band, summary, height)]
     return [
         Panel(
             [first],
@@ -133,7 +133,7 @@ def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Pa
             height=height,
             legend=False,
         ),
-        Panel([second], f"residual after of {axis(name, report.units)}", _range(after, after), band, told, height),
+        Panel([second], f"residual after of {axis(name, report.units)}", _range(after, after), band, summary, height),
     ]
 
 

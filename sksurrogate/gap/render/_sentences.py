@@ -18,7 +18,7 @@ from sksurrogate.gap.results._where import Where
 __all__ = ["note_on_none", "sentence_of", "undecided_sentence"]
 
 #: A law longer than this (characters) is not read in a sentence.
-LONGEST = 80
+LONGEST_LAW = 80
 
 
 def _list(names: Sequence[str]) -> str:
@@ -96,7 +96,7 @@ def sentence_of(
         )
     if term is not None and term.law is not None and term.law.certified:
         return text + law_sentence(term.law, shrink, include_law)
-    law = next((c for c in term.candidates if len(c) < LONGEST), None) if term is not None else None
+    law = next((c for c in term.candidates if len(c) < LONGEST_LAW), None) if term is not None else None
     if law is not None:
         form, _, share = law.partition("  (explains ")
         text += f" A simple law comes close: {form} explains {share.rstrip(')')} of what is missing on runs left out."
@@ -125,7 +125,7 @@ def undecided_sentence(effects: Sequence[EffectEstimate]) -> str:
 def law_sentence(law: Law, shrink: Shrink, include_law: bool, beside: str = "") -> str:
     """A certified law, how far it goes, and whether augmented_ carries it."""
     what = "The free curve" if law.is_curve else "The law"
-    form = str(law).removeprefix("curve ") if len(str(law)) < LONGEST else "of missing_term.law"
+    form = str(law).removeprefix("curve ") if len(str(law)) < LONGEST_LAW else "of missing_term.law"
     own = "augmented_ carries it" if include_law else "augmented_ leaves it out (include_law=False)"
     beyond = "; beyond its range it fades to nothing" if law.is_curve else ""
     closed = f"{100 * shrink.fraction_law:.1f} %"

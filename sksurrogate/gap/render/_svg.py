@@ -1,6 +1,6 @@
 """Pictures of the HTML page: inline SVG that a small script makes readable under the pointer.
 
-A figure is a stack of panels over one horizontal axis. Lines are told apart by dash and width before colour; colours are
+A figure is a stack of panels over one horizontal axis. Lines are distinguished by dash and width before colour; colours are
 names of the style sheet, so that dark screens and paper have their own.
 """
 

@@ -12,7 +12,7 @@ __all__ = ["waterfall"]
 def waterfall(report: ReportData) -> list[tuple[str, float]]:
     """Errors before, after re-tuning, after a generic correction, after the effects, and the noise.
 
-    What makes runs left out worse says so: it is no help.
+    What makes runs left out worse says so: it is not a help.
     """
     s = report.shrink
 

@@ -13,7 +13,7 @@ from sksurrogate.gap.results._table import Table
 __all__ = ["NO_FAULTS", "DataFault", "DataFaults"]
 
 #: Rows and runs that a sentence lists before it says "and so many more".
-LISTED = 6
+FAULTS_LISTED = 6
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,8 @@ def listed(texts: Sequence[str]) -> str:
     >>> listed(["1", "2", "3"])
     '1, 2, 3'
     """
-    more = len(texts) - LISTED
-    return ", ".join(texts) if more <= 1 else ", ".join(texts[:LISTED]) + f" and {more} more"
+    more = len(texts) - FAULTS_LISTED
+    return ", ".join(texts) if more <= 1 else ", ".join(texts[:FAULTS_LISTED]) + f" and {more} more"
 
 
 #: Nothing is wrong with the record.

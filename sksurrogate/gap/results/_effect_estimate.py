@@ -24,7 +24,7 @@ class EffectEstimate:
     intervals : dict of (float, float)
         90 % intervals, same keys as ``params``; inf where unbounded.
     probability : float
-        Among the rivals fitted in its place, none, and the likeliest law without a name; half of that where the verdict is unknown.
+        Among the candidates fitted in its place, none, and the likeliest law without a name; half of that where the verdict is unknown.
     equivalents : list of (name, location, variable)
         Other effects that these data cannot tell from this one.
     why : str

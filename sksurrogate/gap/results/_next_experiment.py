@@ -17,12 +17,12 @@ class NextExperiment:
     ----------
     sentence : str
     options : Table
-        experiment, gain (expected separation of the tied rivals in nats), between, within (whether its inputs stay where
+        experiment, gain (expected separation of the tied candidates in nats), between, within (whether its inputs stay where
         inputs were recorded).
     named : str
-        The effect whose rivals it is about.
+        The effect whose candidates it is about.
     parted : tuple of str
-        Rivals from which the first option parts it.
+        Candidates from which the first option parts it.
     """
 
     sentence: str

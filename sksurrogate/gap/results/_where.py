@@ -16,7 +16,7 @@ class Where:
     Attributes
     ----------
     location : str or None
-        The state, input, output or parameter most accused; None where there is no gap.
+        The state, input, output or parameter most likely; None where there is no gap.
     kind : {"state", "input", "output", "parameter"} or None
     by_output : Table
         output, gap (units of the output), noise, share.

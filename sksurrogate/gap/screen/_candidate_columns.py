@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._responses import Responses
@@ -18,8 +18,8 @@ from sksurrogate.gap.screen._unseen import Unseen
 
 __all__ = ["Column", "candidate_columns"]
 
-#: A change of the outputs beyond so many times their noise is no start: it breaks the arithmetic, and the order.
-LARGEST = 1e12
+#: A change of the outputs beyond so many times their noise is not a start: it breaks the arithmetic, and the order.
+LARGEST_CHANGE = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def candidate_columns(
     candidates: Sequence[BaseEffect],
     shape: tuple[float, ...],
     chosen: Shortlist | None,
-    second: Second | None = None,
+    second: WorkerProcess | None = None,
 ) -> list[Column]:
     """All candidates at all their starting values, those with one shape, or those of a short list.
 
@@ -111,7 +111,7 @@ class _AtStarts:
                 bool(k < n_evident) and not self.shape,
                 self.unseen.through(effect, theta[:, k]),
             )
-            for k in np.flatnonzero((size > 0.0) & (size < LARGEST))
+            for k in np.flatnonzero((size > 0.0) & (size < LARGEST_CHANGE))
         ]
 
     def starts(self, effect: BaseEffect) -> tuple[list[tuple[float, ...]], int]:

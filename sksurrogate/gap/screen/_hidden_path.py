@@ -1,4 +1,4 @@
-"""Hidden states of an effect along a given path of the plant: their own rows alone, all starting values abreast."""
+"""Hidden states of an effect along a given path of the plant: their own rows alone, all starting values at once."""
 
 from __future__ import annotations
 

@@ -136,18 +136,18 @@ class Responses:
         return limited_recursion(self.lin.A, b, record.starts, act) - (self.lin.x - x)[:, None]
 
     def pushed(
-        self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray, aside: np.ndarray | None = None
+        self, model: AugmentedModel, starts: np.ndarray, x: np.ndarray, offset: np.ndarray | None = None
     ) -> np.ndarray:
         """What the force of the last effect changes in the next states (n_states, n_starts, n_samples).
 
         Its mean over the sample, times what a unit force at its place changes: no step of the plant for every start. The
-        path x may lie ``aside`` of the smoothed one (n_states, n_samples).
+        path x may lie ``apart`` of the smoothed one (n_states, n_samples).
         """
         i, record, wire = len(self.base.effects), self.problem.record, model.wires[-1]
         later = np.concatenate([x[:, :, 1:], x[:, :, -1:]], axis=2)
         later[: self.base.model.n_states] = self.after
-        if aside is not None:
-            later[: self.base.model.n_states] += np.concatenate([aside[:, 1:], aside[:, -1:]], axis=1)[:, None]
+        if offset is not None:
+            later[: self.base.model.n_states] += np.concatenate([offset[:, 1:], offset[:, -1:]], axis=1)[:, None]
         how: tuple[Any, Any] = [row[:, None] for row in starts], self.bound.h if wire.width is None else wire.width
         if isinstance(model.effects[-1], Starting):
             how = how[0], (how[1], record.dt)

@@ -1,4 +1,4 @@
-"""The screen: orders the rivals by one linearisation about the smoothed trajectory; it never decides.
+"""The screen: orders the candidates by one linearisation about the smoothed trajectory; it never decides.
 
 Every effect at every starting value gives one column: the change of the outputs that it causes along the smoothed
 trajectory. Initial states and the parameters already in the model are projected out of the columns and of the residual;
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows, project_starts, scores, start_coordinates
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
@@ -38,7 +38,7 @@ CONTENDERS, LEAST_DROP = 0.2, 30.0
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where the fit of a rival starts.
+    """Where the fit of a candidate starts.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ def screen(
     noise: Noise | None,
     shape: tuple[float, ...] = (),
     first: Screen | None = None,
-    second: Second | None = None,
+    second: WorkerProcess | None = None,
 ) -> Screen:
     """Score every candidate, added to a base, at all its starting values.
 

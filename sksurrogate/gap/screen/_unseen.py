@@ -16,7 +16,7 @@ from sksurrogate.kernels.banded import solve_recursion
 __all__ = ["Unseen", "score_beside"]
 
 #: A state is not seen whose range at the start moves the outputs by less than this (root mean square over the noise).
-SEEN = 0.01
+START_SEEN = 0.01
 #: Step of the difference, over the range of the state.
 STEP_OF_STATE = 1e-4
 
@@ -34,7 +34,7 @@ class Unseen:
     reach : ndarray (n_states,)
         Range of the plant's states along the path.
     free : ndarray (n_unseen, n_states, n_samples)
-        What becomes of each of them, begun one range higher.
+        What becomes of each of them, started one range higher.
     """
 
     def __init__(self, responses: Responses):
@@ -43,7 +43,7 @@ class Unseen:
         plant = problem.plant
         self.reach = np.ptp(x[: len(plant.states)], axis=1)
         shown = lin.J_x[:, : len(plant.states)] * self.reach[:, None] / problem.sd[:, None, None]
-        places = np.flatnonzero(np.sqrt(np.mean(shown**2, axis=(0, 2))) < SEEN)
+        places = np.flatnonzero(np.sqrt(np.mean(shown**2, axis=(0, 2))) < START_SEEN)
         b = np.zeros((len(x), len(places), x.shape[1]))
         for k, place in enumerate(places):
             b[place, k, problem.record.starts] = self.reach[place]
@@ -63,8 +63,8 @@ class Unseen:
             if not np.any(free[places]):
                 continue
             ends = [
-                s.acted(s.pushed(model, start[:, None], (s.smoothed.x + aside)[:, None], aside))
-                for aside in (STEP_OF_STATE * free, -STEP_OF_STATE * free)
+                s.acted(s.pushed(model, start[:, None], (s.smoothed.x + offset)[:, None], offset))
+                for offset in (STEP_OF_STATE * free, -STEP_OF_STATE * free)
             ]
             found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP_OF_STATE))
         return np.array(found).reshape(-1, *s.problem.record.y.shape)

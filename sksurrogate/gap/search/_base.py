@@ -10,7 +10,7 @@ from typing import Any, Generic
 
 import numpy as np
 
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST
@@ -19,7 +19,7 @@ from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["CORRELATED", "EQUAL", "BaseSearch"]
 
-#: 2 (L_best - L_rival) below which two rivals count as equal (chi-squared of one parameter, about 1.4 %).
+#: 2 (L_best - L_rival) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
 #: Fits that are compared when the time is up.
 LOOKED_AT = 6
@@ -47,7 +47,7 @@ class BaseSearch(ABC, Generic[C]):
     fitted : dict
         The best fit of every set of effects so far, by its keys.
     judged : dict
-        Evidence of every rival that was looked at, the latest.
+        Evidence of every candidate that was looked at, the latest.
     richer : dict
         Richer forms that fit no better, by the key of the simpler one.
     lost : dict
@@ -55,11 +55,11 @@ class BaseSearch(ABC, Generic[C]):
     """
 
     problem: Backend
-    candidates: list[BaseEffect]
+    library: list[BaseEffect]
     n_jobs: int | None = field(default=None, kw_only=True)
     report: Callable[[str], None] = field(default=lambda message: None, kw_only=True)
-    second: Second = field(default_factory=partial(Second, apart=False), kw_only=True)
-    later: Second = field(default_factory=partial(Second, apart=False), kw_only=True)
+    second: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False), kw_only=True)
+    later: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False), kw_only=True)
     null: Evidence[C] | None = field(default=None, kw_only=True)
     final: Evidence[C] | None = field(default=None, kw_only=True)
     first_round: list[C] = field(default_factory=list, kw_only=True)
@@ -78,7 +78,7 @@ class BaseSearch(ABC, Generic[C]):
 
     @abstractmethod
     def in_place_of(self, final: Evidence[C], i: int) -> list[C]:
-        """Rivals with another effect in the place of effect i, fitted as what stands is, and that itself again."""
+        """Candidates with another effect in the place of effect i, fitted as what stands is, and that itself again."""
 
     @abstractmethod
     def expected(self) -> Mapping[Any, float]:
@@ -86,12 +86,12 @@ class BaseSearch(ABC, Generic[C]):
 
     def keep_best(self) -> None:
         """What stands when the time is up: the best of all that is fitted."""
-        null = self.begun
-        nearest = sorted(self.fitted.values(), key=lambda rival: rival.fit.cost)[:LOOKED_AT]
-        for rival in nearest:
-            if rival not in self.judged:
-                self.judge(judged_under(rival, [(self.final or null).noise, null.noise]))
-        passing = [rival for rival in nearest if self.gain(rival) > self.bar(rival.n_parameters)]
+        null = self.fitted_null
+        nearest = sorted(self.fitted.values(), key=lambda candidate: candidate.fit.cost)[:LOOKED_AT]
+        for candidate in nearest:
+            if candidate not in self.judged:
+                self.judge(judged_under(candidate, [(self.final or null).noise, null.noise]))
+        passing = [candidate for candidate in nearest if self.gain(candidate) > self.bar(candidate.n_parameters)]
         if passing:
             best = max(passing, key=self.order(passing))
             stands = (self.final or null).candidate
@@ -103,10 +103,10 @@ class BaseSearch(ABC, Generic[C]):
         """Effects that begin or end within the runs, in the place of what stands; none are tried here."""
 
     def settle(self) -> None:
-        """What stands, once more, after its rivals are known."""
+        """What stands, once more, after its candidates are known."""
 
-    def prior_cost(self, rival: C) -> float:
-        """How unlikely the values of a rival are before any data, in units of -2 log p."""
+    def prior_cost(self, candidate: C) -> float:
+        """How unlikely the values of a candidate are before any data, in units of -2 log p."""
         return 0.0
 
     # ---- evidence ---------------------------------------------------------------------------------------------------
@@ -116,73 +116,73 @@ class BaseSearch(ABC, Generic[C]):
         return self.problem.record.n_values
 
     @property
-    def begun(self) -> Evidence[C]:
+    def fitted_null(self) -> Evidence[C]:
         """The null, once it is fitted."""
         if self.null is None:
             raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
         return self.null
 
-    def stand(self, rival: C) -> C:
+    def stand(self, candidate: C) -> C:
         """What an interrupt leaves."""
-        self.final = self.judged[rival]
-        return rival
+        self.final = self.judged[candidate]
+        return candidate
 
-    def own(self, rival: C) -> Evidence[C] | None:
-        """A rival under its own noise, or one that it was given; None where it was looked at under that of others."""
-        known = self.judged.get(rival)
+    def own(self, candidate: C) -> Evidence[C] | None:
+        """A candidate under its own noise, or one that it was given; None where it was looked at under that of others."""
+        known = self.judged.get(candidate)
         return None if known is None or known.quick else known
 
-    def noise_of(self, rival: C) -> Noise | None:
+    def noise_of(self, candidate: C) -> Noise | None:
         """Its own, where it is known."""
-        known = self.own(rival)
+        known = self.own(candidate)
         return None if known is None else known.noise
 
     def judge(self, found: Evidence[C]) -> Evidence[C]:
-        """Keep the evidence of a rival; a quick look leaves it its own noise."""
+        """Keep the evidence of a candidate; a quick look leaves it its own noise."""
         known = self.own(found.candidate)
         if found.quick and known is not None:
             found = replace(known, log_likelihood=found.log_likelihood)
         self.judged[found.candidate] = found
         return found
 
-    def remember(self, rivals: Sequence[C]) -> None:
+    def remember(self, candidates: Sequence[C]) -> None:
         """Keep the best fit of every set of effects."""
-        for rival in rivals:
-            known = self.fitted.get(frozenset(rival.keys))
-            if known is None or rival.fit.cost < known.fit.cost:
-                self.fitted[frozenset(rival.keys)] = rival
+        for candidate in candidates:
+            known = self.fitted.get(frozenset(candidate.keys))
+            if known is None or candidate.fit.cost < known.fit.cost:
+                self.fitted[frozenset(candidate.keys)] = candidate
 
     # ---- comparisons ------------------------------------------------------------------------------------------------
     def bar(self, k: int) -> float:
         """What twice the gain in log likelihood must exceed for k parameters."""
-        return bar(k, len(self.candidates), self.n_values)
+        return bar(k, len(self.library), self.n_values)
 
-    def evidence(self, rival: C) -> float:
+    def evidence(self, candidate: C) -> float:
         """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""
-        known = self.judged.get(rival)
-        return -np.inf if known is None else known.log_likelihood - 0.5 * self.prior_cost(rival)
+        known = self.judged.get(candidate)
+        return -np.inf if known is None else known.log_likelihood - 0.5 * self.prior_cost(candidate)
 
-    def gain(self, rival: C) -> float:
+    def gain(self, candidate: C) -> float:
         """2 (L_rival - L_null)."""
-        return 2.0 * (self.evidence(rival) - self.evidence(self.begun.candidate))
+        return 2.0 * (self.evidence(candidate) - self.evidence(self.fitted_null.candidate))
 
-    def score(self, rival: C) -> float:
+    def score(self, candidate: C) -> float:
         """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""
-        return self.evidence(rival) - 0.5 * rival.n_parameters * np.log(self.n_values)
+        return self.evidence(candidate) - 0.5 * candidate.n_parameters * np.log(self.n_values)
 
-    def size_score(self, rival: C) -> float:
+    def size_score(self, candidate: C) -> float:
         """Evidence by size: white errors with one independent value in :data:`CORRELATED`, less ``k/2 ln N``.
 
-        Far from the data no noise model holds, and the force that it allows would hide which rival comes nearer.
+        Far from the data no noise model holds, and the force that it allows would hide which candidate comes nearer.
         """
-        return -0.5 * self.n_values / CORRELATED * np.log(rival.fit.cost) - 0.5 * rival.n_parameters * np.log(
+        return -0.5 * self.n_values / CORRELATED * np.log(candidate.fit.cost) - 0.5 * candidate.n_parameters * np.log(
             self.n_values
         )
 
-    def order(self, rivals: Sequence[C]) -> Callable[[C], float]:
+    def order(self, candidates: Sequence[C]) -> Callable[[C], float]:
         """By size where all are far from the data, by likelihood where one comes near."""
-        return self.size_score if all(self.is_far(rival) for rival in rivals) else self.score
+        return self.size_score if all(self.is_far(candidate) for candidate in candidates) else self.score
 
-    def is_far(self, rival: C) -> bool:
-        """Whether a rival is so far from the data that sizes, not likelihoods, tell rivals apart."""
-        return rival.fit.cost > FAR_BY_COST * self.n_values
+    def is_far(self, candidate: C) -> bool:
+        """Whether a candidate is so far from the data that sizes, not likelihoods, tell candidates apart."""
+        return candidate.fit.cost > FAR_BY_COST * self.n_values

@@ -1,4 +1,4 @@
-"""Rivals with one effect more than a base: the screen orders them, the best are fitted, in worker processes where asked."""
+"""Candidates with one effect more than a base: the screen orders them, the best are fitted, in worker processes where asked."""
 
 from __future__ import annotations
 
@@ -90,22 +90,22 @@ class Expander(BaseSearch[OdeCandidate]):
         """
         problem = self.searching(base)
         taken = set(base.keys)
-        candidates = [e for e in (self.candidates if among is None else among) if e.key not in taken]
+        library = [e for e in (self.library if among is None else among) if e.key not in taken]
         if remembers_enough(base.effects):
-            candidates = [e for e in candidates if not isinstance(e, HiddenEffect)]
+            library = [e for e in library if not isinstance(e, HiddenEffect)]
         guess = self.guess(base)
         noise = self.noise_of(base)
         if base.problem.numerics != problem.numerics:
             base = problem.candidate(base.effects, base.fit)
-        starts = self.screened(problem, candidates, base, noise, guess, among is None, thorough)
+        starts = self.screened(problem, library, base, noise, guess, among is None, thorough)
         starts = [start for start in starts if start.evident or max(start.white, start.forced) >= least]
         chosen = best_starts(starts, n_white, n_forced, self.n_values)
-        self.report(f"fitting {len(chosen)} rivals")
+        self.report(f"fitting {len(chosen)} candidates")
         again = self.known(problem, base, [c[0].effect for c in chosen])
-        have = {rival.effects[-1].key for rival in again}
-        rivals = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
-        self.remember(rivals)
-        return rivals + self.siblings(rivals, base) if siblings and rivals else rivals
+        have = {candidate.effects[-1].key for candidate in again}
+        candidates = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
+        self.remember(candidates)
+        return candidates + self.siblings(candidates, base) if siblings and candidates else candidates
 
     def from_nominal(self, null: Evidence, n_white: int, n_forced: int) -> list[OdeCandidate]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
@@ -116,12 +116,12 @@ class Expander(BaseSearch[OdeCandidate]):
         self, base: OdeCandidate, noise: Noise | None, n_white: int, n_forced: int, best: float = np.inf
     ) -> list[OdeCandidate]:
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
-        candidates = [e for e in self.candidates if e.key not in set(base.keys)]
+        library = [e for e in self.library if e.key not in set(base.keys)]
         problem = base.problem
-        starts = screen(problem, candidates, base, self.guess(base), noise, second=self.second).starts
-        rivals = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
-        self.remember(rivals)
-        return rivals
+        starts = screen(problem, library, base, self.guess(base), noise, second=self.second).starts
+        candidates = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
+        self.remember(candidates)
+        return candidates
 
     def guess(self, base: OdeCandidate) -> np.ndarray:
         """Trajectory to start the smoother from: measured where nothing was added, with the hidden states of the base."""
@@ -129,19 +129,19 @@ class Expander(BaseSearch[OdeCandidate]):
         x = self.x if not base.effects else base.fit.x[:n]
         return np.concatenate([x, base.fit.x[n:]]) if len(base.fit.x) > n else x
 
-    def siblings(self, rivals: Sequence[OdeCandidate], base: OdeCandidate) -> list[OdeCandidate]:
-        """The nearest rival's effect at other places and in other variables, from its shape.
+    def siblings(self, candidates: Sequence[OdeCandidate], base: OdeCandidate) -> list[OdeCandidate]:
+        """The nearest candidate's effect at other places and in other variables, from its shape.
 
         A memory that fits in one place is found again in another, where the screen's starting values may be too far off.
         """
-        nearest = min(rivals, key=lambda rival: rival.fit.cost)
+        nearest = min(candidates, key=lambda candidate: candidate.fit.cost)
         effect, theta = nearest.effects[-1], nearest.theta_of(len(nearest.effects) - 1)
-        have = {*base.keys, *(rival.effects[-1].key for rival in rivals)}
-        others = [e for e in self.candidates if e.name == effect.name and e.key not in have]
+        have = {*base.keys, *(candidate.effects[-1].key for candidate in candidates)}
+        others = [e for e in self.library if e.name == effect.name and e.key not in have]
         if len(theta) < 2 or not others:
             return []
         again = self.known(self.searching(base), base, others)
-        new = {e.key for e in others}.difference(rival.keys[-1] for rival in again)
+        new = {e.key for e in others}.difference(candidate.keys[-1] for candidate in again)
         unknown, shape = [e for e in others if e.key in new], tuple(float(v) for v in theta[1:])
         return again + self.shaped(base, unknown, shape, nearest.fit.cost)
 
@@ -168,7 +168,7 @@ class Expander(BaseSearch[OdeCandidate]):
     def screened(
         self,
         problem: OdeBackend,
-        candidates: Sequence[BaseEffect],
+        library: Sequence[BaseEffect],
         base: OdeCandidate,
         noise: Noise | None,
         guess: np.ndarray,
@@ -177,13 +177,13 @@ class Expander(BaseSearch[OdeCandidate]):
     ) -> list[Start]:
         """The screen of a base; one of all candidates is made once."""
         if not whole:
-            return screen(problem, candidates, base, guess, noise, second=self.second).starts
+            return screen(problem, library, base, guess, noise, second=self.second).starts
         near = bool(base.effects) and (base.fit.cost < OUT_OF_SIGHT * self.n_values or not thorough)
         key = (base.keys, problem.numerics, noise is None, near)
         cost, known = self.screens.get(key, (np.inf, None))
         if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
             first = self.first_screen if near else None
-            known = screen(problem, candidates, base, guess, noise, first=first, second=self.second)
+            known = screen(problem, library, base, guess, noise, first=first, second=self.second)
             self.screens[key] = base.fit.cost, known
             for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
                 del self.screens[old]
@@ -208,7 +208,7 @@ class Expander(BaseSearch[OdeCandidate]):
         tries = side_by_side(lambda pair: shipped(partial(fit_pair, problem, base, pair, x, best)), new, self.second)
         effects = [[start.effect for start in pair] for pair in new]
         found = [self.landed(problem, base, added, freight) for added, freight in zip(effects, tries)]
-        self.remember(fits := [rival for rival in found if rival is not None])
+        self.remember(fits := [candidate for candidate in found if candidate is not None])
         return fits
 
     def known(self, problem: OdeBackend, base: OdeCandidate, effects: Sequence[BaseEffect]) -> list[OdeCandidate]:
@@ -233,13 +233,13 @@ class Expander(BaseSearch[OdeCandidate]):
             new = self.fit_together(problem, base, chosen[a : a + portion], best)
             self.remember(new)
             found += new
-            best = min([best, *(rival.fit.cost for rival in new)])
+            best = min([best, *(candidate.fit.cost for candidate in new)])
         return found
 
     def fit_together(
         self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
     ) -> list[OdeCandidate]:
-        """Fit rivals, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
+        """Fit candidates, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
 
         The cost of the first is what the others must come near to.
         """
@@ -248,16 +248,16 @@ class Expander(BaseSearch[OdeCandidate]):
             n = len(chosen) if len(chosen) <= FITTED_APART else 1
             tries = iter(self.fit_apart(problem, base, [[one] for starts in chosen[:n] for one in starts], best))
             first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
-            best = min([best, *(rival.fit.cost for rival in first if rival is not None)])
+            best = min([best, *(candidate.fit.cost for candidate in first if candidate is not None)])
             found = [*first, *self.fit_apart(problem, base, chosen[n:], best)]
-            return [rival for rival in found if rival is not None]
+            return [candidate for candidate in found if candidate is not None]
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
         near = min(base.fit.cost, best)
         parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, near) for chunk in chunks)
         freight = [one for part in parts for one in part]
         landed = [self.landed(problem, base, [starts[0].effect], one) for starts, one in zip(chosen, freight)]
-        return [rival for rival in landed if rival is not None]
+        return [candidate for candidate in landed if candidate is not None]
 
     def fit_apart(
         self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float
@@ -288,12 +288,12 @@ def effort(starts: Sequence[Start]) -> float:
 
 
 def shipped(fit: Callable[[], OdeCandidate | None]) -> Freight:
-    """A rival without its model, which cannot travel between processes; where the simulator raises, what it said."""
+    """A candidate without its model, which cannot travel between processes; where the simulator raises, what it said."""
     try:
-        rival = fit()
+        candidate = fit()
     except (ArithmeticError, ValueError, SurrogateError) as error:
         return f"{type(error).__name__}: {error}"
-    return None if rival is None else (rival.fit, rival.problem.numerics)
+    return None if candidate is None else (candidate.fit, candidate.problem.numerics)
 
 
 def fit_chunk(problem: OdeBackend, base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Freight]:

@@ -1,4 +1,4 @@
-"""How rivals are fitted from the starts that the screen found."""
+"""How candidates are fitted from the starts that the screen found."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = [
     "open_null",
 ]
 
-#: A rival whose screen leaves this many times more than the best's is not fitted.
+#: A candidate whose screen leaves this many times more than the best's is not fitted.
 LEAVES_TOO_MUCH = 40.0
 #: Effects whose expected gains differ by less than this share predict the same along the base: friction of one sign is a bias.
 ALIKE = 1e-5
@@ -60,13 +60,13 @@ def fit_added(problem: OdeBackend, base: OdeCandidate, starts: Sequence[Start], 
             theta = np.concatenate([base.fit.theta[:split], own, base.fit.theta[split:]])
             near = best if found is None else min(best, found.fit.cost)
             try:
-                rival = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit, near)
-            except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
-                rival = None
-            if rival is not None:
+                candidate = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit, near)
+            except (np.linalg.LinAlgError, FloatingPointError):  # a candidate that breaks the arithmetic is out
+                candidate = None
+            if candidate is not None:
                 break
-        if rival is not None and (found is None or rival.fit.cost < found.fit.cost):
-            found = rival
+        if candidate is not None and (found is None or candidate.fit.cost < found.fit.cost):
+            found = candidate
     if found is not None and found.fit.cost < 3.0 * best:
         for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
             found = scanned(found, i)
@@ -81,10 +81,10 @@ def fit_pair(
     theta = np.concatenate([first.theta, second.theta, base.fit.theta])
     whole = np.concatenate([x, first.x[len(x) :], second.x[len(x) :]])
     try:
-        rival = problem.fit((first.effect, second.effect), theta, whole, best=best)
-    except (np.linalg.LinAlgError, FloatingPointError):  # a rival that breaks the arithmetic is out
+        candidate = problem.fit((first.effect, second.effect), theta, whole, best=best)
+    except (np.linalg.LinAlgError, FloatingPointError):  # a candidate that breaks the arithmetic is out
         return None
-    return rival and scanned(rival)
+    return candidate and scanned(candidate)
 
 
 def fit_last(
@@ -94,7 +94,7 @@ def fit_last(
 
     A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
     that hides the sign is fitted from the simulator's own run too: states read off it have the wrong sign in places. A step of an
-    input is fitted from the free run too: it must not follow a path that is no free run yet.
+    input is fitted from the free run too: it must not follow a path that is not a free run yet.
     """
     last, run = effects[-1], base.x[: len(problem.plant.states)]
     place = problem.augmented(effects).slice_of(len(effects) - 1)
@@ -138,11 +138,15 @@ def fit_limit(
 
 def cheapest(tries: Sequence[OdeCandidate | None]) -> OdeCandidate | None:
     """Of several fits the one nearest to the data, the first of equal ones; None where none came to an end."""
-    return min((rival for rival in tries if rival is not None), key=lambda rival: rival.fit.cost, default=None)
+    return min(
+        (candidate for candidate in tries if candidate is not None),
+        key=lambda candidate: candidate.fit.cost,
+        default=None,
+    )
 
 
 def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: int) -> list[list[Start]]:
-    """The best rivals by either score, hopeless ones left out; for each its best starts (two where it is not linear).
+    """The best candidates by either score, hopeless ones left out; for each its best starts (two where it is not linear).
 
     Of an effect whose prediction jumps three starts that lie apart: neighbours lead to one value.
     """
@@ -223,22 +227,22 @@ def nominal(null: OdeCandidate) -> OdeCandidate | None:
     return null.frozen(np.zeros(len(null.fit.theta)))
 
 
-def distinct(rivals: Sequence[OdeCandidate], taken: set, most: int) -> list[OdeCandidate]:
-    """The first rivals with different sets of effects."""
+def distinct(candidates: Sequence[OdeCandidate], taken: set, most: int) -> list[OdeCandidate]:
+    """The first candidates with different sets of effects."""
     chosen: list[OdeCandidate] = []
-    for rival in rivals:
-        key = frozenset(rival.keys)
+    for candidate in candidates:
+        key = frozenset(candidate.keys)
         if key not in taken and len(chosen) < most:
             taken = taken | {key}
-            chosen.append(rival)
+            chosen.append(candidate)
     return chosen
 
 
-def numerics_matter(finer: OdeBackend, rival: OdeCandidate) -> bool:
+def numerics_matter(finer: OdeBackend, candidate: OdeCandidate) -> bool:
     """Whether shorter steps and sharper kinks move the free run by a share of the noise, or far from the data of what is left."""
-    shifted = finer.candidate(rival.effects, rival.fit).frozen(rival.fit.theta, near=True)
+    shifted = finer.candidate(candidate.effects, candidate.fit).frozen(candidate.fit.theta, near=True)
     if shifted is None:
         return False
-    change = np.sqrt(np.mean(((shifted.fit.y - rival.fit.y) / finer.sd[:, None]) ** 2))
-    error = np.sqrt(rival.fit.cost / finer.record.n_values)
+    change = np.sqrt(np.mean(((shifted.fit.y - candidate.fit.y) / finer.sd[:, None]) ** 2))
+    error = np.sqrt(candidate.fit.cost / finer.record.n_values)
     return bool(change > (MOVED_BY_NUMERICS if error < NEAR else MOVED_OF_ERROR * error))

@@ -13,34 +13,36 @@ from sksurrogate.kernels.banded import solve_recursion
 __all__ = ["promising", "scanned"]
 
 #: Values nearby that are fitted, best first.
-MOST = 3
+MOST_NEARBY = 3
 #: What a fit at another value must remove (squares of errors over the noise).
 WORTH_A_FIT = 1.0
 
 
-def scanned(rival: OdeCandidate, i: int = -1) -> OdeCandidate:
+def scanned(candidate: OdeCandidate, i: int = -1) -> OdeCandidate:
     """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them."""
     for _ in range(3):
-        before = rival.fit.cost
-        for theta in promising(rival, i):
-            other = rival.problem.fit(rival.effects, theta, rival.fit.x, open_steps=0, max_steps=6, settled=True)
-            if other is not None and other.fit.cost < rival.fit.cost:
-                rival = other
-        if rival.fit.cost > before - WORTH_A_FIT:
+        before = candidate.fit.cost
+        for theta in promising(candidate, i):
+            other = candidate.problem.fit(
+                candidate.effects, theta, candidate.fit.x, open_steps=0, max_steps=6, settled=True
+            )
+            if other is not None and other.fit.cost < candidate.fit.cost:
+                candidate = other
+        if candidate.fit.cost > before - WORTH_A_FIT:
             break
-    return rival
+    return candidate
 
 
-def promising(rival: OdeCandidate, i: int = -1) -> list[np.ndarray]:
+def promising(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     """Parameters with effect i, the last by default, at another value, where less is expected to be left.
 
-    The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values abreast; initial
+    The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values at once; initial
     states and the other parameters follow by least squares.
     """
-    problem, model, fit = rival.problem, rival.model, rival.fit
+    problem, model, fit = candidate.problem, candidate.model, candidate.fit
     record = problem.record
-    place = model.slice_of(i % len(rival.effects))
-    effect = rival.effects[i]
+    place = model.slice_of(i % len(candidate.effects))
+    effect = candidate.effects[i]
     values = effect.scan(tuple(fit.theta[place]))
     if not values:
         return []
@@ -48,7 +50,7 @@ def promising(rival: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)
     columns[place, 1:] = np.array(values).T
     with np.errstate(all="ignore"):
-        lin, bound = rival.linearised, model.bind(columns)
+        lin, bound = candidate.linearised, model.bind(columns)
         x = np.repeat(fit.x[:, None], columns.shape[1], axis=1)
         after = bound(x)
         b = a_sample_later(after - after[:, :1], record.starts)
@@ -61,9 +63,11 @@ def promising(rival: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     if not (np.isfinite(white).all() and np.isfinite(J_x).all()):
         return []
     flat = project_starts(white, J_x, record.starts).reshape(len(white), -1)
-    moved = fit.theta - problem.prior_mean(rival.effects, fit.theta)
-    left = _left(flat[: len(y[0])], flat[len(y[0]) :], problem.prior(rival.effects, fit.theta)[others], moved[others])
-    order = 1 + np.argsort(left[1:])[:MOST]
+    moved = fit.theta - problem.prior_mean(candidate.effects, fit.theta)
+    left = _left(
+        flat[: len(y[0])], flat[len(y[0]) :], problem.prior(candidate.effects, fit.theta)[others], moved[others]
+    )
+    order = 1 + np.argsort(left[1:])[:MOST_NEARBY]
     return [columns[:, k] for k in order if left[k] < left[0] - WORTH_A_FIT]
 
 

@@ -19,27 +19,27 @@ __all__ = ["folded"]
 SAME_FORCE, LITTLE_MORE = 0.01, 1.3
 
 
-def folded(rival: OdeCandidate) -> OdeCandidate | None:
-    """A rival with two of its effects as one, fitted from their sum; None where no two are such, or the fit does not get there.
+def folded(candidate: OdeCandidate) -> OdeCandidate | None:
+    """A candidate with two of its effects as one, fitted from their sum; None where no two are such, or the fit does not get there.
 
     Of two forms of one variable in one balance, of which one contains the other, the richer may be their sum along the path.
     """
-    for i, j in permutations(range(len(rival.effects)), 2):
-        own = together(rival, i, j) if contains(rival.effects[i], rival.effects[j]) else None
+    for i, j in permutations(range(len(candidate.effects)), 2):
+        own = together(candidate, i, j) if contains(candidate.effects[i], candidate.effects[j]) else None
         if own is not None:
-            theta = rival.fit.theta.copy()
-            theta[rival.slice_of(i)] = own
-            effects, values = replace(rival, fit=replace(rival.fit, theta=theta)).without_effect(j)
-            one = rival.problem.fit(effects, values, rival.fit.x[: rival.model.n_nominal], open_steps=0)
-            return one if one is not None and one.fit.cost < LITTLE_MORE * rival.fit.cost else None
+            theta = candidate.fit.theta.copy()
+            theta[candidate.slice_of(i)] = own
+            effects, values = replace(candidate, fit=replace(candidate.fit, theta=theta)).without_effect(j)
+            one = candidate.problem.fit(effects, values, candidate.fit.x[: candidate.model.n_nominal], open_steps=0)
+            return one if one is not None and one.fit.cost < LITTLE_MORE * candidate.fit.cost else None
     return None
 
 
-def force_of(rival: OdeCandidate, k: int, theta: np.ndarray) -> np.ndarray:
+def force_of(candidate: OdeCandidate, k: int, theta: np.ndarray) -> np.ndarray:
     """What effect k adds to its balance along the path, (n_samples,)."""
-    model, record = rival.model, rival.problem.record
+    model, record = candidate.model, candidate.problem.record
     width = model.wires[k].width or 0.0
-    return model.force_of(k, record.t, rival.fit.x[:, None], record.u[:, None], list(theta[:, None]), width)[0]
+    return model.force_of(k, record.t, candidate.fit.x[:, None], record.u[:, None], list(theta[:, None]), width)[0]
 
 
 def contains(rich: BaseEffect, simple: BaseEffect) -> bool:
@@ -49,15 +49,15 @@ def contains(rich: BaseEffect, simple: BaseEffect) -> bool:
     return laws and same and simple.name in NESTED.get(rich.name, ())
 
 
-def together(rival: OdeCandidate, i: int, j: int) -> np.ndarray | None:
+def together(candidate: OdeCandidate, i: int, j: int) -> np.ndarray | None:
     """Values with which effect i is effects i and j together, along the path; None where it has none."""
-    own = rival.theta_of(i)
-    wanted = force_of(rival, i, own) + force_of(rival, j, rival.theta_of(j))
-    low, high = (bound[rival.slice_of(i)] for bound in rival.problem.bounds(rival.effects))
+    own = candidate.theta_of(i)
+    wanted = force_of(candidate, i, own) + force_of(candidate, j, candidate.theta_of(j))
+    low, high = (bound[candidate.slice_of(i)] for bound in candidate.problem.bounds(candidate.effects))
     size = np.std(wanted) or 1.0
     begin = np.clip(own, low, high)
     found = least_squares(
-        lambda theta: (force_of(rival, i, theta) - wanted) / size,
+        lambda theta: (force_of(candidate, i, theta) - wanted) / size,
         begin,
         bounds=(low, high),
         x_scale="jac",

@@ -33,9 +33,9 @@ def hardly_more(cost: float, gap: float) -> float:
     return cost + HARDLY_ANY * gap
 
 
-def simpler(effect: BaseEffect, name: str, candidates: Sequence[BaseEffect]) -> list[BaseEffect]:
+def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> list[BaseEffect]:
     """The candidates of a simpler form's name that an effect may come down to."""
-    same = [e for e in candidates if e.name == name and e.location == effect.location]
+    same = [e for e in library if e.name == name and e.location == effect.location]
     return [e for e in same if e.variable in (effect.variable, None)]
 
 

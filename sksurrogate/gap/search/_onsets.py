@@ -16,9 +16,9 @@ from sksurrogate.gap.search._stopping import grows_in_vain
 __all__ = ["Confined", "confined", "look_for_onsets"]
 
 #: Effects that are tried in a window, and columns of the screen that are looked at for them.
-MOST_WINDOWED, MOST_COLUMNS = 6, 200
+MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
 #: A window is worth a fit where it explains this much more of the squared residual than the same effect always does.
-MORE = 1.05
+LENGTHENED = 1.05
 #: What a window must gain (twice the log likelihood) beyond the price of its parameters and of its choice: as a further effect.
 EXTRA_GAIN = 10.0
 
@@ -62,7 +62,7 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
         return []
     gain = np.array([start.white for start in screen.starts])
     able = np.flatnonzero([can_start(start.effect) for start in screen.starts])
-    order = able[np.argsort(-gain[able])][:MOST_COLUMNS]
+    order = able[np.argsort(-gain[able])][:MOST_ONSET_COLUMNS]
     if not len(order):
         return []
     starts, low = screen.record_starts, screen.low[order]
@@ -88,7 +88,7 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     found: dict = {}
     for k in np.argsort(-best):
         effect = screen.starts[order[k]].effect
-        if best[k] > max(least, MORE * always[k]) and effect.key not in found:
+        if best[k] > max(least, LENGTHENED * always[k]) and effect.key not in found:
             found[effect.key] = Confined(effect, ("onset",) if span[k] else ("end",), float(best[k]), float(always[k]))
     return list(found.values())
 
@@ -108,7 +108,7 @@ def look_for_onsets(search: Any) -> None:
     ----------
     search : Search
     """
-    null, final = search.begun, search.final or search.begun
+    null, final = search.fitted_null, search.final or search.fitted_null
     explained = final.left < AT_THE_NOISE
     if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.first_screen is None:
         return
@@ -128,7 +128,7 @@ def look_for_onsets(search: Any) -> None:
     price = EXTRA_GAIN + 2.0 * np.log(len(windowed) * len(SHARES))
     if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
         return
-    search.candidates.extend(windowed)
+    search.library.extend(windowed)
     search.stand(top)
     if search.judged[top].left > AT_THE_NOISE:
         better = search.one_more(top, True)

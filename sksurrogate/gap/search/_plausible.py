@@ -1,4 +1,4 @@
-"""Rivals whose effects are at values at which they are not what their names say."""
+"""Candidates whose effects are at values at which they are not what their names say."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from sksurrogate.gap.fit._probe import probe_of
 __all__ = ["plausible"]
 
 
-def plausible(rival: OdeCandidate) -> bool:
-    """Whether the path of a rival shows what makes each of its effects what it is; a path that breaks shows nothing else."""
-    problem = rival.problem
-    x = rival.fit.x[: len(problem.plant.states)]
+def plausible(candidate: OdeCandidate) -> bool:
+    """Whether the path of a candidate shows what makes each of its effects what it is; a path that breaks shows nothing else."""
+    problem = candidate.problem
+    x = candidate.fit.x[: len(problem.plant.states)]
     if not np.isfinite(x).all():
         return True
-    pairs = ((effect, rival.theta_of(i)) for i, effect in enumerate(rival.effects))
+    pairs = ((effect, candidate.theta_of(i)) for i, effect in enumerate(candidate.effects))
     return all(e.plausible(tuple(theta), probe_of(problem, e, x, problem.rate)) for e, theta in pairs)

@@ -18,29 +18,29 @@ SILENT = 1e-9
 MOST_TRIED = 8
 
 
-def revived(rival: OdeCandidate) -> OdeCandidate:
+def revived(candidate: OdeCandidate) -> OdeCandidate:
     """The best fit from starting values of the parameters on which the prediction does not depend, the others kept.
 
     A Stribeck velocity of 0 has no slope that leads back, and the level that it leads to has none either.
     """
-    problem = rival.problem
-    for i, effect in enumerate(rival.effects):
-        silent = dead(rival, i)
+    problem = candidate.problem
+    for i, effect in enumerate(candidate.effects):
+        silent = dead(candidate, i)
         if not silent.any() or silent.all():
             continue
-        path = rival.fit.x[: len(problem.plant.states)]
-        place = rival.slice_of(i)
-        now = rival.fit.theta[place]
+        path = candidate.fit.x[: len(problem.plant.states)]
+        place = candidate.slice_of(i)
+        now = candidate.fit.theta[place]
         starts = effect.starts(probe_of(problem, effect, path, problem.rate))
         tried = [np.where(silent, in_scale(effect, start, now, silent), now) for start in starts]
         tried = list({tuple(values): values for values in tried}.values())
         for k in np.unique(np.linspace(0, len(tried) - 1, MOST_TRIED).round().astype(int)) if tried else ():
-            theta = rival.fit.theta.copy()
+            theta = candidate.fit.theta.copy()
             theta[place] = tried[k]
-            other = problem.fit(rival.effects, theta, rival.fit.x)
-            if other is not None and other.fit.cost < rival.fit.cost - 1.0:
+            other = problem.fit(candidate.effects, theta, candidate.fit.x)
+            if other is not None and other.fit.cost < candidate.fit.cost - 1.0:
                 return revived(other)
-    return rival
+    return candidate
 
 
 def in_scale(effect: BaseEffect, start: Sequence[float], now: np.ndarray, silent: np.ndarray) -> np.ndarray:
@@ -55,9 +55,9 @@ def in_scale(effect: BaseEffect, start: Sequence[float], now: np.ndarray, silent
     return out
 
 
-def dead(rival: OdeCandidate, i: int) -> np.ndarray:
+def dead(candidate: OdeCandidate, i: int) -> np.ndarray:
     """Which parameters of effect i move nothing."""
-    J = rival.linearised.J_theta
-    unit = np.maximum(np.abs(rival.problem.units(rival.effects, rival.fit.theta)), 1e-300)
+    J = candidate.linearised.J_theta
+    unit = np.maximum(np.abs(candidate.problem.units(candidate.effects, candidate.fit.theta)), 1e-300)
     moved = np.sqrt(np.mean((J * unit[None, :, None]) ** 2, axis=(0, 2)))
-    return moved[rival.slice_of(i)] <= SILENT * np.max(moved, initial=0.0)
+    return moved[candidate.slice_of(i)] <= SILENT * np.max(moved, initial=0.0)

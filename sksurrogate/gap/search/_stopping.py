@@ -12,23 +12,23 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 __all__ = ["STACK", "grows_in_vain", "is_stack", "remembers_enough"]
 
 #: Sets that leave more than the first share of the gap (amplitude), and of the squared error of one effect less more than the
-#: second, are stand-ins for what is not in the catalogue: further names close no gap of which several have closed this little.
+#: second, are surrogates for what is not in the catalogue: further names close no gap of which several have closed this little.
 MUCH_LEFT, HARDLY_LESS = 0.3, 0.7
-#: So many names that are not at the noise stand in for one that is missing: no rival in the place of one of them changes that,
+#: So many names that are not at the noise stand in for one that is missing: no candidate in the place of one of them changes that,
 #: and no further name.
 STACK = 3
 #: Effects with states of their own in one set: each makes every later fit slower, and more of them imitate any memory.
 MOST_HIDDEN = 2
 
 
-def grows_in_vain(rival: OdeCandidate, before: OdeCandidate, null: OdeCandidate) -> bool:
+def grows_in_vain(candidate: OdeCandidate, before: OdeCandidate, null: OdeCandidate) -> bool:
     """Whether a set far from the data leaves much of the gap, and its last effect took little of what was left ``before``."""
-    return rival.fit.cost > max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
+    return candidate.fit.cost > max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
 
 
-def is_stack(rival: Evidence) -> bool:
+def is_stack(candidate: Evidence) -> bool:
     """Whether so many names leave so much that they stand in for one that is missing."""
-    return len(rival.effects) >= STACK and rival.left > LEFT_BY_SEVERAL
+    return len(candidate.effects) >= STACK and candidate.left > LEFT_BY_SEVERAL
 
 
 def remembers_enough(effects: Sequence[BaseEffect]) -> bool:

@@ -20,14 +20,14 @@ __all__ = ["TrajectorySearch"]
 
 #: Most effects named at once.
 MOST_AROUND = 3
-#: Rivals fitted in a round: so many by white noise, so many by the noise with forces.
+#: Candidates fitted in a round: so many by white noise, so many by the noise with forces.
 BY_WHITE, BY_FORCED = 10, 6
-#: Rivals whose own noise is estimated.
+#: Candidates whose own noise is estimated.
 ESTIMATED = 6
-#: Rivals that the screen expects to gain less than this share of the bar are not fitted.
+#: Candidates that the screen expects to gain less than this share of the bar are not fitted.
 HOPELESS = 0.15
 #: A further effect must beat its bar by this.
-FURTHER = 10.0
+EXTRA_OF_FURTHER = 10.0
 
 
 @dataclass(eq=False)
@@ -40,14 +40,14 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
     screened_gains : dict
         Key of an effect -> what the screen expects of it.
     stopped : KeyboardInterrupt or None
-        The interrupt that came while rivals were fitted.
+        The interrupt that came while candidates were fitted.
     """
 
     problem: TrajectoryBackend
     screened_gains: dict[Any, float] = field(default_factory=dict)
     stopped: KeyboardInterrupt | None = None
 
-    def is_far(self, rival: TrajectoryCandidate) -> bool:
+    def is_far(self, candidate: TrajectoryCandidate) -> bool:
         """Never: the surrogate's noise model holds far from the data too."""
         return False
 
@@ -77,11 +77,11 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
             self.report("the runs start elsewhere than the simulator: their initial states are fitted as transients")
             self.fit_null()
             self.forward()
-        return self.final or self.begun
+        return self.final or self.fitted_null
 
     def forward(self) -> None:
         """Effects one by one."""
-        best = self.begun.candidate
+        best = self.fitted_null.candidate
         while len(best.effects) < MOST_AROUND and not self.stopped:
             found = self.expand(best)
             if not best.effects:
@@ -90,7 +90,7 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
             if not passes:
                 break
             new = max(passes, key=self.score)
-            if best.effects and self.above(new, best) < FURTHER:
+            if best.effects and self.above(new, best) < EXTRA_OF_FURTHER:
                 break
             if best.effects and not self.stopped:
                 new = self.swapped(new)
@@ -100,14 +100,14 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
             stop, self.stopped = self.stopped, None
             raise stop
 
-    def above(self, rival: TrajectoryCandidate, base: TrajectoryCandidate) -> float:
+    def above(self, candidate: TrajectoryCandidate, base: TrajectoryCandidate) -> float:
         """How far twice the gain over a base is above the bar of the parameters more."""
-        gain = 2.0 * (self.evidence(rival) - self.evidence(base))
-        return gain - self.bar(rival.n_parameters - base.n_parameters)
+        gain = 2.0 * (self.evidence(candidate) - self.evidence(base))
+        return gain - self.bar(candidate.n_parameters - base.n_parameters)
 
     def begins_elsewhere(self) -> bool:
         """Whether transients explain much of what is left: then the simulator starts elsewhere, and they become unknowns."""
-        problem, final = self.problem, self.final or self.begun
+        problem, final = self.problem, self.final or self.fitted_null
         if problem.free_starts or final.left < CLOSED:
             return False
         free = replace(problem, free_starts=True)
@@ -133,33 +133,33 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
             final = again
         self.problem = problem  # the others are compared from the same initial states
         self.final = self.judge(estimate_noise(final, self.final.noise, max_iterations=8))
-        null = self.begun
+        null = self.fitted_null
         self.null = self.judge(replace(null, candidate=replace(null.candidate, problem=problem)))
 
-    def swapped(self, rival: TrajectoryCandidate) -> TrajectoryCandidate:
+    def swapped(self, candidate: TrajectoryCandidate) -> TrajectoryCandidate:
         """Every effect but the last re-chosen with the others kept."""
-        for i in range(len(rival.effects) - 1):
-            rest = self.without(rival, i)
+        for i in range(len(candidate.effects) - 1):
+            rest = self.without(candidate, i)
             if rest is None:
                 continue
             found = self.expand(rest)
-            if found and max(map(self.score, found)) > self.score(rival) + 1.0:
-                rival = max(found, key=self.score)
-        return rival
+            if found and max(map(self.score, found)) > self.score(candidate) + 1.0:
+                candidate = max(found, key=self.score)
+        return candidate
 
-    def without(self, rival: TrajectoryCandidate, i: int) -> TrajectoryCandidate | None:
-        """A rival with effect i left out, fitted and with its own noise."""
-        effects, theta = rival.without_effect(i)
+    def without(self, candidate: TrajectoryCandidate, i: int) -> TrajectoryCandidate | None:
+        """A candidate with effect i left out, fitted and with its own noise."""
+        effects, theta = candidate.without_effect(i)
         if not effects:
-            return self.begun.candidate
-        known = np.delete(rival.fit.J, np.arange(len(rival.fit.theta))[rival.slice_of(i)], axis=1)
+            return self.fitted_null.candidate
+        known = np.delete(candidate.fit.J, np.arange(len(candidate.fit.theta))[candidate.slice_of(i)], axis=1)
         found = self.problem.fit(effects, theta, known.transpose(1, 0, 2))
         if found is not None:
-            self.judge(estimate_noise(found, self.judged[rival].noise, max_iterations=6))
+            self.judge(estimate_noise(found, self.judged[candidate].noise, max_iterations=6))
         return found
 
     def in_place_of(self, final: Evidence[TrajectoryCandidate], i: int) -> list[TrajectoryCandidate]:
-        """Rivals with another effect in the place of effect i, and that itself again."""
+        """Candidates with another effect in the place of effect i, and that itself again."""
         if len(final.effects) == 1:
             return self.first_round
         rest = self.without(final.candidate, i)
@@ -169,12 +169,12 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
     def expand(self, base: TrajectoryCandidate) -> list[TrajectoryCandidate]:
         """The base with one effect more, best first; all with a likelihood, the best with their own noise."""
         starts = self.screened(base)
-        self.report(f"fitting {len(starts)} of {len(self.candidates)} rivals")
+        self.report(f"fitting {len(starts)} of {len(self.library)} candidates")
         found: list[TrajectoryCandidate] = []
         try:
             work = Parallel(n_jobs=self.n_jobs, return_as="generator")
             tries = work(delayed(_fit)(self.problem, base, *start) for start in starts)
-            found += (rival for rival in tries if rival is not None)
+            found += (candidate for candidate in tries if candidate is not None)
         except KeyboardInterrupt as stop:  # what is fitted by now is compared before the search stops
             self.stopped = stop
         if not found:
@@ -182,7 +182,9 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
         self.remember(found)
         noise = self.judged[base].noise
         start = estimate_noise(min(found, key=lambda f: f.fit.cost), noise).noise
-        looks = sorted((judged_under(rival, [noise, start]) for rival in found), key=lambda e: -e.log_likelihood)
+        looks = sorted(
+            (judged_under(candidate, [noise, start]) for candidate in found), key=lambda e: -e.log_likelihood
+        )
         estimated = []
         for look in looks[:ESTIMATED]:
             own = estimate_noise(look.candidate, start, max_iterations=8)
@@ -199,7 +201,7 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
         taken = set(base.keys)
         looked = [
             (effect, start, change)
-            for effect in self.candidates
+            for effect in self.library
             if effect.key not in taken
             for start in (np.asarray(given, dtype=float) for given in effect.starts(_probe(self.problem, effect)))
             if (change := self.change(base, effect, start)) is not None

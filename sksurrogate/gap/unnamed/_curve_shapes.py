@@ -20,7 +20,7 @@ __all__ = ["CERTAIN", "Curve", "in_balances", "in_inputs", "in_sensors", "shapes
 #: place, which may be a staircase.
 KNOTS_OF_CURVE, KNOTS_OF_TIME, KNOTS_OF_INPUT = 8, 13, 40
 #: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
-RUNS = 3
+RUNS_THAT_SHARE = 3
 #: A free curve on top of the names, or one law in their place, is certain from this gain (twice nats) on.
 CERTAIN = 10.0
 
@@ -37,36 +37,36 @@ class Curve(NamedTuple):
     moved: Callable[[], np.ndarray]
 
 
-def in_balances(rival: OdeCandidate) -> Iterator[Curve]:
+def in_balances(candidate: OdeCandidate) -> Iterator[Curve]:
     """Curves of states, inputs and time in every balance."""
-    problem, D = rival.problem, rival.disturbance
-    signals = np.concatenate([rival.fit.x[: len(problem.plant.states)], problem.record.u])
+    problem, D = candidate.problem, candidate.disturbance
+    signals = np.concatenate([candidate.fit.x[: len(problem.plant.states)], problem.record.u])
     forms = list(shapes(problem.record, signals, [*problem.plant.states, *problem.plant.inputs]))
     for b, name in enumerate(problem.balances):
         for variable, f in forms:
             yield Curve(name, variable, len(f), partial(response, D, D.B[:, :, b].T, f))
 
 
-def in_inputs(rival: OdeCandidate) -> Iterator[Curve]:
+def in_inputs(candidate: OdeCandidate) -> Iterator[Curve]:
     """A fine curve of every input in its place, through the balances that it pushes and the outputs that show it.
 
     None where a named effect lets the input jump: that input has no slope to follow.
     """
-    problem, D = rival.problem, rival.disturbance
-    jumps = {e.location for i, e in enumerate(rival.effects) if e.scan(tuple(rival.theta_of(i)))}
+    problem, D = candidate.problem, candidate.disturbance
+    jumps = {e.location for i, e in enumerate(candidate.effects) if e.scan(tuple(candidate.theta_of(i)))}
     for i, name in enumerate(problem.plant.inputs):
         f = hats(problem.record.u[i], KNOTS_OF_INPUT)
         if len(f) > 1 and name not in jumps:
-            push, shown = channel(rival, i)
+            push, shown = channel(candidate, i)
             yield Curve(name, name, len(f), partial(response, D, push, f, shown))
 
 
-def in_sensors(rival: OdeCandidate) -> Iterator[Curve]:
+def in_sensors(candidate: OdeCandidate) -> Iterator[Curve]:
     """Curves of outputs and time in every sensor; of other outputs without their past."""
-    problem = rival.problem
+    problem = candidate.problem
     names = problem.plant.outputs
     for o, name in enumerate(names):
-        for variable, f in shapes(problem.record, rival.fit.y, names):
+        for variable, f in shapes(problem.record, candidate.fit.y, names):
             if variable not in (f"{other} and its past" for other in names if other != name):
                 yield Curve(name, variable, len(f), partial(reading, len(names), o, f))
 
@@ -79,7 +79,7 @@ def shapes(record: Record, signals: np.ndarray, names: Sequence[str]) -> Iterato
         if len(curve) > 1:
             yield name, curve
             yield f"{name} and its past", np.concatenate([z[None], past[:, i]])
-    if len(record.starts) >= RUNS:
+    if len(record.starts) >= RUNS_THAT_SHARE:
         yield "time", hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME)
 
 
@@ -98,15 +98,15 @@ def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
     return out
 
 
-def channel(rival: OdeCandidate, i: int) -> tuple[np.ndarray, np.ndarray]:
+def channel(candidate: OdeCandidate, i: int) -> tuple[np.ndarray, np.ndarray]:
     """What a unit of input i moves the next states (n_states, n_samples) and this sample's outputs (n_outputs, n_samples) by."""
-    problem = rival.problem
+    problem = candidate.problem
     record, u = problem.record, problem.record.u.copy()
     step = 1e-4 * max(float(np.std(u[i])), 1e-9)
     u[i] += step
-    theta, x = rival.fit.theta[:, None], rival.fit.x[:, None]
-    given = rival.model.bind(theta)
-    shifted = replace(problem, record=replace(record, u=u)).augmented(rival.effects).bind(theta)
+    theta, x = candidate.fit.theta[:, None], candidate.fit.x[:, None]
+    given = candidate.model.bind(theta)
+    shifted = replace(problem, record=replace(record, u=u)).augmented(candidate.effects).bind(theta)
     with np.errstate(all="ignore"):
         return (shifted(x) - given(x))[:, 0] / step, (shifted.outputs(x) - given.outputs(x))[:, 0] / step
 

@@ -175,7 +175,7 @@ def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float,
 
 
 def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
-    """The most accused places again, each with the law of states and inputs that fits there and a force for the rest.
+    """The most likely places again, each with the law of states and inputs that fits there and a force for the rest.
 
     A free force follows the gap from many places; a law of states and inputs follows it from the right one.
     """
@@ -217,7 +217,7 @@ def missing_term(channels: Channels, location: str, kind: str) -> MissingTerm:
 def where_and_when(
     channels: Channels, latent: LatentForce, location: str | None, kind: str | None
 ) -> tuple[Table, Table]:
-    """By region and by time: of the force at the accused place, of the largest that the null leaves where none is accused."""
+    """By region and by time: of the force at the likely place, of the largest that the null leaves where none is likely."""
     problem = channels.null.problem
     if location is None or kind not in ("state", "input", "output"):
         Z, names = features(problem, latent.x)

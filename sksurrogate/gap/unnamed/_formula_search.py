@@ -29,7 +29,7 @@ __all__ = ["Draft", "curve_at", "drafts_at"]
 #: Terms of a formula; formulae kept while it grows; further terms tried for each.
 MOST_TERMS, BEAM, TRIED = 5, 6, 6
 #: Formulae whose constants are fitted; steps of Gauss-Newton; halvings of a step.
-REFINED, STEPS, HALVINGS = 10, 6, 3
+REFINED, CONSTANT_STEPS, HALVINGS = 10, 6, 3
 #: Formulae whose terms are chosen again, and rounds of it.
 SWAPPED, SWAPS = 3, 4
 #: Terms of an affine beginning.
@@ -37,7 +37,7 @@ MOST_AFFINE = 4
 #: A column of which less than this share (power) is its own beside others tells nothing more.
 OWN = 1e-5
 #: Pieces of a free curve; share of the samples beyond either end of it.
-PIECES, EDGE = 10, 0.002
+SPLINE_PIECES, EDGE = 10, 0.002
 #: Share of its size by which a constant moves in a difference, and at most in a step.
 DIFFERENCE_OF_CONSTANT, FARTHEST_STEP = 1e-4, 1.0
 
@@ -126,8 +126,8 @@ def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Dra
     low, high = np.quantile(z, (EDGE, 1.0 - EDGE))
     if not high > low:
         return None
-    step = (high - low) / (PIECES - 3)
-    centres = low + step * np.arange(-1, PIECES - 1)
+    step = (high - low) / (SPLINE_PIECES - 3)
+    centres = low + step * np.arange(-1, SPLINE_PIECES - 1)
     terms = tuple(Term((("spline", names[0], float(c), 0.0, float(step)),)) for c in centres)
     noise = channel.noise
     if drafts:
@@ -323,7 +323,7 @@ class _Regression:
         low, high = np.array([b for term in draft.terms for b in term.bounds]).T
         spread = {name: float(np.std(z)) for name, z in self.drivers.signals.items()}
         unit = np.maximum(np.abs(constants), 0.1 * max(spread.values()) if any(constants == 0) else 1e-12)
-        for _ in range(STEPS):
+        for _ in range(CONSTANT_STEPS):
             J = self.responses(draft.terms, draft.late)
             slopes = self.slopes(draft, constants, unit, J)
             if not np.isfinite(slopes).all():

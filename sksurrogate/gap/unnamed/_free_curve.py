@@ -23,7 +23,7 @@ from sksurrogate.kernels.noise_fit import fit_noise
 
 __all__ = ["SUSPICIOUS", "FreeCurve", "free_curve"]
 
-#: Gain under the noise of the rival, which takes a law for a force, from which the noise is fitted anew beside the curve.
+#: Gain under the noise of the candidate, which takes a law for a force, from which the noise is fitted anew beside the curve.
 SUSPICIOUS = -15.0
 
 
@@ -51,27 +51,27 @@ class FreeCurve:
 
 
 def free_curve(found: Evidence) -> FreeCurve | None:
-    """The likeliest curve of one signal in one balance, input or sensor on top of a rival; None where none can be judged.
+    """The likeliest curve of one signal in one balance, input or sensor on top of a candidate; None where none can be judged.
 
     A curve that suits a noise model but brings the free run no nearer to the data is none.
     """
-    rival = found.candidate
-    problem, D = rival.problem, rival.disturbance
-    r, J, precision, pull = rival.columns()
+    candidate = found.candidate
+    problem, D = candidate.problem, candidate.disturbance
+    r, J, precision, pull = candidate.columns()
     if not (np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
-    curves = [*in_balances(rival), *in_inputs(rival), *in_sensors(rival)]
-    fit = _CurveFit(problem, rival, D, r, J, precision, pull, curves)
+    curves = [*in_balances(candidate), *in_inputs(candidate), *in_sensors(candidate)]
+    fit = _CurveFit(problem, candidate, D, r, J, precision, pull, curves)
     try:
-        tried = fit.candidates(found.noise) if curves else []
+        tried = fit.likeliest(found.noise) if curves else []
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
     near = [one for one in tried if fit.nearer(one)]
-    return fit.told(max(near, key=lambda one: one.gain)) if near else None
+    return fit.summary(max(near, key=lambda one: one.gain)) if near else None
 
 
 class _Tried(NamedTuple):
-    """A curve, what it gains, and how far the parameters of the rival and its own move."""
+    """A curve, what it gains, and how far the parameters of the candidate and its own move."""
 
     k: int
     gain: float
@@ -80,10 +80,10 @@ class _Tried(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _CurveFit:
-    """A residual explained by the parameters of a rival, and by each of several curves beside them."""
+    """A residual explained by the parameters of a candidate, and by each of several curves beside them."""
 
     problem: OdeBackend
-    rival: OdeCandidate
+    candidate: OdeCandidate
     D: Disturbance
     r: np.ndarray
     J: np.ndarray
@@ -91,8 +91,8 @@ class _CurveFit:
     pull: np.ndarray
     curves: list[Curve]
 
-    def candidates(self, noise: Noise) -> list[_Tried]:
-        """The likeliest curve under a rival's own noise; and with the noise fitted anew, for it may have taken a law for a force.
+    def likeliest(self, noise: Noise) -> list[_Tried]:
+        """The likeliest curve under a candidate's own noise; and with the noise fitted anew, for it may have taken a law for a force.
 
         Where more is left than noise, the curve that is likeliest under quiet forces is looked at too.
         """
@@ -107,7 +107,7 @@ class _CurveFit:
         out = [own]
         for k in dict.fromkeys(again):
             value, theta = self.fitted((noise, quiet), self.curves[k].moved())
-            out.append(self.candidate(k, 2.0 * (value - none), theta, alone, self.curves[k].n))
+            out.append(self.tried(k, 2.0 * (value - none), theta, alone, self.curves[k].n))
         return out
 
     def best(self, noise: Noise) -> _Tried:
@@ -118,10 +118,10 @@ class _CurveFit:
         for k, G in enumerate(self.D.gram_each(known, (curve.moved() for curve in self.curves), noise)):
             if np.isfinite(G).all():
                 drop, theta, more = _explained(G, *self.prior(self.curves[k].n))
-                found.append(self.candidate(k, drop - none, theta, alone, more - rank))
+                found.append(self.tried(k, drop - none, theta, alone, more - rank))
         return max(found, key=lambda one: one.gain)
 
-    def candidate(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Tried:
+    def tried(self, k: int, drop: float, theta: np.ndarray, alone: np.ndarray, n: int) -> _Tried:
         """A curve of n parameters that explains so much, among all that were tried."""
         gain = drop - n * np.log(self.D.n_values) - 2.0 * np.log(len(self.curves))
         return _Tried(k, float(gain), theta - np.r_[alone, np.zeros(len(theta) - len(alone))])
@@ -138,7 +138,7 @@ class _CurveFit:
         return value, _explained(G, *prior)[1]
 
     def prior(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """The prior of the rival's parameters, and none on n more."""
+        """The prior of the candidate's parameters, and none on n more."""
         return np.r_[self.precision, np.zeros(n)], np.r_[self.pull, np.zeros(n)]
 
     def moved(self, one: _Tried) -> np.ndarray:
@@ -146,7 +146,7 @@ class _CurveFit:
         sd, F = self.problem.sd[:, None], self.curves[one.k].moved()
         moved = np.einsum("okt,k->ot", np.concatenate([self.J, F], axis=1), one.theta) / sd
         moved = self.problem.record.seen(moved)
-        J_x = self.rival.linearised.J_x[:, self.rival.model.free_states] / sd[:, None]
+        J_x = self.candidate.linearised.J_x[:, self.candidate.model.free_states] / sd[:, None]
         return project_starts(np.stack([self.r / sd, self.r / sd - moved, moved]), J_x, self.problem.record.starts)
 
     def nearer(self, one: _Tried) -> bool:
@@ -154,7 +154,7 @@ class _CurveFit:
         before, after, _ = self.moved(one)
         return bool(np.sum(after**2) <= np.sum(before**2))
 
-    def told(self, one: _Tried) -> FreeCurve:
+    def summary(self, one: _Tried) -> FreeCurve:
         """A curve with its name, and what it moves."""
         record = self.problem.record
         rms, spread = record.rms(self.moved(one)[2]), record.spread / self.problem.sd

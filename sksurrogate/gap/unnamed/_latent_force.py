@@ -67,28 +67,28 @@ def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
 
     With ``quiet_sensors`` coloured sensor noise may not take what a force can explain.
     """
-    rival = found.candidate
-    problem = rival.problem
+    candidate = found.candidate
+    problem = candidate.problem
     with np.errstate(all="ignore"):
-        smoothed = problem.smooth(rival.model, rival.fit.theta, rival.fit.x).x
-        for x in (smoothed, rival.fit.x):
+        smoothed = problem.smooth(candidate.model, candidate.fit.theta, candidate.fit.x).x
+        for x in (smoothed, candidate.fit.x):
             try:
                 return _force_along(found, x, quiet_sensors)
             except np.linalg.LinAlgError:  # no noise can be followed along this path: the free run is smoother
                 continue
     nothing = np.zeros(len(problem.balances))
     force = np.zeros((len(nothing), problem.record.n_samples))
-    n = rival.model.n_states
+    n = candidate.model.n_states
     A = np.zeros((n, n, problem.record.n_samples))
-    return LatentForce(rival.fit.x, force, found.noise, nothing, A, problem.record.residual(rival.fit.y))
+    return LatentForce(candidate.fit.x, force, found.noise, nothing, A, problem.record.residual(candidate.fit.y))
 
 
 def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
     """The force about one path; LinAlgError where the linearisation cannot be followed."""
-    rival, start = found.candidate, found.noise
-    problem, theta = rival.problem, rival.fit.theta
-    lin = linearise(rival.model, theta, x, problem.units(rival.effects, theta))
-    D = problem.disturbance_along(rival.model, theta, x, lin.A, problem.balances)
+    candidate, start = found.candidate, found.noise
+    problem, theta = candidate.problem, candidate.fit.theta
+    lin = linearise(candidate.model, theta, x, problem.units(candidate.effects, theta))
+    D = problem.disturbance_along(candidate.model, theta, x, lin.A, problem.balances)
     r = problem.record.residual(lin.y)
     held = None
     if quiet_sensors:
@@ -127,29 +127,31 @@ def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
     return np.stack(found)
 
 
-def law_of(rival: OdeCandidate, latent: LatentForce, random_state: int) -> np.ndarray:
-    """R2 on runs left out of a forest from states and inputs to the force on top of a rival, (n_balances,): a law is repeatable, noise is not.
+def law_of(candidate: OdeCandidate, latent: LatentForce, random_state: int) -> np.ndarray:
+    """R2 on runs left out of a forest from states and inputs to the force on top of a candidate, (n_balances,): a law is repeatable, noise is not.
 
     The larger of two: from the smoothed states as they are, and with the past of the free run beside them.
     """
-    problem = rival.problem
+    problem = candidate.problem
     Z, _ = features(problem, latent.x)
-    path = rival.fit.x[: len(problem.plant.states)]
+    path = candidate.fit.x[: len(problem.plant.states)]
     law = repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
-    moved = np.sum(moved_by(rival, latent) ** 2, axis=(1, 2))
+    moved = np.sum(moved_by(candidate, latent) ** 2, axis=(1, 2))
     return np.where(moved >= LEAST_MOVED**2 * np.sum(moved), law, 0.0)
 
 
-def moved_by(rival: OdeCandidate, latent: LatentForce) -> np.ndarray:
-    """What each force on top of a rival moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
-    problem, n = rival.problem, len(latent.A)
+def moved_by(candidate: OdeCandidate, latent: LatentForce) -> np.ndarray:
+    """What each force on top of a candidate moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
+    problem, n = candidate.problem, len(latent.A)
     record = problem.record
     rows = [problem.plant.states.index(name) for name in problem.balances]
     push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, rows] * latent.force
     b = a_sample_later(push, record.starts)
     with np.errstate(all="ignore"):
         states = solve_recursion(recursion_band(latent.A, record.starts), b)
-        _, C = output_jacobian(rival.model.bind(rival.fit.theta[:, None]), rival.fit.x, rival.model.scale)
+        _, C = output_jacobian(
+            candidate.model.bind(candidate.fit.theta[:, None]), candidate.fit.x, candidate.model.scale
+        )
         moved = np.einsum("oit,ibt->bot", C, states) / problem.sd[:, None]
     return np.nan_to_num(moved, posinf=0.0, neginf=0.0)
 
@@ -186,7 +188,7 @@ def forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, r
 
 @dataclass(frozen=True)
 class Place:
-    """One accused place."""
+    """One likely place."""
 
     location: str
     kind: str
@@ -196,7 +198,7 @@ class Place:
 def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
 
-    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is to be accused, from
+    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
     one and with the white noise of differences.
     """
     starts, most = ((10.0,), 6) if rough else ((5.0, 25.0), 10)

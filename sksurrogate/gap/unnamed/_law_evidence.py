@@ -38,7 +38,7 @@ SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
 #: Directions that move the outputs by less than this share of the most (power) count as none.
 RANK = 1e-9
 #: Laws whose columns are computed at once.
-BLOCK = 12
+LAWS_IN_BLOCK = 12
 #: Step of the parameters of an effect, over their size, for its regressors.
 DIFFERENCE_OF_PARAMETER = 1e-4
 
@@ -112,7 +112,7 @@ def amplitude_evidence(H: np.ndarray, g: np.ndarray, root: np.ndarray, sizes: np
 
 
 def law_beside(
-    rival: OdeCandidate,
+    candidate: OdeCandidate,
     unit: float,
     tolerance: float,
     noises: Sequence[Noise],
@@ -124,7 +124,7 @@ def law_beside(
 
     Parameters
     ----------
-    rival : OdeCandidate
+    candidate : OdeCandidate
         The set; its parameters follow to first order.
     unit : float
         RMS of the gap over the noise: the size that counts as one.
@@ -147,9 +147,9 @@ def law_beside(
     """
     if bare:
         assert x is not None
-        here, r, J, precision, pull = as_regressors(rival, x)
+        here, r, J, precision, pull = as_regressors(candidate, x)
     else:
-        here = rival if x is None else linear_along(rival, x)
+        here = candidate if x is None else linear_along(candidate, x)
         r, J, precision, pull = here.columns()
     D = here.disturbance
     if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
@@ -167,17 +167,17 @@ def law_beside(
     except np.linalg.LinAlgError:
         return None
     alone = max(fit.alone(noise) for noise in noises)
-    return fit.told(best, alone)
+    return fit.summary(best, alone)
 
 
 def as_regressors(
-    rival: OdeCandidate, x: np.ndarray
+    candidate: OdeCandidate, x: np.ndarray
 ) -> tuple[OdeCandidate, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The simulator without effects, linear about a path; the residual of a set, its sensitivities and what holds its parameters,
     as that simulator carries what the effects do along the path."""
-    problem, n = rival.problem, rival.n_parameters
-    theta = rival.fit.theta
-    none = problem.candidate((), replace(rival.fit, theta=theta[n:], linearised=None), problem.augmented(()))
+    problem, n = candidate.problem, candidate.n_parameters
+    theta = candidate.fit.theta
+    none = problem.candidate((), replace(candidate.fit, theta=theta[n:], linearised=None), problem.augmented(()))
     none = linear_along(none, x)
     now, alone = x[:, None], none.model.bind(theta[n:, None])
     after, shown = alone(now), alone.outputs(now)
@@ -185,11 +185,11 @@ def as_regressors(
     def moved(values: np.ndarray) -> np.ndarray:
         """What the effects move the outputs by, for every column of parameters: (n_outputs, n_columns, n_samples)."""
         path = np.repeat(now, values.shape[1], axis=1)
-        bound = rival.model.bind(values)
+        bound = candidate.model.bind(values)
         return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
 
     _, J, precision, pull = none.columns()
-    steps = DIFFERENCE_OF_PARAMETER * problem.units(rival.effects, theta)[:n]
+    steps = DIFFERENCE_OF_PARAMETER * problem.units(candidate.effects, theta)[:n]
     values = np.repeat(theta[:, None], 1 + n, axis=1)
     values[np.arange(n), 1 + np.arange(n)] += steps
     found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))
@@ -254,9 +254,9 @@ class _Fit:
         known = np.concatenate([self.r[:, None], self.J], axis=1)
         k = np.arange(1 + self.J.shape[1])
         best, at = -np.inf, (0, 0)
-        for a in range(0, len(self.candidates), BLOCK):
+        for a in range(0, len(self.candidates), LAWS_IN_BLOCK):
             check_time()
-            part = self.candidates[a : a + BLOCK]
+            part = self.candidates[a : a + LAWS_IN_BLOCK]
             moved = [curve.moved() for curve, _, _ in part]
             for i, G in enumerate(self.D.gram_each(known, moved, noise)):
                 for f, (form, roots) in enumerate(zip(part[i][1].forms, self.roots_of(a + i, moved[i]))):
@@ -397,7 +397,7 @@ class _Fit:
             now = self.found(k, f, F, noise)
         return now
 
-    def told(self, one: _Found, alone: float) -> LawBeside:
+    def summary(self, one: _Found, alone: float) -> LawBeside:
         """With its place; a set with next to no law is not less likely than the set alone."""
         curve, _, kind = self.candidates[one.k]
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))

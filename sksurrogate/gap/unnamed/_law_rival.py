@@ -1,4 +1,4 @@
-"""Unknown as a rival: one law of one signal or of two, of no name, in the place of all that is named.
+"""Unknown as a candidate: one law of one signal or of two, of no name, in the place of all that is named.
 
 Several names may imitate one missing law. Along the path that they lead to, the simulator without them is linear to first
 order, and a law in a balance, an input or a sensor is a regressor like any other: its likelihood, with as many parameters
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import Evidence, follow_noise
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
@@ -40,12 +40,12 @@ __all__ = ["LawRival", "law_rival"]
 SMOOTH = 10.0 ** np.arange(-9.0, 3.0)
 #: Turns of noise and law.
 TURNS = 2
-#: Laws that are judged abreast.
-ABREAST = 12
+#: Laws that are judged at once.
+LAWS_AT_ONCE = 12
 #: Gain under the names' own noise below which no other noise makes a law as likely as names that leave nothing.
 BEYOND_NOISE = -60.0
 #: Nats by which a law of a later place must be likelier: an input and the balance that it alone pushes differ by rounding.
-TIE = 1.0
+TIE_OF_PLACES = 1.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class LawRival:
     location, kind, variable : str
         Balance ("state"), input or sensor ("output"), and the signal of which it is a law, or two ("v*w").
     gain : float
-        ``2 (L_law - L_names)``, less ``ln N`` for every parameter and twice the logarithm of the number of rivals that each
+        ``2 (L_law - L_names)``, less ``ln N`` for every parameter and twice the logarithm of the number of candidates that each
         was chosen from.
     parameters : float
         Number of its parameters; of a smooth curve what its smoothness leaves free.
@@ -70,23 +70,23 @@ class LawRival:
     parameters: float
 
 
-def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | None = None) -> LawRival | None:
-    """The likeliest law in the place of a rival's effects; None where none can be judged.
+def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: WorkerProcess | None = None) -> LawRival | None:
+    """The likeliest law in the place of a candidate's effects; None where none can be judged.
 
     Parameters
     ----------
     named : Evidence
         Of what is named.
     x : ndarray (n_states, n_samples)
-        Path near the measured one: that of the rival where it comes near to the data.
+        Path near the measured one: that of the candidate where it comes near to the data.
     n_rivals : int
         Number of effects that the first name was chosen from.
     second : Second, optional
         Another process.
     """
-    noise, rival = named.noise, named.candidate
-    problem = rival.problem
-    base, r = without_names(rival, x)
+    noise, candidate = named.noise, named.candidate
+    problem = candidate.problem
+    base, r = without_names(candidate, x)
     _, J, precision, pull = base.columns()
     n = base.n_parameters
     J, precision, pull = J[:, n:], precision[n:], pull[n:]
@@ -98,7 +98,7 @@ def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | No
     if not candidates:
         return None
     chosen_from = sum(len(law.forms) for _, law, _ in candidates)
-    cost = 0.5 * rival.n_parameters * np.log(D.n_values) + bool(rival.effects) * np.log(n_rivals)
+    cost = 0.5 * candidate.n_parameters * np.log(D.n_values) + bool(candidate.effects) * np.log(n_rivals)
 
     def judged(k: int, law: _Found, level: float) -> LawRival:
         gain = 2.0 * (law.value - np.log(chosen_from) + cost - level)
@@ -107,8 +107,8 @@ def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | No
 
     try:
         k, f, law = fit.likeliest(candidates, noise, second)
-        if rival.effects and named.left < AT_THE_NOISE:
-            own = np.array_equal(x, rival.fit.x)
+        if candidate.effects and named.left < AT_THE_NOISE:
+            own = np.array_equal(x, candidate.fit.x)
             at_once = judged(k, law, named.log_likelihood if own else named_along(named, x, (noise,)))
             if at_once.gain < BEYOND_NOISE:
                 return at_once
@@ -123,28 +123,28 @@ def law_rival(named: Evidence, x: np.ndarray, n_rivals: int, second: Second | No
     return judged(k, best, level) if np.isfinite(level) else None
 
 
-def without_names(rival: OdeCandidate, x: np.ndarray) -> tuple[OdeCandidate, np.ndarray]:
+def without_names(candidate: OdeCandidate, x: np.ndarray) -> tuple[OdeCandidate, np.ndarray]:
     """A model to first order about a path, and the residual that the simulator alone leaves there.
 
     The names' own slopes are kept where the path is theirs: those of another law that does the same are near to them.
     """
-    problem, theta = rival.problem, rival.fit.theta[rival.n_parameters :]
+    problem, theta = candidate.problem, candidate.fit.theta[candidate.n_parameters :]
     model, record = problem.augmented(()), problem.record
-    if np.array_equal(x, rival.fit.x):
-        D, now = rival.disturbance, x[:, None]
-        alone, named = model.bind(theta[:, None]), rival.model.bind(rival.fit.theta[:, None])
+    if np.array_equal(x, candidate.fit.x):
+        D, now = candidate.disturbance, x[:, None]
+        alone, named = model.bind(theta[:, None]), candidate.model.bind(candidate.fit.theta[:, None])
         moved = D.moved(alone(now) - named(now)) + alone.outputs(now) - named.outputs(now)
-        return rival, record.seen(record.y - rival.fit.y - moved[:, 0])
-    base = linear_along(problem.candidate((), replace(rival.fit, theta=theta), model), x)
+        return candidate, record.seen(record.y - candidate.fit.y - moved[:, 0])
+    base = linear_along(problem.candidate((), replace(candidate.fit, theta=theta), model), x)
     return base, record.residual(base.fit.y)
 
 
-def linear_along(rival: OdeCandidate, x: np.ndarray) -> OdeCandidate:
-    """A rival as its free run is to first order about a path of the plant's states."""
-    model, theta = rival.model, rival.fit.theta
+def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
+    """A candidate as its free run is to first order about a path of the plant's states."""
+    model, theta = candidate.model, candidate.fit.theta
     x = settle_hidden(model, theta, x)
-    lin = linearise(model, theta, x, rival.problem.units(rival.effects, theta))
-    return replace(rival, fit=Fit(theta, x, lin.y, np.inf, 0, True, lin))
+    lin = linearise(model, theta, x, candidate.problem.units(candidate.effects, theta))
+    return replace(candidate, fit=Fit(theta, x, lin.y, np.inf, 0, True, lin))
 
 
 def named_along(named: Evidence, x: np.ndarray, starts: Sequence[Noise]) -> float:
@@ -214,15 +214,15 @@ class _Fit:
     prior_square: float
 
     def likeliest(
-        self, candidates: list[tuple[Curve, Law, str]], noise: Noise, second: Second | None
+        self, candidates: list[tuple[Curve, Law, str]], noise: Noise, second: WorkerProcess | None
     ) -> tuple[int, int, _Found]:
         """Law and form that are likeliest under one noise, and what was found of it."""
-        parts = [candidates[a : a + ABREAST] for a in range(0, len(candidates), ABREAST)]
+        parts = [candidates[a : a + LAWS_AT_ONCE] for a in range(0, len(candidates), LAWS_AT_ONCE)]
         found = [laws for part in side_by_side(lambda some: self.each(some, noise), parts, second) for laws in part]
         c, f = 0, 0
         for i, forms in enumerate(found):
             for j, one in enumerate(forms):
-                if one.value > found[c][f].value + TIE:
+                if one.value > found[c][f].value + TIE_OF_PLACES:
                     c, f = i, j
         return c, f, found[c][f]
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.unnamed._curve_shapes import KNOTS_OF_INPUT, RUNS, hats
+from sksurrogate.gap.unnamed._curve_shapes import KNOTS_OF_INPUT, RUNS_THAT_SHARE, hats
 from sksurrogate.gap.unnamed._latent_force import past_of
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold, play, rate_limit
@@ -27,7 +27,7 @@ SIMPLE = (
     lambda z: z**4,
 )
 #: Place of the jump at zero among the simple forms.
-JUMP = 0
+JUMP_COLUMN = 0
 #: Shares of the samples below the kinks of a signal.
 HINGES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 #: Degrees of the polynomials.
@@ -39,7 +39,7 @@ KNOTS_OF_TIME_LAW = 40
 #: What the name of a signal with its past ends with.
 AND_ITS_PAST = " and its past"
 #: Samples back of the values that a linear filter weighs.
-LAGS = (1, 2, 4, 8, 16)
+LAGS_OF_PAST = (1, 2, 4, 8, 16)
 #: Half widths of plays, of the range of a signal; samples in which what follows it at a limited rate crosses that range.
 PLAYS, SLEWS = (0.02, 0.05, 0.15, 0.4), 2.0 ** np.arange(1, 11)
 
@@ -77,7 +77,7 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Conta
         plays, slews, at_samples = followers(record, z)
         memories = shown = [past[:, i], plays]
         if name in given:
-            lags = np.stack([z[record.back(k)] for k in LAGS])
+            lags = np.stack([z[record.back(k)] for k in LAGS_OF_PAST])
             memories, shown = ([*memories, lags, *pairs(rates)] for rates in (slews, at_samples))
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
@@ -110,7 +110,7 @@ def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
 def of_time(record: Record) -> Iterator[Law]:
     """A smooth curve of the time since the start, where runs of different inputs can share it."""
     different = {record.u[:, a : a + n].tobytes() for a, n in zip(record.starts, record.lengths)}
-    if len(different) >= RUNS:
+    if len(different) >= RUNS_THAT_SHARE:
         f = hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME_LAW)
         yield Law("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
 
@@ -163,9 +163,9 @@ def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
     rough = roughness(len(curve)) if len(curve) > 2 else None
     forms.append(Form(smooth, rough))
     if np.min(z) < 0.0 < np.max(z):
-        forms += [Form(np.r_[own, JUMP]) for own in polynomials]
+        forms += [Form(np.r_[own, JUMP_COLUMN]) for own in polynomials]
         if rough is not None:
-            forms.append(Form(np.r_[smooth, JUMP], np.pad(rough, (0, 1))))
+            forms.append(Form(np.r_[smooth, JUMP_COLUMN], np.pad(rough, (0, 1))))
     return np.concatenate([simple, powers, curve, kinks]), tuple(forms)
 
 

@@ -1,4 +1,4 @@
-"""The place that is accused of an unknown effect: by the evidence of a free signal there, and by what tells that signal."""
+"""The likely place of an unknown effect: by the evidence of a free signal there, and by what tells that signal."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, 
 from sksurrogate.gap.unnamed._law_rival import LawRival
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 
-__all__ = ["accused", "told_by", "told_by_law"]
+__all__ = ["force_predictability", "likely_place", "place_of_law"]
 
-#: Nats within which a state is accused rather than an input or a sensor, and within which its own law may clear an input.
+#: Nats within which a state is the likely one rather than an input or a sensor, and within which its own law may clear an input.
 AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
-#: R2 from which a force counts as told, by how much states must tell it better than the accused input to clear that, and
+#: R2 from which a force counts as predicted, by how much states must tell it better than the likely input to clear that, and
 #: by how much they may where the two places push alike.
-TOLD, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
-#: R2 from which an input that does not push like the accused balance tells the force better than all signals.
+PREDICTED, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
+#: R2 from which an input that does not push like the likely balance tells the force better than all signals.
 TOLD_BY_ITSELF = 0.5
 
 
-def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:
+def likely_place(found: Sequence[Place], summary: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:
     """Location and kind of the place with most evidence; of a balance and an input that pushes it, the one that tells the force.
 
     Parameters
     ----------
     found : sequence of Place
         Likeliest first.
-    told : callable (balance, input) -> (float, float)
+    given : callable (balance, input) -> (float, float)
         R2 of the force in a balance from the input alone, and from all states and inputs.
     """
     best = found[0]
@@ -38,22 +38,23 @@ def accused(found: Sequence[Place], told: Callable[[str, str], tuple[float, floa
     if state.log_likelihood > best.log_likelihood - AS_LIKELY:
         best = state
     if best.kind == "input" and state.log_likelihood > best.log_likelihood - NOT_HOPELESS:
-        alone, everything = told(state.location, best.location)
-        if everything > TOLD and alone < everything - CLEARLY:
+        alone, everything = summary(state.location, best.location)
+        if everything > PREDICTED and alone < everything - CLEARLY:
             best = state
     elif best.kind == "state":
-        inputs = [(*told(best.location, place.location), place) for place in found if place.kind == "input"]
+        inputs = [(*summary(best.location, place.location), place) for place in found if place.kind == "input"]
         telling = [
             (alone, place.location)
             for alone, everything, place in inputs
-            if alone > (max(TOLD, everything - AS_WELL) if push_alike(place, best) else max(TOLD_BY_ITSELF, everything))
+            if alone
+            > (max(PREDICTED, everything - AS_WELL) if push_alike(place, best) else max(TOLD_BY_ITSELF, everything))
         ]
         if telling:
             return max(telling)[1], "input"
     return best.location, best.kind
 
 
-def told_by_law(law: LawRival | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
+def place_of_law(law: LawRival | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
     """Location and kind of a law that is certain; of one of an input in the balance that it pushes, the input."""
     if law is None or law.gain < CERTAIN:
         return None
@@ -71,7 +72,7 @@ def push_alike(one: Place, other: Place) -> bool:
     return abs(one.log_likelihood - other.log_likelihood) < 1e-9
 
 
-def told_by(
+def force_predictability(
     problem: OdeBackend, latent: LatentForce, balance: str, name: str, random_state: int
 ) -> tuple[float, float]:
     """R2 of the force in a balance from one input, now and a few samples ago, and from all states and inputs."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate._parallel._second import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED, FAR, NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, places_by_law
@@ -26,7 +26,7 @@ class Remains:
     law : ndarray (n_balances,)
         R2 of its law on runs left out.
     places : list of Place
-        The most accused first.
+        The most likely first.
     gap : LatentForce
         On top of the simulator: the gap itself, in the balances.
     """
@@ -51,7 +51,7 @@ class Remaining:
     seed : int
     """
 
-    def __init__(self, later: Second, null: Evidence, channels: Channels, first: Evidence, seed: int):
+    def __init__(self, later: WorkerProcess, null: Evidence, channels: Channels, first: Evidence, seed: int):
         self.first, self.seed = first, seed
         closed = first.left < CLOSED
         # An open gap takes long to be placed, and without names there is nothing else to be asked meanwhile.
@@ -67,9 +67,9 @@ class Remaining:
         here = final.candidate is not self.first.candidate or not self.both
         own = law_left(final, self.seed) if here else None
         (force, accusable), beside = self._aside.answer()
-        told = own or beside
-        assert told is not None
-        latent, law = told
+        summary = own or beside
+        assert summary is not None
+        latent, law = summary
         return Remains(latent, law, accusable, force)
 
 

@@ -26,12 +26,12 @@ __all__ = ["Channel", "evidence_of_law", "shape_of"]
 
 #: Knots of a curve; rows that each must see.
 KNOTS_OF_TERM, FEWEST_ROWS = 14, 8
-#: Laws that are told.
+#: Laws that are listed.
 MOST_LAWS = 4
-#: Share that a further term must explain for a law to be told before a shorter one.
+#: Share that a further term must explain for a law to be listed before a shorter one.
 WORTH_OF_TERM = 0.01
 #: Laws that explain less are not worth telling.
-LEAST_EXPLAINED = 0.05
+LEAST_TERM_EXPLAINED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +234,7 @@ def _told(
     for law in sparse_laws(grams, fold)[: 2 * MOST_LAWS]:
         chosen = list(law.chosen)
         share = _explained(channel, shapes.values[chosen], J[:, chosen], whole, fold)
-        if share > LEAST_EXPLAINED:
+        if share > LEAST_TERM_EXPLAINED:
             found.append((share, chosen))
     # A term more must be worth it on runs left out.
     found.sort(key=lambda item: -(item[0] - WORTH_OF_TERM * len(item[1])))

@@ -12,10 +12,10 @@ from sksurrogate.effects._formula import Term
 __all__ = ["Library", "Sparse", "library", "sparse_laws"]
 
 #: Most terms of a law; laws that are kept while it grows; terms tried at each.
-MOST_TERMS, BEAM, TRIED = 5, 5, 12
+MOST_SHAPES, SUMS_KEPT, SHAPES_TRIED = 5, 5, 12
 #: A further term must raise what is explained on runs left out by this many nats and this share.
 LEAST_NATS, LEAST_SHARE = 5.0, 0.01
-#: Laws within this share of the best of their size are told too.
+#: Laws within this share of the best of their size are listed too.
 TOLD_TOO = 0.05
 #: Most variables of which products are formed.
 MOST_VARIABLES = 6
@@ -155,7 +155,7 @@ def sparse_laws(grams: np.ndarray, fold: np.ndarray) -> list[Sparse]:
     whole = parts.sum(axis=0)
     beams: list[Sparse] = [Sparse((), 0.0)]
     path: list[list[Sparse]] = []
-    for _ in range(min(MOST_TERMS, len(whole) - 1)):
+    for _ in range(min(MOST_SHAPES, len(whole) - 1)):
         grown: dict[tuple[int, ...], Sparse] = {}
         for law in beams:
             for k in _promising(whole, law.chosen):
@@ -163,12 +163,12 @@ def sparse_laws(grams: np.ndarray, fold: np.ndarray) -> list[Sparse]:
                 if chosen not in grown:
                     grown[chosen] = Sparse(chosen, _left_out(parts, whole, chosen))
         better = sorted(grown.values(), key=lambda law: -law.score)
-        better = sorted({*(_swapped(parts, whole, law) for law in better[:BEAM]), *better[:BEAM]}, key=_worth)
+        better = sorted({*(_swapped(parts, whole, law) for law in better[:SUMS_KEPT]), *better[:SUMS_KEPT]}, key=_worth)
         last = path[-1][0].score if path else 0.0
         if not better or better[0].score < last + max(LEAST_NATS, LEAST_SHARE * last):
             break
-        beams = better[:BEAM]
-        path.append([law for law in better[:BEAM] if law.score > (1 - TOLD_TOO) * better[0].score])
+        beams = better[:SUMS_KEPT]
+        path.append([law for law in better[:SUMS_KEPT] if law.score > (1 - TOLD_TOO) * better[0].score])
     return [law for size in reversed(path) for law in size]
 
 
@@ -181,7 +181,7 @@ def _swapped(parts: np.ndarray, whole: np.ndarray, law: Sparse) -> Sparse:
     """Each term in turn re-chosen with the others kept."""
     for k in law.chosen:
         rest = tuple(c for c in law.chosen if c != k)
-        for new in _promising(whole, rest)[: TRIED // 2]:
+        for new in _promising(whole, rest)[: SHAPES_TRIED // 2]:
             chosen = tuple(sorted((*rest, new)))
             score = _left_out(parts, whole, chosen)
             if score > law.score + 1.0:
@@ -201,7 +201,7 @@ def _promising(whole: np.ndarray, chosen: tuple[int, ...]) -> list[int]:
     own = np.diag(whole)[1:]
     gain = np.where(h > 1e-4 * own, g**2 / np.maximum(h, 1e-300), -np.inf)
     gain[list(chosen)] = -np.inf
-    return [int(k) for k in np.argsort(-gain)[:TRIED] if np.isfinite(gain[k])]
+    return [int(k) for k in np.argsort(-gain)[:SHAPES_TRIED] if np.isfinite(gain[k])]
 
 
 def _left_out(parts: np.ndarray, whole: np.ndarray, chosen: tuple[int, ...]) -> float:

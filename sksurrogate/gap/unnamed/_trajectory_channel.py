@@ -22,12 +22,12 @@ def variables(problem: TrajectoryBackend, y: np.ndarray) -> tuple[np.ndarray, li
     return np.concatenate([y, problem.record.u]).T, [*problem.plant.outputs, *problem.plant.inputs]
 
 
-def channel_of(rival: TrajectoryCandidate, location: str | None) -> Channel:
-    """One latent signal at an input or output on top of a rival; where no place is named, on every state of the surrogate.
+def channel_of(candidate: TrajectoryCandidate, location: str | None) -> Channel:
+    """One latent signal at an input or output on top of a candidate; where no place is named, on every state of the surrogate.
 
     Signals at an input or output are in its units.
     """
-    problem, record, r = rival.problem, rival.problem.record, rival.residual
+    problem, record, r = candidate.problem, candidate.problem.record, candidate.residual
     surrogate, plant, m = problem.surrogate, problem.plant, len(problem.sd)
     sensor = plant.outputs.index(location) if location in plant.outputs else None
     push, unit = np.diag(surrogate.scale), 1.0
@@ -58,7 +58,7 @@ def channel_of(rival: TrajectoryCandidate, location: str | None) -> Channel:
             continue
         if value > best:
             noise, best = found, value
-    Z, names = variables(problem, rival.fit.y)
+    Z, names = variables(problem, candidate.fit.y)
     pushed = None if sensor is not None else np.repeat(push[:, :1], record.n_samples, axis=1)
     return Channel(record, D, noise, r, pushed, sensor, unit, held, Z, names, best)
 
@@ -72,7 +72,7 @@ def equivalent_places(null: TrajectoryCandidate) -> list[Place]:
 
 
 def force_left(found: Evidence[TrajectoryCandidate], seed: int) -> tuple[LatentForce, np.ndarray]:
-    """Latent forces on the states of the surrogate on top of a rival, and whether inputs and outputs repeat each (R2)."""
+    """Latent forces on the states of the surrogate on top of a candidate, and whether inputs and outputs repeat each (R2)."""
     problem, y = found.candidate.problem, found.fit.y
     channel = channel_of(found.candidate, None)
     w = channel.D.states(channel.r, channel.noise)[1]

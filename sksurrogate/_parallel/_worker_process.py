@@ -24,12 +24,12 @@ from sksurrogate._parallel._ipc import receive, send
 from sksurrogate._parallel._orphans import end_with
 from sksurrogate.kernels.clock import check_time, time_left
 
-__all__ = ["Aside", "Second", "can_fork", "one_thread"]
+__all__ = ["PendingAnswer", "WorkerProcess", "can_fork", "one_thread"]
 
 T = TypeVar("T")
 #: Seconds that are waited for an answer, and how many times what has passed since the question was asked: after that it is
 #: worked out here.
-PATIENCE, TIMES = 30.0, 3.0
+PATIENCE, TIMES_PASSED = 30.0, 3.0
 #: Niceness of a process whose answers are wanted later: where cores are wanted it takes a tenth of one.
 LATER = 10
 
@@ -42,14 +42,14 @@ def can_fork() -> bool:
 
 
 class _Answer(NamedTuple):
-    """Of one question; ``told`` is False where there is none."""
+    """Of one question; ``given`` is False where there is none."""
 
-    told: bool
+    summary: bool
     value: Any = None
     heard: tuple[Any, ...] = ()
 
 
-class Second:
+class WorkerProcess:
     """A second process, which answers one question after the other until it is left.
 
     It is a fork, made at the first question; what it is asked travels to it, but for what is ``known`` from the beginning.
@@ -84,20 +84,20 @@ class Second:
         self._asked = self._lost = 0
         self._answers: dict[int, _Answer] = {}
 
-    def ask(self, question: Callable[[], T]) -> Aside[T]:
+    def ask(self, question: Callable[[], T]) -> PendingAnswer[T]:
         """The answer, worked out beside."""
         if self._line is None and self.apart and can_fork():
             self._fork()
         if self._line is None or self._owner != os.getpid():
-            return Aside(question)
+            return PendingAnswer(question)
         self._asked += 1
         try:
             send(self._line, (self._asked, np.geterr(), question), self._places)
         except OSError:  # it died
             self._give_up()
         except Exception:  # it cannot travel
-            return Aside(question)
-        return Aside(question, self, self._asked)
+            return PendingAnswer(question)
+        return PendingAnswer(question, self, self._asked)
 
     def wait(self, number: int, patience: float) -> _Answer:
         """The answer to a question; without one for so many seconds the process is left."""
@@ -110,7 +110,7 @@ class Second:
             except TimeoutError:
                 check_time()
                 self._give_up()
-            except Exception:  # it died, or told what cannot be read
+            except Exception:  # it died, or given what cannot be read
                 self._give_up()
         return self._answers.pop(number, _Answer(False))
 
@@ -153,7 +153,7 @@ class Second:
                 there.close()
         self._line, self._process = here, process
 
-    def __enter__(self) -> Second:
+    def __enter__(self) -> WorkerProcess:
         return self
 
     def __exit__(self, *raised: object) -> None:
@@ -163,10 +163,10 @@ class Second:
         self.leave()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(Second, apart=False), ()  # no process of the second one
+        return partial(WorkerProcess, apart=False), ()  # no process of the second one
 
 
-class Aside(Generic[T]):
+class PendingAnswer(Generic[T]):
     """The answer to a question: of the second process that was asked, or of this one.
 
     Parameters
@@ -177,7 +177,7 @@ class Aside(Generic[T]):
         Of the question among those that were asked there.
     """
 
-    def __init__(self, question: Callable[[], T], second: Second | None = None, number: int = 0):
+    def __init__(self, question: Callable[[], T], second: WorkerProcess | None = None, number: int = 0):
         self._question, self._second, self._number = question, second, number
         self._begun = time.monotonic()
 
@@ -185,9 +185,9 @@ class Aside(Generic[T]):
         """What the question gives."""
         if self._second is not None:
             second = self._second
-            found = second.wait(self._number, PATIENCE + TIMES * (time.monotonic() - self._begun))
+            found = second.wait(self._number, PATIENCE + TIMES_PASSED * (time.monotonic() - self._begun))
             self._second = None
-            if found.told:
+            if found.summary:
                 for warning in found.heard:
                     warnings.warn(warning, stacklevel=2)
                 return found.value
@@ -201,7 +201,7 @@ def _serve(
     end_with(owner)
     here.close()
     os.nice(nice)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt is told by the first one
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt comes from the first one
     gc.freeze()  # a collection would touch, and so copy, all that both processes share
     try:
         with libraries().limit(limits=1):
