@@ -150,7 +150,7 @@ def test_a_simulator_without_a_value_is_refused(tmp_path):
             return np.asarray(U)
 
     with pytest.raises(
-        DataError, match=r"with cache=, simulator cannot be determined .*lock.*give its class a __getstate__"
+        DataError, match=r"with cache=, simulator cannot be distinguished .*lock.*give its class a __getstate__"
     ):
         kept(simulate, tmp_path)
     with pytest.raises(DataError, match="with memory=, estimator cannot be determined"):

@@ -66,7 +66,7 @@ class WorkerProcess:
 
     Examples
     --------
-    >>> with Second() as second:
+    >>> with WorkerProcess() as second:
     ...     six = second.ask(lambda: 2 * 3)
     ...     six.answer()
     6

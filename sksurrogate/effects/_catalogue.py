@@ -206,8 +206,9 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
     ports = plant.ports if isinstance(effect, BalanceEffect) else ()
     if effect.location not in (*places, *ports):
         beside = f", and no port: {list(ports)}" if ports else ""
+        a = "an" if effect.kind in ("input", "output") else "a"
         raise ValueError(
-            f"{effect!r}: location={effect.location!r} is no {effect.kind} of the simulator: {list(places)}{beside}."
+            f"{effect!r}: location={effect.location!r} is not {a} {effect.kind} of the simulator: {list(places)}{beside}."
         )
     if effect.variable is None:
         return

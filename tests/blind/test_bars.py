@@ -65,7 +65,7 @@ def test_rows_that_failed_count_as_misses_and_cases_not_drawn_do_not():
 
 def test_the_place_counts_up_to_twins_of_the_true_effect_only():
     twin = ("parameter_error", "friction", None)
-    row = made("effect", likely_place="friction")
+    row = made("effect", accused="friction")
     assert not place_up_to_twins(row)
     row["effects"] = [as_dict(twin, equivalents=[list(TRUE)])]
     assert place_up_to_twins(row)
@@ -114,7 +114,7 @@ def test_the_experiment_against_the_same_run_again():
 
 
 def test_misses_are_listed_by_kind_with_right_names_at_other_places_last():
-    rows = (made("novel", False, seed=5), made("effect", likely_place="current"), made("none"))
+    rows = (made("novel", False, seed=5), made("effect", accused="current"), made("none"))
     listed = BlindResult(rows).misses()
     assert [line["kind"] for line in listed] == ["none where it should be unknown", "right, but another likely place"]
     assert listed[0]["seed"] == "5" and listed[0]["truth"] == "coulomb_friction at speed in speed"
@@ -148,8 +148,8 @@ def test_figures_are_drawn_from_rows(tmp_path):
 
 def test_seconds_are_those_of_diagnoses_that_had_the_machine_alone_where_there_are_any():
     question = "seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"
-    together = [made("effect", seed=k, seconds=5.0, runs_at_once=2) for k in range(5)]
-    alone = [made("effect", seed=9 + k, seconds=2.5, runs_at_once=1) for k in range(3)]
+    together = [made("effect", seed=k, seconds=5.0, abreast=2) for k in range(5)]
+    alone = [made("effect", seed=9 + k, seconds=2.5, abreast=1) for k in range(3)]
     figures = [{line["question"]: line for line in bars(rows)}[question] for rows in (together, together + alone)]
     assert [(line["figure"], line["cases"]) for line in figures] == [(5.0, 5), (2.5, 3)]
 

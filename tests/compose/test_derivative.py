@@ -99,7 +99,7 @@ def test_rounds_remove_the_curvature_of_a_window():
     errors = []
     for rounds in (1, 4):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("sksurrogate.compose._derivative.ROUNDS", rounds)
+            patch.setattr("sksurrogate.compose._derivative.WEAK_FORM_ROUNDS", rounds)
             model = DerivativeRegressor(Cubic(), 0.02, window=20).fit(data.X, data.y, groups=data.groups)
         errors.append(np.sqrt(np.mean((model.derivative(data.X, data.y) - data.dydt) ** 2)))
     assert errors[1] < errors[0] / 4

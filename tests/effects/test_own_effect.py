@@ -171,7 +171,7 @@ class Decides(Convection):
         (Bent, "twice the magnitude is not twice the change"),
         (Short, "starts.. gives"),
         (Idle, "none of its starting values changes anything"),
-        (dict, "no subclass of BaseEffect"),
+        (dict, "is not a subclass of BaseEffect"),
     ],
 )
 def test_the_check_says_what_is_wrong(cls, message):

@@ -93,8 +93,8 @@ def test_large_matrices_in_blocks_and_threads(monkeypatch, fill):
     for groups in (None, np.repeat(np.arange(91), 11), np.r_[np.full(4, -1), np.zeros(900), np.full(97, 2)]):
         slow = LagEmbedding(lags, fill=fill).fit_transform(X, groups=groups)
         with monkeypatch.context() as patch:
-            patch.setattr("sksurrogate.features._lag._ROWS", 64)
-            patch.setattr("sksurrogate.features._lag._MANY", 0)
+            patch.setattr("sksurrogate.features._lag._LAG_ROWS", 64)
+            patch.setattr("sksurrogate.features._lag._SHARED_NUMBERS", 0)
             for threads in (1, 3):
                 patch.setattr("sksurrogate.features._lag._openmp_effective_n_threads", lambda threads=threads: threads)
                 quick = LagEmbedding(lags, fill=fill).fit_transform(X, groups=groups)

@@ -17,7 +17,7 @@ forks = """
 import os
 import time
 import numpy as np
-from sksurrogate._parallel._worker_process import Second, can_fork
+from sksurrogate._parallel._worker_process import WorkerProcess, can_fork
 from sksurrogate._parallel._parallel_map import side_by_side
 assert can_fork()
 here = os.getpid()
@@ -38,10 +38,10 @@ def summary(script):
 @needs_fork
 def test_questions_are_answered_in_one_other_process_and_the_answers_come_back():
     script = """
-second = Second()
+second = WorkerProcess()
 there = [second.ask(os.getpid).answer() for _ in range(3)]
-print(there[0] == here, len(set(there)), Second(apart=False).ask(os.getpid).answer() == here)
-print([Second(later=later).ask(lambda: os.nice(0)).answer() - os.nice(0) for later in (False, True)])
+print(there[0] == here, len(set(there)), WorkerProcess(apart=False).ask(os.getpid).answer() == here)
+print([WorkerProcess(later=later).ask(lambda: os.nice(0)).answer() - os.nice(0) for later in (False, True)])
 first, last = second.ask(lambda: 'first'), second.ask(lambda: 'last')
 print(last.answer(), first.answer())
 """
@@ -56,7 +56,7 @@ strided = np.arange(12000.0).reshape(2, 3, 2000).transpose(2, 0, 1)
 def changed():
     big[:] = 1.0
     return [big, np.zeros((2, 0)), strided, np.asfortranarray(strided[0]), np.arange(7), 'end']
-found = Second().ask(changed).answer()
+found = WorkerProcess().ask(changed).answer()
 found[0][0] = found[4][0] = 5
 print(big.sum() == 5999 * 3000, found[0].sum(), found[1].shape, (found[2] == strided).all(), (found[3] == strided[0]).all())
 print(found[4].sum(), found[5])
@@ -70,7 +70,7 @@ def test_what_is_known_from_the_beginning_does_not_travel():
 class Handle:
     def __reduce__(self): raise TypeError('not to be sent')
 handle, other = Handle(), Handle()
-second = Second(known=[handle])
+second = WorkerProcess(known=[handle])
 pid, back = second.ask(lambda: (os.getpid(), handle)).answer()
 print(pid != here, back is handle, second.ask(lambda: (os.getpid(), other)[0]).answer() == here)
 """
@@ -82,7 +82,7 @@ def test_numpy_heeds_there_what_it_was_told_here():
     script = """
 import warnings
 warnings.simplefilter('error')
-second = Second()
+second = WorkerProcess()
 with np.errstate(divide='ignore'):
     print(second.ask(lambda: np.ones(1) / 0).answer())
 try:
@@ -95,7 +95,7 @@ except RuntimeWarning as warning:
 
 @needs_fork
 def test_two_processes_meet_in_the_middle():
-    slow = "second = Second()\ndef slow(k):\n    time.sleep(0.3)\n    return k, os.getpid() == here\n"
+    slow = "second = WorkerProcess()\ndef slow(k):\n    time.sleep(0.3)\n    return k, os.getpid() == here\n"
     script = slow + "found = side_by_side(slow, list(range(6)), second)\n"
     assert summary(script + "print([k for k, _ in found], found[0][1], found[5][1])") == "[0, 1, 2, 3, 4, 5] True False"
     script = script.replace(", second)", ", second, lambda k: k in (2, 3))")  # the long ones stand at the ends
@@ -107,7 +107,7 @@ def test_two_processes_meet_in_the_middle():
 @needs_fork
 def test_an_error_here_leaves_nobody_at_work_on_the_items():
     script = """
-second = Second()
+second = WorkerProcess()
 waiting = second.ask(lambda: 'asked before')
 def some(k):
     time.sleep(0.1)
@@ -129,7 +129,8 @@ except ZeroDivisionError:
 )  # fmt: skip
 def test_without_an_answer_the_question_is_answered_here(question):
     assert (
-        summary(f"second = Second()\nprint(second.ask({question}).answer(), second.ask(lambda: 2).answer())") == "1 2"
+        summary(f"second = WorkerProcess()\nprint(second.ask({question}).answer(), second.ask(lambda: 2).answer())")
+        == "1 2"
     )
 
 
@@ -137,7 +138,7 @@ def test_without_an_answer_the_question_is_answered_here(question):
 def test_an_error_is_raised_where_the_answer_is_wanted_and_a_warning_is_heard_there():
     script = """
 import warnings
-second = Second()
+second = WorkerProcess()
 with warnings.catch_warnings(record=True) as heard:
     warnings.simplefilter('always')
     second.ask(lambda: warnings.warn('careful')).answer()
@@ -159,14 +160,14 @@ except ZeroDivisionError as error:
     ids=["no process", "no file"],
 )  # fmt: skip
 def test_where_no_process_may_be_made_the_question_is_answered_here(refused):
-    assert summary("second = Second()\n" + refused + "print(second.ask(os.getpid).answer() == here)") == "True"
+    assert summary("second = WorkerProcess()\n" + refused + "print(second.ask(os.getpid).answer() == here)") == "True"
 
 
 @needs_fork
 def test_a_process_that_is_left_is_ended():
     script = """
 import multiprocessing
-with Second() as second:
+with WorkerProcess() as second:
     second.ask(lambda: time.sleep(60))
 started = time.monotonic()
 while multiprocessing.active_children() and time.monotonic() - started < 30:
@@ -178,7 +179,7 @@ print('there' if multiprocessing.active_children() else 'gone')
 
 @needs_fork
 def test_processes_whose_first_one_is_gone_end():
-    code = "import os, time\nfrom sksurrogate._parallel._worker_process import Second\none, other = Second(), Second(later=True)\n"
+    code = "import os, time\nfrom sksurrogate._parallel._worker_process import WorkerProcess\none, other = WorkerProcess(), WorkerProcess(later=True)\n"
     code += "print(one.ask(os.getpid).answer(), other.ask(os.getpid).answer(), flush=True)\ntime.sleep(120)\n"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as first:
         pids = first.stdout.readline().split()
@@ -202,7 +203,7 @@ def alive(pid):
 def test_items_of_a_process_that_died_are_asked_here():
     script = "def asked(k):\n    time.sleep(0.05)\n"
     script += "    if k == 3 and os.getpid() != here:\n        os.kill(os.getpid(), 9)\n    return k\n"
-    assert summary(script + "print(side_by_side(asked, list(range(8)), Second()))") == "[0, 1, 2, 3, 4, 5, 6, 7]"
+    assert summary(script + "print(side_by_side(asked, list(range(8)), WorkerProcess()))") == "[0, 1, 2, 3, 4, 5, 6, 7]"
 
 
 @needs_fork
@@ -210,7 +211,7 @@ def test_one_that_does_not_answer_in_time_is_not_waited_for():
     script = "from sksurrogate._parallel import _worker_process\n_second.PATIENCE = 0.2\n_second.TIMES = 0.0\n"
     question = "lambda: 1 if os.getpid() == here else time.sleep(60)"
     started = time.monotonic()
-    assert summary(script + f"print(Second().ask({question}).answer())") == "1"
+    assert summary(script + f"print(WorkerProcess().ask({question}).answer())") == "1"
     assert time.monotonic() - started < 50
 
 
@@ -247,7 +248,7 @@ def test_linear_algebra_keeps_to_one_thread_and_has_its_own_back_afterwards():
 DIAGNOSIS = """
 import warnings
 from dataclasses import replace
-from sksurrogate._parallel._worker_process import Second
+from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.gap.results._provenance import UNKNOWN_ORIGIN
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.gap import GapDiagnoser

@@ -136,7 +136,7 @@ def test_equidistant_route_equals_the_general_one():
 
 
 def test_many_rows_equal_few_rows():
-    X = np.random.default_rng(1).normal(size=(2 * bases.BLOCK + 17, 3))
+    X = np.random.default_rng(1).normal(size=(2 * bases.BASIS_ROWS + 17, 3))
     splines = [spline_on(EVEN, 3), spline_on(EVEN * 2, 3), spline_on(EVEN[:4], 3)]
     whole = spline_csr(X, splines).toarray()
     apart = np.hstack([dense(x, spline) for x, spline in zip(X.T, splines)])

@@ -71,7 +71,7 @@ def test_a_large_lag_model_is_the_one_of_the_lag_matrix(monkeypatch):
     X, y, groups = make_reactor_runs(60, 400, y0_range=(4.0, 6.0), u_range=(0.1, 0.15), random_state=0)
     models = [FNNRegressor((3,), random_state=0), PenalizedRegressor([Ridge(1e-6)])]
     kept = [RecursivePredictor(model, 3, 3).fit(X, y, groups=groups) for model in models]
-    monkeypatch.setattr("sksurrogate.compose._lagged.WHOLE", 1000)
+    monkeypatch.setattr("sksurrogate.compose._lagged.WHOLE_LAG_MATRIX", 1000)
     for model, by_matrix in zip(models, kept):
         by_rows = RecursivePredictor(model, 3, 3).fit(X, y, groups=groups)
         np.testing.assert_allclose(by_rows.one_step_rmse_, by_matrix.one_step_rmse_, rtol=1e-6)

@@ -102,5 +102,5 @@ def test_rows_of_a_simulation():
 
 
 def test_a_residual_that_is_no_estimator():
-    with pytest.raises(DataError, match="no estimator: it has no method fit"):
+    with pytest.raises(DataError, match="not an estimator: it has no method fit"):
         HybridRegressor(plant(), object(), form="static").fit(U, Y)

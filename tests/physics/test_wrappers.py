@@ -129,7 +129,7 @@ def test_the_table_takes_columns_of_the_inputs():
 
 
 def test_what_is_no_control_system_is_refused():
-    with pytest.raises(SimulatorError, match=r"no system of python-control: make one with control\.ss"):
+    with pytest.raises(SimulatorError, match=r"not a system of python-control: make one with control\.ss"):
         ControlSimulator(np.eye(2), dt=0.1).simulate(np.zeros((3, 1)))
 
 

@@ -131,7 +131,7 @@ def test_a_unit_that_would_leave_its_folder_is_refused(name, tmp_path):
 
 
 def test_a_unit_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("sksurrogate.physics._fmu_unit._LARGEST", 10**6)
+    monkeypatch.setattr("sksurrogate.physics._fmu_unit._LARGEST_UNIT", 10**6)
     said = opens_or_refuses(unit(("modelDescription.xml", XML), ("bomb", bytes(2 * 10**6))), tmp_path)
     assert "expected at most" in said and "not safe" in said
 
