@@ -153,7 +153,7 @@ def test_a_simulator_without_a_value_is_refused(tmp_path):
         DataError, match=r"with cache=, simulator cannot be distinguished .*lock.*give its class a __getstate__"
     ):
         kept(simulate, tmp_path)
-    with pytest.raises(DataError, match="with memory=, estimator cannot be determined"):
+    with pytest.raises(DataError, match="with memory=, estimator cannot be distinguished"):
         model = make_pipeline(FunctionTransformer(simulate), LinearRegression())
         Remembered(model, tmp_path).fit(np.eye(3), np.arange(3.0))
 

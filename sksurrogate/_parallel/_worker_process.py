@@ -42,9 +42,9 @@ def can_fork() -> bool:
 
 
 class _Answer(NamedTuple):
-    """Of one question; ``given`` is False where there is none."""
+    """Of one question; ``answered`` is False where there is none."""
 
-    summary: bool
+    answered: bool
     value: Any = None
     heard: tuple[Any, ...] = ()
 
@@ -187,7 +187,7 @@ class PendingAnswer(Generic[T]):
             second = self._second
             found = second.wait(self._number, PATIENCE + TIMES_PASSED * (time.monotonic() - self._begun))
             self._second = None
-            if found.summary:
+            if found.answered:
                 for warning in found.heard:
                     warnings.warn(warning, stacklevel=2)
                 return found.value

@@ -55,10 +55,10 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
         Experiments whose inputs leave the recorded range.
     """
     most = np.nanmax(np.where(np.isfinite(list(apart.values())), list(apart.values()), -1.0), axis=0)
-    summary = np.flatnonzero(most >= NATS_THAT_SETTLE) if np.any(most >= NATS_THAT_SETTLE) else np.arange(len(most))
+    settled = np.flatnonzero(most >= NATS_THAT_SETTLE) if np.any(most >= NATS_THAT_SETTLE) else np.arange(len(most))
     rows: list[dict[str, Any]] = []
     for experiment, values in apart.items():
-        known = [int(k) for k in summary if np.isfinite(values[k])]
+        known = [int(k) for k in settled if np.isfinite(values[k])]
         hardest = min(known, key=lambda k: values[k], default=None)
         if hardest is not None:
             between = f"{names[0]} and {names[1 + hardest]}"
@@ -80,10 +80,10 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
     )
     if not best["within"]:
         sentence += " Its inputs leave the recorded range: make sure that the plant allows them."
-    same = [names[1 + k] for k in range(len(most)) if k not in summary]
+    same = [names[1 + k] for k in range(len(most)) if k not in settled]
     if same:
         sentence += f" None of the simulated experiments separates {', '.join(same)} from {names[0]}."
-    parted = tuple(names[1 + int(k)] for k in summary if apart[best["experiment"]][k] >= NATS_THAT_SETTLE)
+    parted = tuple(names[1 + int(k)] for k in settled if apart[best["experiment"]][k] >= NATS_THAT_SETTLE)
     return NextExperiment(sentence, Table(tuple(rows)), names[0], parted)
 
 

@@ -231,9 +231,9 @@ def notes_on_names(
         if effects is not final:
             left_out = [repr(label) for label, f in zip(pieces(record, labels), fold) if f == k]
             named.setdefault(" and ".join(map(name_of, effects)), []).extend(left_out)
-    summary = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
+    listed = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
     return (
-        [f"Parts of the data choose other effects, which stand there in the error on runs left out: {summary}."]
-        if summary
+        [f"Parts of the data choose other effects, which stand there in the error on runs left out: {listed}."]
+        if listed
         else []
     )

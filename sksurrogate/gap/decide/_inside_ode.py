@@ -191,11 +191,11 @@ class OdeInside:
         problem, rounding, remains = self.search.problem, self.rounding(final), self.remains
         if rounding is not None and final.left < NEARLY_WHITE:
             return rounding.sensor, "output"
-        summary = place_of_law(
+        place = place_of_law(
             self.law(final, final.left < NEAR), remains.places if remains else [], problem.plant.inputs
         )
-        if summary:
-            return summary
+        if place:
+            return place
         curve = self.curve
         if curve is not None and not final.effects and curve.gain > CERTAIN and curve.location in problem.plant.inputs:
             return curve.location, "input"

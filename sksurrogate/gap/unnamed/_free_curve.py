@@ -67,7 +67,7 @@ def free_curve(found: Evidence) -> FreeCurve | None:
     except np.linalg.LinAlgError:  # a path along which no noise can be followed
         return None
     near = [one for one in tried if fit.nearer(one)]
-    return fit.summary(max(near, key=lambda one: one.gain)) if near else None
+    return fit.result(max(near, key=lambda one: one.gain)) if near else None
 
 
 class _Tried(NamedTuple):
@@ -154,7 +154,7 @@ class _CurveFit:
         before, after, _ = self.moved(one)
         return bool(np.sum(after**2) <= np.sum(before**2))
 
-    def summary(self, one: _Tried) -> FreeCurve:
+    def result(self, one: _Tried) -> FreeCurve:
         """A curve with its name, and what it moves."""
         record = self.problem.record
         rms, spread = record.rms(self.moved(one)[2]), record.spread / self.problem.sd

@@ -167,7 +167,7 @@ def law_beside(
     except np.linalg.LinAlgError:
         return None
     alone = max(fit.alone(noise) for noise in noises)
-    return fit.summary(best, alone)
+    return fit.result(best, alone)
 
 
 def as_regressors(
@@ -397,7 +397,7 @@ class _Fit:
             now = self.found(k, f, F, noise)
         return now
 
-    def summary(self, one: _Found, alone: float) -> LawBeside:
+    def result(self, one: _Found, alone: float) -> LawBeside:
         """With its place; a set with next to no law is not less likely than the set alone."""
         curve, _, kind = self.candidates[one.k]
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))

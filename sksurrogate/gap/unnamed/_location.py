@@ -23,7 +23,7 @@ PREDICTED, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
 TOLD_BY_ITSELF = 0.5
 
 
-def likely_place(found: Sequence[Place], summary: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:
+def likely_place(found: Sequence[Place], predictability: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:
     """Location and kind of the place with most evidence; of a balance and an input that pushes it, the one that tells the force.
 
     Parameters
@@ -38,11 +38,11 @@ def likely_place(found: Sequence[Place], summary: Callable[[str, str], tuple[flo
     if state.log_likelihood > best.log_likelihood - AS_LIKELY:
         best = state
     if best.kind == "input" and state.log_likelihood > best.log_likelihood - NOT_HOPELESS:
-        alone, everything = summary(state.location, best.location)
+        alone, everything = predictability(state.location, best.location)
         if everything > PREDICTED and alone < everything - CLEARLY:
             best = state
     elif best.kind == "state":
-        inputs = [(*summary(best.location, place.location), place) for place in found if place.kind == "input"]
+        inputs = [(*predictability(best.location, place.location), place) for place in found if place.kind == "input"]
         telling = [
             (alone, place.location)
             for alone, everything, place in inputs

@@ -67,9 +67,9 @@ class Remaining:
         here = final.candidate is not self.first.candidate or not self.both
         own = law_left(final, self.seed) if here else None
         (force, accusable), beside = self._aside.answer()
-        summary = own or beside
-        assert summary is not None
-        latent, law = summary
+        found = own or beside
+        assert found is not None
+        latent, law = found
         return Remains(latent, law, accusable, force)
 
 

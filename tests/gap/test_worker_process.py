@@ -28,7 +28,7 @@ needs_fork = pytest.mark.skipif(
 )
 
 
-def summary(script):
+def printed(script):
     """What a script prints."""
     done = subprocess.run([sys.executable, "-c", forks + script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -45,7 +45,7 @@ print([WorkerProcess(later=later).ask(lambda: os.nice(0)).answer() - os.nice(0) 
 first, last = second.ask(lambda: 'first'), second.ask(lambda: 'last')
 print(last.answer(), first.answer())
 """
-    assert summary(script).splitlines() == ["False 1 True", "[0, 10]", "last first"]
+    assert printed(script).splitlines() == ["False 1 True", "[0, 10]", "last first"]
 
 
 @needs_fork
@@ -61,7 +61,7 @@ found[0][0] = found[4][0] = 5
 print(big.sum() == 5999 * 3000, found[0].sum(), found[1].shape, (found[2] == strided).all(), (found[3] == strided[0]).all())
 print(found[4].sum(), found[5])
 """
-    assert summary(script) == "True 6004.0 (2, 0) True True\n26 end"
+    assert printed(script) == "True 6004.0 (2, 0) True True\n26 end"
 
 
 @needs_fork
@@ -74,7 +74,7 @@ second = WorkerProcess(known=[handle])
 pid, back = second.ask(lambda: (os.getpid(), handle)).answer()
 print(pid != here, back is handle, second.ask(lambda: (os.getpid(), other)[0]).answer() == here)
 """
-    assert summary(script) == "True True True"
+    assert printed(script) == "True True True"
 
 
 @needs_fork
@@ -90,18 +90,18 @@ try:
 except RuntimeWarning as warning:
     print(warning)
 """
-    assert summary(script).splitlines() == ["[inf]", "divide by zero encountered in divide"]
+    assert printed(script).splitlines() == ["[inf]", "divide by zero encountered in divide"]
 
 
 @needs_fork
 def test_two_processes_meet_in_the_middle():
     slow = "second = WorkerProcess()\ndef slow(k):\n    time.sleep(0.3)\n    return k, os.getpid() == here\n"
     script = slow + "found = side_by_side(slow, list(range(6)), second)\n"
-    assert summary(script + "print([k for k, _ in found], found[0][1], found[5][1])") == "[0, 1, 2, 3, 4, 5] True False"
+    assert printed(script + "print([k for k, _ in found], found[0][1], found[5][1])") == "[0, 1, 2, 3, 4, 5] True False"
     script = script.replace(", second)", ", second, lambda k: k in (2, 3))")  # the long ones stand at the ends
-    assert summary(script + "print([k for k, _ in found], found[2][1], found[3][1])") == "[0, 1, 2, 3, 4, 5] True False"
+    assert printed(script + "print([k for k, _ in found], found[2][1], found[3][1])") == "[0, 1, 2, 3, 4, 5] True False"
     again = "print(all(side_by_side(lambda k: k * n, list(range(n)), second) == [k * n for k in range(n)] for n in range(200)))"
-    assert summary(slow + again) == "True"
+    assert printed(slow + again) == "True"
 
 
 @needs_fork
@@ -117,7 +117,7 @@ try:
 except ZeroDivisionError:
     print(waiting.answer(), side_by_side(lambda k: k, list(range(8)), second), second.ask(os.getpid).answer() != here)
 """
-    assert summary(script) == "asked before [0, 1, 2, 3, 4, 5, 6, 7] True"
+    assert printed(script) == "asked before [0, 1, 2, 3, 4, 5, 6, 7] True"
 
 
 @needs_fork
@@ -129,7 +129,7 @@ except ZeroDivisionError:
 )  # fmt: skip
 def test_without_an_answer_the_question_is_answered_here(question):
     assert (
-        summary(f"second = WorkerProcess()\nprint(second.ask({question}).answer(), second.ask(lambda: 2).answer())")
+        printed(f"second = WorkerProcess()\nprint(second.ask({question}).answer(), second.ask(lambda: 2).answer())")
         == "1 2"
     )
 
@@ -149,7 +149,7 @@ try:
 except ZeroDivisionError as error:
     print(repr(error))
 """
-    assert summary(script) == "1 careful\nZeroDivisionError('division by zero')"
+    assert printed(script) == "1 careful\nZeroDivisionError('division by zero')"
 
 
 @needs_fork
@@ -160,7 +160,7 @@ except ZeroDivisionError as error:
     ids=["no process", "no file"],
 )  # fmt: skip
 def test_where_no_process_may_be_made_the_question_is_answered_here(refused):
-    assert summary("second = WorkerProcess()\n" + refused + "print(second.ask(os.getpid).answer() == here)") == "True"
+    assert printed("second = WorkerProcess()\n" + refused + "print(second.ask(os.getpid).answer() == here)") == "True"
 
 
 @needs_fork
@@ -174,7 +174,7 @@ while multiprocessing.active_children() and time.monotonic() - started < 30:
     time.sleep(0.05)
 print('there' if multiprocessing.active_children() else 'gone')
 """
-    assert summary(script) == "gone"
+    assert printed(script) == "gone"
 
 
 @needs_fork
@@ -203,15 +203,15 @@ def alive(pid):
 def test_items_of_a_process_that_died_are_asked_here():
     script = "def asked(k):\n    time.sleep(0.05)\n"
     script += "    if k == 3 and os.getpid() != here:\n        os.kill(os.getpid(), 9)\n    return k\n"
-    assert summary(script + "print(side_by_side(asked, list(range(8)), WorkerProcess()))") == "[0, 1, 2, 3, 4, 5, 6, 7]"
+    assert printed(script + "print(side_by_side(asked, list(range(8)), WorkerProcess()))") == "[0, 1, 2, 3, 4, 5, 6, 7]"
 
 
 @needs_fork
 def test_one_that_does_not_answer_in_time_is_not_waited_for():
-    script = "from sksurrogate._parallel import _worker_process\n_second.PATIENCE = 0.2\n_second.TIMES = 0.0\n"
+    script = "from sksurrogate._parallel import _worker_process\n_worker_process.PATIENCE = 0.2\n_worker_process.TIMES = 0.0\n"
     question = "lambda: 1 if os.getpid() == here else time.sleep(60)"
     started = time.monotonic()
-    assert summary(script + f"print(WorkerProcess().ask({question}).answer())") == "1"
+    assert printed(script + f"print(WorkerProcess().ask({question}).answer())") == "1"
     assert time.monotonic() - started < 50
 
 
@@ -253,12 +253,12 @@ from sksurrogate.gap.results._provenance import UNKNOWN_ORIGIN
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.gap import GapDiagnoser
 count = []
-wait = Second.wait
+wait = WorkerProcess.wait
 def counted(self, *given):
     answer = wait(self, *given)
-    count.append(answer.given)
+    count.append(answer.answered)
     return answer
-Second.wait = counted
+WorkerProcess.wait = counted
 X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
 for n_jobs in (None, 1):
     diagnoser = GapDiagnoser(make_reactor(second=80.0), n_jobs=n_jobs, random_state=0)
@@ -271,6 +271,6 @@ for n_jobs in (None, 1):
 
 @needs_fork
 def test_a_diagnosis_in_two_processes_gives_the_answer_of_one():
-    two, one = summary(DIAGNOSIS).splitlines()
+    two, one = printed(DIAGNOSIS).splitlines()
     assert two.startswith("True ") and one.startswith("False ")
     assert two.removeprefix("True ") == one.removeprefix("False ")
