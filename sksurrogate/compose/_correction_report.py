@@ -78,8 +78,9 @@ def keep_supported(
     best = (_best_inside if correction.inside else _best_outside)(left_out, fades, size)
     place = [int(np.argmin(np.abs(best.factors - support.factor))) for support in best.supports]
     kept = best.factors[place]
+    changed = np.any(kept < 1.0) or best.fade != correction.domain.fade
     correction.keep(kept, best.fade)
-    if np.any(kept < 1.0):
+    if changed:
         correction.judge(inputs, measured)
     chosen = best.rmse[place, np.arange(o)]
     sentence = " ".join(

@@ -281,22 +281,29 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         return float(r2_score(truth[keep], predicted[keep], sample_weight=weight))
 
     # ---- out of the house -------------------------------------------------------------------------------------------
-    def to_graph(self, n_sub: int = 4) -> Graph:
-        """``x_next, y = f(x, u)`` in plain numpy with exact Jacobians; ``n_sub`` substeps of a right-hand side a sample."""
+    def to_graph(self, n_sub: int | None = None) -> Graph:
+        """``x_next, y = f(x, u)`` in plain numpy with exact Jacobians.
+
+        Parameters
+        ----------
+        n_sub : int, optional
+            Substeps of a right-hand side a sample; None: as many as ``predict`` takes ("dynamics", "input"), or as the
+            simulator took on the training runs.
+        """
         check_is_fitted(self, "correction_")
         return hybrid_graph(self.correction_, self.n_features_in_ - (self.run not in (None, "index")), n_sub)
 
-    def graph_state(self, X: Any, y0: Any = None, n_sub: int = 4) -> np.ndarray:
+    def graph_state(self, X: Any, y0: Any = None, n_sub: int | None = None) -> np.ndarray:
         """State of :meth:`to_graph` of one run: before its first row, or behind the rows of ``y0``."""
         check_is_fitted(self, "correction_")
         runs = self._resolve(X, None, None)
         return hybrid_state(self.correction_, runs[0].X, self._initial(y0, runs)[0], n_sub)
 
-    def to_casadi(self, name: str = "hybrid", n_sub: int = 4) -> Any:
+    def to_casadi(self, name: str = "hybrid", n_sub: int | None = None) -> Any:
         """The same as ``casadi.Function``; see :func:`sksurrogate.export.to_casadi`."""
         return to_casadi(self.to_graph(n_sub), name)
 
-    def to_onnx(self, path: Any = None, n_sub: int = 4) -> Any:
+    def to_onnx(self, path: Any = None, n_sub: int | None = None) -> Any:
         """The same as an ONNX model; see :func:`sksurrogate.export.to_onnx`."""
         return to_onnx(self.to_graph(n_sub), path)
 

@@ -12,7 +12,7 @@ from sklearn.base import clone
 from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._hybrid_output import Free, simulate_runs
 from sksurrogate.compose._left_out import Piece
-from sksurrogate.compose._plant_path import plant_path
+from sksurrogate.compose._plant_path import plant_path, training_substeps
 from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.effects._catalogue import kinematic_states
 from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
@@ -52,6 +52,9 @@ class DynamicsCorrection:
     inside = True
     #: Degree of the default's monomials; None: not chosen yet.
     degree: int | None = None
+    #: Substeps of Runge-Kutta a sample, chosen on the training runs: fixed, so that an export steps as ``predict`` does.
+    #: None: as many as a run asks for.
+    n_sub: int | None = None
     theta: np.ndarray
 
     def __init__(self, simulator: Any, residual: Any, form: str, loss: str, states: Any, fade: float, shrinkage: float):
@@ -62,6 +65,12 @@ class DynamicsCorrection:
         """Fit on runs; ``before``: a fitted correction to start from."""
         self._fit_term(inputs, measured, before)
         return self.judge(inputs, measured)
+
+    def _choose_substeps(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:
+        """As many substeps as the training runs ask for, also with inputs that move twice as far."""
+        plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+        starts = [self._start(plant, y[:1]) for y in measured]
+        self.n_sub = training_substeps(plant, self._rate(), inputs, starts, larger=2.0)
 
     def _fit_term(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any) -> None:
         """Basis and coefficients."""
@@ -96,6 +105,7 @@ class DynamicsCorrection:
         """The same correction, fitted to these rows (run, start, stop)."""
         other = type(self)(self.simulator, self.residual, self.form, self.loss, self.states, self.fade, self.shrinkage)
         other.degree = self.degree  # one number of all runs; its coefficients are those of the other runs
+        other.n_sub = self.n_sub
         other._fit_term([inputs[r][a:b] for r, a, b in blocks], [measured[r][a:b] for r, a, b in blocks], None)
         return other
 
@@ -139,7 +149,8 @@ class DynamicsCorrection:
         return plant, model, guess
 
     def judge(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> DynamicsCorrection:
-        """Set what the free runs leave, and how large the gap is without the correction."""
+        """Set the substeps, what the free runs leave, and how large the gap is without the correction."""
+        self._choose_substeps(inputs, measured)
         free = self.run(inputs, [y[:1] for y in measured])
         self.rmse = np.sqrt(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2, axis=0))
         alone = simulate_runs(self.simulator, inputs, measured, self.n_outputs)
@@ -184,10 +195,13 @@ class DynamicsCorrection:
 
     def rhs(self, t: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the correction, on columns (n_states, n_points) and (n_inputs, n_points)."""
-        rate = self.terms.derivative(self.terms.coefficients(self.factor * self.theta[:, None]), self.domain)
-        return rate(t, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
+        return self._rate()(t, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
 
     # ---- parts ------------------------------------------------------------------------------------------------------
+    def _rate(self) -> Any:
+        """dx/dt (or the next states) with the correction as a function of (t, x, u)."""
+        return self.terms.derivative(self.terms.coefficients(self.factor * self.theta[:, None]), self.domain)
+
     @property
     def _inner(self) -> PlantModel:
         """The simulator on columns of states."""
@@ -195,12 +209,11 @@ class DynamicsCorrection:
 
     def _rolled(self, plant: Plant, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
         """States of free runs of equal length, (n_runs, n_samples, n_states)."""
-        rate = self.terms.derivative(self.terms.coefficients(self.factor * self.theta[:, None]), self.domain)
-        t = plant.dt * np.arange(U.shape[1])
+        rate, t = self._rate(), plant.dt * np.arange(U.shape[1])
         if plant.access == "rhs":
             method = str(getattr(self.simulator, "method", "auto")).replace("exact", "auto")  # terms are not linear
             order = 0 if plant.hold == "zoh" else 1
-            return free_run(rate, U, X0, t, order=order, method=method, states=plant.states)
+            return free_run(rate, U, X0, t, order=order, method=method, states=plant.states, n_sub=self.n_sub)
         X = np.empty((*U.shape[:2], X0.shape[1]))
         X[:, 0] = X0
         for k in range(U.shape[1] - 1):

@@ -80,6 +80,10 @@ class ForceCorrection(DynamicsCorrection):
             known = self.force(guess, u)
         _, self.fitted, self.domain = best  # type: ignore[misc]
 
+    def _choose_substeps(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:
+        """Those of the model along the training runs; None where Runge-Kutta will not do."""
+        self.n_sub = None if self.model.stiff else self.model.n_sub
+
     def _scale(self, factor: float) -> None:
         self.factor = factor
 

@@ -18,9 +18,13 @@ from sksurrogate.physics._simulator import describe
 
 __all__ = ["hybrid_graph", "hybrid_state"]
 
+#: Substeps of a right-hand side a sample where nothing else is known, as :func:`to_graph` takes them.
+SUBSTEPS = 4
 
-def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: int, n_sub: int) -> Graph:
-    """The hybrid as ``x_next, y = f(x, u)``."""
+
+def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: int, n_sub: int | None) -> Graph:
+    """The hybrid as ``x_next, y = f(x, u)``; ``n_sub`` None: the correction's own number of substeps."""
+    n_sub = n_sub or correction.n_sub or SUBSTEPS
     graph = Graph()
     if isinstance(correction, DynamicsCorrection):
         plant = describe(correction.simulator)
@@ -64,7 +68,7 @@ def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: in
     return graph
 
 
-def hybrid_state(correction: Any, U: np.ndarray, y0: np.ndarray | None, n_sub: int) -> np.ndarray:
+def hybrid_state(correction: Any, U: np.ndarray, y0: np.ndarray | None, n_sub: int | None) -> np.ndarray:
     """State of the graph before row ``len(y0)`` of a run (before row 0 without y0)."""
     inside = isinstance(correction, DynamicsCorrection)
     simulator = correction.simulator
@@ -81,7 +85,7 @@ def hybrid_state(correction: Any, U: np.ndarray, y0: np.ndarray | None, n_sub: i
     if y0 is not None and correction.starts is not None:
         own = correction.starts(simulator, [U], [y0[:n]])[0]
     d, before = np.zeros((n, o)), np.repeat(U[:1], n, axis=0)
-    step = None if simulator is None else to_graph(simulator, n_sub)
+    step = None if simulator is None else to_graph(simulator, n_sub or correction.n_sub or SUBSTEPS)
     for t in range(0 if y0 is None else len(y0)):
         assert y0 is not None
         at = {"y": np.zeros(o), "x_next": own} if step is None else step(x=own, u=U[t])

@@ -14,11 +14,13 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._left_out import Piece
+from sksurrogate.compose._plant_path import training_substeps
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting
 from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
 from sksurrogate.compose._starts import Starts, fitted_starts, plain_starts
 from sksurrogate.exceptions import DataError
+from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe, simulated, simulated_batch
 
 __all__ = ["Free", "OutputCorrection", "simulate_runs"]
@@ -98,6 +100,8 @@ class OutputCorrection:
     finds_starts = True
     _bases: dict[Piece, np.ndarray]
     domain: Domain
+    #: Substeps of the simulator's right-hand side along the training runs; None: not known.
+    n_sub: int | None = None
     #: How initial states are found from the first rows; None: states that are outputs start at the first row.
     starts: Starts | None
 
@@ -117,6 +121,10 @@ class OutputCorrection:
         found = fitted_starts(self.simulator, inputs, measured, self.n_lags) if asked else None
         self.starts, at = found if found is not None else (None, None)
         base = simulate_runs(self.simulator, inputs, measured, self.n_outputs, x0=at)
+        if self.simulator is not None:
+            plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+            rate = PlantModel(plant).derivative if plant.access == "rhs" else None
+            self.n_sub = training_substeps(plant, rate, inputs, at or plain_starts(self.simulator, measured))
         deviation = [y - b for y, b in zip(measured, base)]
         known = [self.known(U, b) for U, b in zip(inputs, base)]
         self._taught = (known, deviation, base)

@@ -1,6 +1,9 @@
-"""A simulator with states along measured runs: its model on the record, and a smoothed path of all states."""
+"""A simulator with states along measured runs: its model on the record, a smoothed path of all states, substeps."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -8,12 +11,13 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._fit_model import FitModel
+from sksurrogate.physics._free_run import substeps
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["plant_path"]
+__all__ = ["plant_path", "training_substeps"]
 
 
 def plant_path(
@@ -37,3 +41,23 @@ def plant_path(
         place = not_finite_along(model.inner, record)
         raise SimulatorError(f"the simulator gives no finite step along the data: {place}")
     return model, guess, noise
+
+
+def training_substeps(
+    plant: Plant, rate: Any, inputs: Sequence[np.ndarray], starts: Sequence[Any], larger: float = 1.0
+) -> int | None:
+    """Substeps a sample that a right-hand side asks for along runs; None where it is stiff, or no right-hand side.
+
+    ``larger``: the runs also with inputs that move by this multiple.
+    """
+    if plant.access != "rhs" or not plant.states:
+        return None
+    wanted: list[int] = []
+    for U, start in zip(inputs, starts):
+        both = np.stack([U, U.mean(axis=0) + larger * (U - U.mean(axis=0))] if len(U) and larger != 1.0 else [U])
+        x0 = np.repeat((plant.x0 if start is None else np.asarray(start))[None], len(both), axis=0)
+        found = substeps(rate, both, x0, plant.dt * np.arange(len(U)), 0 if plant.hold == "zoh" else 1)
+        if found is None:
+            return None
+        wanted.append(found)
+    return max(wanted, default=None)

@@ -13,7 +13,7 @@ from sksurrogate.kernels.integrate import march, rk4
 from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.windows import run_in_windows
 
-__all__ = ["free_run", "hold_inputs", "raise_if_diverged"]
+__all__ = ["free_run", "hold_inputs", "raise_if_diverged", "substeps"]
 
 #: Largest local error of a sample, relative to the size of the state, that the choice of substeps accepts.
 TOLERANCE = 1e-8
@@ -50,6 +50,7 @@ def free_run(
     method: str,
     states: tuple[str, ...],
     many: bool = False,
+    n_sub: int | None = None,
 ) -> np.ndarray:
     """States of runs of equal length.
 
@@ -65,6 +66,9 @@ def free_run(
         "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
     many : bool, default=False
         Whether many points cost little more than one: then long runs are closed by Newton's method, window by window.
+    n_sub : int, optional
+        With "auto" and "RK4": this many substeps a sample, unless the run leaves the finite numbers with them; None: as
+        many as the local error asks for.
 
     Returns
     -------
@@ -75,18 +79,30 @@ def free_run(
         return np.zeros((len(U), len(t), 0))
     with np.errstate(all="ignore"):
         if method in ("auto", "RK4"):
-            X, n_sub = _explicit(derivative, U, X0, t, order, many and len(t) > LONG_RUN)
+            windows = many and len(t) > LONG_RUN
+            if n_sub is not None:
+                X = _explicit(derivative, U, X0, t, order, windows, n_sub)[0]
+                if np.all(np.isfinite(X)):
+                    return X
+            X, n_sub = _explicit(derivative, U, X0, t, order, windows)
             if method == "RK4" or (n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X))):
                 return X
             method = "LSODA"
         return np.stack([_adaptive(derivative, U[r], X0[r], t, order, method) for r in range(len(U))])
 
 
+def substeps(derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int) -> int | None:
+    """Substeps a sample that the local error along these runs asks for; None where Runge-Kutta will not do."""
+    with np.errstate(all="ignore"):
+        X, n_sub = _explicit(derivative, U, X0, t, order, False)
+    return n_sub if n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X)) else None
+
+
 def _explicit(
-    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int, windows: bool
+    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int, windows: bool, fixed: int = 0
 ) -> tuple[np.ndarray, int]:
-    """Runge-Kutta with as many substeps as the local error asks for; that number."""
-    n_sub, X = 2, None
+    """Runge-Kutta with as many substeps as are ``fixed``, or (0) as the local error asks for; that number."""
+    n_sub, X = fixed or 2, None
     dt = np.diff(t, append=t[-1] + (t[-1] - t[-2] if len(t) > 1 else 1.0))
     step: float | np.ndarray = float(dt[0]) if np.allclose(dt, dt[0], rtol=1e-9) else dt
     while True:
@@ -95,7 +111,7 @@ def _explicit(
             X = _in_windows(derivative, X0.T, t, mean, half, np.broadcast_to(step, len(t)) / n_sub, X)
         else:
             X = march(derivative, X0.T, np.full(len(U), t[0]), mean, half, np.asarray(step) / n_sub)
-        wanted = _substeps_needed(derivative, X, U, t, order, n_sub, step)
+        wanted = fixed or _substeps_needed(derivative, X, U, t, order, n_sub, step)
         if wanted <= n_sub or n_sub > MOST_PLANT_SUBSTEPS:
             return X.transpose(1, 2, 0), n_sub
         n_sub = wanted

@@ -172,7 +172,7 @@ def test_the_export_of_a_net_inside_equals_predict():
     )
     for form in ("dynamics", "input"):
         hybrid = HybridRegressor(plant(), residual, form).fit(X, y, groups=groups)
-        graph = hybrid.to_graph(n_sub=hybrid.correction_.model.n_sub)
+        graph = hybrid.to_graph()
         expected, x, found = hybrid.predict(X[groups == 1]), graph.initial, []
         for u in X[groups == 1]:
             at = graph(x=x, u=u)

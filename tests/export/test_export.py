@@ -163,6 +163,20 @@ def test_a_hybrid_on_a_right_hand_side_runs_freely_as_predict(form):
         np.testing.assert_allclose(free(step, hybrid.graph_state(U), U)[:, 0], expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize("form", ["output", "static", "series", "dynamics", "input"])
+def test_a_hybrid_whose_correction_fades_runs_freely_as_predict(form):
+    X, y, groups = make_reactor_runs(4, 80, noise=0.01, u_range=(0.1, 0.2), random_state=0)
+    hybrid = HybridRegressor(linear_reactor(), form=form, fade=0.05).fit(X, y, groups=groups)
+    n = hybrid.n_initial_
+    for U, outside in ((X[groups == 2], False), (0.15 + 2.0 * (X[groups == 2] - 0.15), True)):
+        y0 = y[groups == 2][:n, None]
+        weight, expected = hybrid.validity(U, y0=y0), hybrid.predict(U, y0=y0)
+        assert bool(weight[n:].min() < 0.5) is outside
+        state, graph = hybrid.graph_state(U, y0=y0), hybrid.to_graph()
+        for step in (numpy_step(graph), casadi_step(graph), onnx_step(graph)):
+            np.testing.assert_allclose(free(step, state, U[n:])[:, 0], expected[n:], rtol=1e-9)
+
+
 def pendulum(t, x, u, p):
     q, v = x
     return np.stack([v, u[0] - p["g"] * np.sin(q) - p["c"] * np.abs(v) * v - np.maximum(q - 1.0, 0.0) ** 2])
