@@ -38,7 +38,13 @@ from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._retuned import retuned_table
-from sksurrogate.gap.render._notes import at_a_bound, interruption, lost_candidates, of_the_inputs
+from sksurrogate.gap.render._notes import (
+    at_a_bound,
+    failed_stages,
+    interruption,
+    lost_candidates,
+    of_the_inputs,
+)
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of, undecided_sentence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -96,6 +102,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         self.weights: Sequence[float] = ()
         self.found = PartialResults()
         self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
+        self.failed: dict[str, str] = {}
         self.begun_at, self.include_law = time.perf_counter(), include_law
         self.experiment: PendingAnswer[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
@@ -129,6 +136,10 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             stage.ask(self)
         except TimeIsUp:
             self.cut[stage.name], self.complete = None, False
+        except (np.linalg.LinAlgError, FloatingPointError) as error:
+            if np.isinf(stage.until):  # nothing can be said without it
+                raise
+            self.failed[stage.name] = str(error)
 
     @property
     def final(self) -> Evidence:
@@ -356,6 +367,8 @@ class DiagnosisPipeline(LawStage, Generic[C]):
                     term = replace(self.inside.missing_term(place.location, str(place.kind)), law=self.found.law)
         except TimeIsUp:
             self.cut["the place of the gap"], self.complete = None, False
+        except (np.linalg.LinAlgError, FloatingPointError) as error:
+            self.failed["the place of the gap"] = str(error)
         return place, term
 
     def budget(self) -> Table:
@@ -377,7 +390,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""
         found, final, problem = self.found, self.final, self.problem
-        notes = interruption(self.complete, self.time_limit, list(self.cut))
+        notes = [*interruption(self.complete, self.time_limit, list(self.cut)), *failed_stages(self.failed)]
         if found.uncertified:
             notes.append(found.uncertified)
         notes += notes_on_names(

@@ -1,12 +1,13 @@
 """Soft-dynamics smoother: the states that agree best with measurements and a model that may be wrong.
 
 ``min sum |(y - g(x)) / sd|^2 + sum |d_k / q|^2`` over all states at once, d_k = F(x_k) - x_{k+1}; Gauss-Newton with one
-banded Cholesky factor an iteration. The allowance q of every balance is set to its own defects, so that kinematic rows
+banded Cholesky factor an iteration, its step halved while the sum would grow. The allowance q of every balance is set to its own defects, so that kinematic rows
 become hard and faulty balances soft by themselves; unmeasured states are found on the way.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,8 @@ def _noise_of_measured(y: np.ndarray, t: np.ndarray, run: np.ndarray) -> float:
 EASY, FIRM = 1e-8, 1e-4
 #: Defects of a balance that the first step allows, in sizes of its state.
 _ALLOWANCE = 0.1
+#: Halvings of a step (ten sizes of a state become a hundredth); growth of a sum of squares that may be rounding.
+_HALVINGS, _ROUNDING = 10, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +159,7 @@ def smooth(
     part = np.ones((n, 1)) if share is None else share
     q = np.where(stiff, floor, _ALLOWANCE) * scale
     anchor = x.copy()
-    last = np.inf
+    tie = _tie(x.shape, scale, ends)
     best: Smoothed | None = None
     for iteration in range(max_iterations):
         after, A = state_jacobian(bound, x, scale)
@@ -168,19 +171,24 @@ def smooth(
         if iteration == max_iterations - 1:
             break
         allowed = 1.0 / (q[:, None] * part) ** 2
-        step = _step(A, *_misses(C, y - g, sd, known), d, allowed, anchor - x, scale, ends)
-        if step is None:
+        step = _step(A, *_misses(C, y - g, sd, known), d, allowed, anchor - x, tie, ends)
+        if step is None or not np.isfinite(step).all():
             break
-        x = x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])
+
+        def total(x: np.ndarray, after: np.ndarray, g: np.ndarray, allowed: np.ndarray = allowed) -> float:
+            missed = _seen((y - g) / sd[:, None], known)
+            return float(
+                np.sum(missed**2) + np.sum(allowed * _defects(after, x, ends) ** 2) + np.sum(tie * (x - anchor) ** 2)
+            )
+
+        step = _downhill(bound, x, np.clip(step, -10 * scale[:, None], 10 * scale[:, None]), total, total(x, after, g))
+        x = x + step
         size = float(np.max(np.abs(step) / scale[:, None]))
         new_q = np.maximum(best.allowance, floor * scale)
         steady = np.all(stiff | (np.abs(np.log(new_q / q)) < 0.3))
         q = np.where(stiff, q, np.clip(new_q, q / 10, q * 3))
         if size < 1e-3 and steady:
             break
-        if not np.isfinite(size) or (size > 1e3 * last):
-            break
-        last = size
     if best is None:
         raise FloatingPointError("the model gives no finite step along the measured trajectory")
     return best
@@ -189,7 +197,31 @@ def smooth(
 def _misses(C: np.ndarray, r: np.ndarray, sd: np.ndarray, known: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Output Jacobians and misses over the noise; 0 where nothing was measured."""
     C, r = C / sd[:, None, None], r / sd[:, None]
-    return (C, r) if known is None else (np.where(known[:, None], C, 0.0), np.where(known, r, 0.0))
+    return (C if known is None else np.where(known[:, None], C, 0.0)), _seen(r, known)
+
+
+def _seen(r: np.ndarray, known: np.ndarray | None) -> np.ndarray:
+    """Misses (n_outputs, n_samples), 0 where nothing was measured."""
+    return r if known is None else np.where(known, r, 0.0)
+
+
+def _tie(shape: tuple[int, ...], scale: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """What ties a trajectory to its guess (n_states, n_samples)."""
+    tie = np.full(shape, EASY) / scale[:, None] ** 2
+    tie[:, np.r_[0, ends[:-1] + 1]] *= FIRM / EASY
+    return tie
+
+
+def _downhill(
+    bound: ObservedStepper, x: np.ndarray, step: np.ndarray, total: Callable[..., float], before: float
+) -> np.ndarray:
+    """A step, halved until the sum does not grow along it; none where it always grows."""
+    for _ in range(_HALVINGS):
+        there = (x + step)[:, None]
+        if total(there[:, 0], bound(there)[:, 0], bound.outputs(there)[:, 0]) <= before * (1.0 + _ROUNDING):
+            return step
+        step = 0.5 * step
+    return np.zeros_like(step)
 
 
 def drawn(
@@ -204,14 +236,14 @@ def drawn(
     if not (np.all(np.isfinite(d)) and np.all(np.isfinite(A)) and np.all(np.isfinite(g))):
         return None
     allowed = np.broadcast_to(1.0 / (_ALLOWANCE * scale[:, None]) ** 2, x.shape)
-    step = _step(A, *_misses(C, y - g, sd, known), d, allowed, np.zeros_like(x), scale, ends)
+    step = _step(A, *_misses(C, y - g, sd, known), d, allowed, np.zeros_like(x), _tie(x.shape, scale, ends), ends)
     if step is None or not np.all(np.isfinite(step)):
         return None
     return x + np.clip(step, -10 * scale[:, None], 10 * scale[:, None])
 
 
 def _step(
-    A: np.ndarray, C: np.ndarray, r: np.ndarray, d: np.ndarray, Q: np.ndarray, back: np.ndarray, scale: np.ndarray,
+    A: np.ndarray, C: np.ndarray, r: np.ndarray, d: np.ndarray, Q: np.ndarray, back: np.ndarray, tie: np.ndarray,
     ends: np.ndarray,
 ) -> np.ndarray | None:  # fmt: skip
     """One Gauss-Newton step (n_states, n_samples), None where its matrix is not positive definite.
@@ -222,8 +254,6 @@ def _step(
     leaving = np.broadcast_to(Q, d.shape).copy()  # of the step that leaves a sample
     leaving[:, ends] = 0.0
     weighted = A * leaving[:, None]
-    tie = np.full(d.shape, EASY) / scale[:, None] ** 2
-    tie[:, np.r_[0, ends[:-1] + 1]] *= FIRM / EASY
     diagonal = np.einsum("ijt,ilt->jlt", weighted, A) + np.einsum("ijt,ilt->jlt", C, C)
     index = np.arange(n)
     diagonal[index, index] += tie

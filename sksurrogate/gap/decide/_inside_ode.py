@@ -36,7 +36,7 @@ from sksurrogate.gap.unnamed._location import force_predictability, likely_place
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, Remains, law_left
 from sksurrogate.kernels.record import Record
 
-__all__ = ["OdeInside"]
+__all__ = ["OdeInside", "lost_places"]
 
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
@@ -44,6 +44,22 @@ PIECES_NOTE = (
     "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."
 )
+
+
+def lost_places(names: Sequence[str]) -> list[str]:
+    """Places where no signal can be followed.
+
+    Examples
+    --------
+    >>> lost_places(["level"])[0][:47]
+    'No missing term could be looked for at level: t'
+    """
+    if not names:
+        return []
+    return [
+        f"No missing term could be looked for at {', '.join(names)}: the simulator's response to a signal there is not finite along "
+        "the measured runs."
+    ]
 
 
 class OdeInside:
@@ -265,7 +281,7 @@ class OdeInside:
 
     def notes(self, final: Evidence[OdeCandidate], verdict: str) -> list[str]:
         """What a careful reader should know of the data."""
-        notes, rounding = [], self.rounding(final)
+        notes, rounding = lost_places(self.channels.lost), self.rounding(final)
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples

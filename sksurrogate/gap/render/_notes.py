@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["at_a_bound", "interruption", "lost_candidates", "of_the_inputs"]
+__all__ = ["at_a_bound", "failed_stages", "interruption", "lost_candidates", "of_the_inputs"]
 
 
 def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -> list[str]:
@@ -19,6 +19,20 @@ def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -
             "more time for the rest."
         ]
     return [] if complete else ["The diagnosis was interrupted: questions after that point are not answered."]
+
+
+def failed_stages(failed: Mapping[str, str]) -> list[str]:
+    """Stages that the linear algebra of a model broke: the rest of the report stands without them.
+
+    Examples
+    --------
+    >>> failed_stages({"law": "the matrix is singular"})[0][:49]
+    'Not answered, for the simulator is not finite or '
+    """
+    if not failed:
+        return []
+    parts = "; ".join(f"{name} ({why})" for name, why in failed.items())
+    return [f"Not answered, for the simulator is not finite or too stiff along the path that was needed: {parts}."]
 
 
 def at_a_bound(retuned: Table) -> list[str]:

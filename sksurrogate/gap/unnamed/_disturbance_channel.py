@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._folds import blocked
+from sksurrogate.gap.fit._folds import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
-from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push
+from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push, paths
 from sksurrogate.gap.unnamed._shape import Channel, evidence_of_law, shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.integrate import state_jacobian
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Linearised, linearise
 from sksurrogate.kernels.record import Record
@@ -23,8 +24,6 @@ __all__ = ["Channels", "channel_of", "missing_term", "places_by_law", "where_and
 
 #: Correlation times, in samples, from which the size of the signal is fitted.
 STARTS = (5.0, 25.0)
-#: A piece of a run over which small differences grow by more than this (log) is cut, no shorter than so many rows.
-LARGEST_GROWTH, SHORTEST = 9.0, 20
 #: Places that are compared by the law that fits there.
 COMPARED = 3
 
@@ -38,26 +37,40 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
         The simulator, free parameters re-tuned.
     location, kind : str
         State, input or output; a parameter stands for the largest force.
+
+    Raises
+    ------
+    LinAlgError
+        Where no noise can be followed along any path near the data.
     """
     null = on_record(null, blocked(null.problem.record))
     problem = null.problem
     if kind == "output" and location in problem.plant.outputs:
         return _sensor(problem, null, problem.plant.outputs.index(location))
     soft = _soft(problem, null, location, kind)
-    narrow = replace(problem, balances=soft)
-    try:
-        smoothed = narrow.smooth(null.model, null.fit.theta, null.fit.x)
-    except (FloatingPointError, np.linalg.LinAlgError):
-        smoothed = problem.smooth(null.model, null.fit.theta, null.fit.x)
-    x = smoothed.x
-    pieces = _pieces(problem.record, smoothed.A)
+    for x in paths(null, replace(problem, balances=soft), problem):
+        try:
+            return _along(null, x, location, kind, soft)
+        except np.linalg.LinAlgError:
+            continue
+    raise np.linalg.LinAlgError(f"no noise can be followed along any path near the data with a signal at {location!r}")
+
+
+def _along(null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Sequence[str]) -> Channel:
+    """The channel about a path, in pieces where the plant is unstable; about the path that it gives, where that is near."""
+    problem = null.problem
+    _, A = state_jacobian(null.model.bind(null.fit.theta[:, None]), x, null.model.scale)
+    pieces = _pieces(problem.record, A, largest_growth(problem.sd, problem.record.spread))
     if len(pieces) > len(problem.record.starts):
         null = on_record(null, replace(problem.record, starts=pieces))
         problem = null.problem
     channel, closed = _about(problem, null, x, location, kind, soft)
     again = closed + channel.D.states(channel.r, channel.noise)[0]
     if np.all(np.isfinite(again)) and np.max(np.abs(again - x) / null.model.scale[:, None]) < 3.0:
-        channel, _ = _about(problem, null, again, location, kind, soft, channel.noise)
+        try:
+            channel, _ = _about(problem, null, again, location, kind, soft, channel.noise)
+        except np.linalg.LinAlgError:  # along the first path it can be followed
+            pass
     return channel
 
 
@@ -66,8 +79,27 @@ def on_record(null: OdeCandidate, record: Record) -> OdeCandidate:
     return replace(null.problem, record=record).candidate(null.effects, null.fit)
 
 
-def _pieces(record: Record, A: np.ndarray) -> np.ndarray:
-    """First rows of pieces that are short enough for an unstable plant to be followed along a path that it would leave."""
+def largest_growth(sd: np.ndarray, spread: np.ndarray) -> float:
+    """Growth (log) of small differences over a piece of a run up to which a model that is linear about a measured path holds.
+
+    A path of error e leaves ``e^2 / spread`` of second order in every step; grown by ``exp(g)`` that stays within the noise
+    as long as ``exp(g) e^2 / spread < sd``, and e is at most the noise: ``g < log(spread / sd)``.
+
+    Parameters
+    ----------
+    sd, spread : ndarray (n_outputs,)
+        Noise and deviation of every output.
+
+    Examples
+    --------
+    >>> round(largest_growth(np.array([0.01]), np.array([1.0])), 3)
+    4.605
+    """
+    return max(float(-0.5 * np.log(np.mean((sd / spread) ** 2))), 0.0)
+
+
+def _pieces(record: Record, A: np.ndarray, most: float) -> np.ndarray:
+    """First rows of pieces over which small differences grow by at most so much (log), no shorter than a block of a fold."""
     radius = np.max(np.abs(np.linalg.eigvals(A.transpose(2, 0, 1))), axis=1)
     growth = np.log(np.maximum(np.where(np.isfinite(radius), radius, 1.0), 1.0))
     first = np.zeros(record.n_samples, bool)
@@ -75,7 +107,7 @@ def _pieces(record: Record, A: np.ndarray) -> np.ndarray:
     total, since = 0.0, 0
     for k in range(record.n_samples):
         total, since = (0.0, 0) if first[k] else (total + float(growth[k]), since + 1)
-        if total > LARGEST_GROWTH and since >= SHORTEST:
+        if total > most and since >= SHORTEST_BLOCK:
             first[k], total, since = True, 0.0, 0
     return np.flatnonzero(first)
 
@@ -163,7 +195,7 @@ def _sensor(problem: OdeBackend, null: OdeCandidate, j: int) -> Channel:
 
 def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float, held: np.ndarray) -> Noise:
     """The likeliest noise of several starts."""
-    best, value = starts[0], -np.inf
+    best, value = None, -np.inf
     for start in starts:
         try:
             noise, found, _ = fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=10)
@@ -171,6 +203,8 @@ def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float,
             continue
         if found > value:
             best, value = noise, found
+    if best is None:
+        raise np.linalg.LinAlgError("no noise can be followed along this path")
     return best
 
 
@@ -187,7 +221,8 @@ def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
             distinct.append(place)
     again = {}
     for place in distinct[:COMPARED]:
-        value = evidence_of_law(channels.at(place.location, place.kind))
+        channel = channels.at(place.location, place.kind)
+        value = -np.inf if channel is None else evidence_of_law(channel)
         if np.isfinite(value):
             again[place.log_likelihood] = value
     if len(again) < 2:
@@ -205,8 +240,10 @@ def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
 
 
 def missing_term(channels: Channels, location: str, kind: str) -> MissingTerm:
-    """The shape of what is missing at a place, on top of the null."""
+    """The shape of what is missing at a place, on top of the null; no curves where no signal there can be followed."""
     channel = channels.at(location, kind)
+    if channel is None:
+        return MissingTerm(location, kind, (), (), ())
     record = channel.record
     first = record.t[record.starts]
     table = times(record, channel.force())
@@ -219,11 +256,13 @@ def where_and_when(
 ) -> tuple[Table, Table]:
     """By region and by time: of the force at the likely place, of the largest that the null leaves where none is likely."""
     problem = channels.null.problem
-    if location is None or kind not in ("state", "input", "output"):
+    channel = None
+    if location is not None and kind in ("state", "input", "output"):
+        channel = channels.at(location, kind)
+    if channel is None:
         Z, names = features(problem, latent.x)
         w = latent.force[int(np.argmax(latent.size))]
         return regions(problem.record, Z, names, w), times(problem.record, w)
-    channel = channels.at(location, kind)
     w = channel.force()
     Z = channel.Z
     return regions(channel.record, Z, channel.names, w), times(problem.record, w)
@@ -236,14 +275,27 @@ class Channels:
     ----------
     null : OdeCandidate
         The simulator, free parameters re-tuned.
+
+    Attributes
+    ----------
+    known : dict
+        Channels by location and kind; None for a place where no signal can be followed.
     """
 
     def __init__(self, null: OdeCandidate):
         self.null = null
-        self.known: dict[tuple[str, str], Channel] = {}
+        self.known: dict[tuple[str, str], Channel | None] = {}
 
-    def at(self, location: str, kind: str) -> Channel:
-        """That of a place."""
+    def at(self, location: str, kind: str) -> Channel | None:
+        """That of a place; None where no signal there can be followed."""
         if (location, kind) not in self.known:
-            self.known[location, kind] = channel_of(self.null, location, kind)
+            try:
+                self.known[location, kind] = channel_of(self.null, location, kind)
+            except (np.linalg.LinAlgError, FloatingPointError):  # this place is lost, not the diagnosis
+                self.known[location, kind] = None
         return self.known[location, kind]
+
+    @property
+    def lost(self) -> list[str]:
+        """Locations where no signal can be followed."""
+        return [location for (location, _), channel in self.known.items() if channel is None]

@@ -90,6 +90,8 @@ def fitted_laws(
     best = -np.inf
     for rank, (location, kind) in enumerate(places[:MOST_PLACES]):
         channel = channels.at(location, kind)
+        if channel is None:
+            continue
         drivers = drivers_at(base.candidate, channel, location, kind)
         drafts = drafts_at(channel, drivers)
         best = max([best, *(draft.level for draft in drafts)])

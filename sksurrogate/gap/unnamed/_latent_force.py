@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from sklearn.ensemble import ExtraTreesRegressor
 
+from sksurrogate.gap.fit._build import measured_guess
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._folds import row_folds
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
@@ -14,7 +16,7 @@ from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
-from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.output_error import linearise, settle_hidden
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import output_jacobian
 
@@ -27,6 +29,7 @@ __all__ = [
     "law_of",
     "moved_by",
     "past_of",
+    "paths",
     "places",
     "repeatable",
 ]
@@ -34,6 +37,9 @@ __all__ = [
 #: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
 SMALLEST_FORCE = 2e-3
 
+#: A free run that misses an output by more than so many of its deviations has left the data; the steps of a smoother, which
+#: are no longer, do not bring it back.
+RUN_AWAY = 10.0
 #: A force that moves the outputs by less than this share of what all forces do is numerics, whatever law it follows.
 LEAST_MOVED = 0.15
 
@@ -70,8 +76,7 @@ def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
     candidate = found.candidate
     problem = candidate.problem
     with np.errstate(all="ignore"):
-        smoothed = problem.smooth(candidate.model, candidate.fit.theta, candidate.fit.x).x
-        for x in (smoothed, candidate.fit.x):
+        for x in paths(candidate, problem):
             try:
                 return _force_along(found, x, quiet_sensors)
             except np.linalg.LinAlgError:  # no noise can be followed along this path: the free run is smoother
@@ -81,6 +86,25 @@ def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
     n = candidate.model.n_states
     A = np.zeros((n, n, problem.record.n_samples))
     return LatentForce(candidate.fit.x, force, found.noise, nothing, A, problem.record.residual(candidate.fit.y))
+
+
+def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray]:
+    """Paths near the data: smoothed with the balances that each problem lets give way, as far as one is found; the free run.
+
+    A free run that has left the data is smoothed from the measured states instead.
+    """
+    fit, problem = candidate.fit, candidate.problem
+    record, start = problem.record, fit.x
+    away = record.rms(record.residual(fit.y)) / record.spread
+    if not np.max(away) < RUN_AWAY and problem.run is not None:
+        guess = measured_guess(problem.plant, record, problem.run)
+        start = settle_hidden(candidate.model, fit.theta, np.concatenate([guess, fit.x[len(guess) :]]))
+    for problem in problems:
+        try:
+            yield problem.smooth(candidate.model, fit.theta, start).x
+        except (FloatingPointError, np.linalg.LinAlgError):
+            continue
+    yield fit.x
 
 
 def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
@@ -205,9 +229,9 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     problem, theta, model = null.problem, null.fit.theta, null.model
     record = problem.record
     with np.errstate(all="ignore"):
-        smoothed = problem.smooth(model, theta, null.fit.x)
-        lin = linearise(model, theta, smoothed.x, problem.units((), theta))
-        whole = problem.disturbance_along(model, theta, smoothed.x, lin.A, problem.balances)
+        x = next(paths(null, problem))
+        lin = linearise(model, theta, x, problem.units((), theta))
+        whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances)
         r = record.residual(lin.y)
         m = len(record.y)
         C = whole.C.transpose(1, 2, 0)
@@ -240,7 +264,7 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
                 Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None))
             )
         for i, name in enumerate(problem.plant.inputs):
-            B = input_push(problem, null, smoothed.x, i)
+            B = input_push(problem, null, x, i)
             twin = _same_push(B, whole.B.transpose(1, 2, 0))
             if twin is not None:
                 found.append(Place(name, "input", found[twin].log_likelihood))
