@@ -38,13 +38,7 @@ from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._retuned import retuned_table
-from sksurrogate.gap.render._notes import (
-    at_a_bound,
-    failed_stages,
-    interruption,
-    lost_candidates,
-    of_the_inputs,
-)
+from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.render._sentences import note_on_none, sentence_of, undecided_sentence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -390,7 +384,10 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""
         found, final, problem = self.found, self.final, self.problem
-        notes = [*interruption(self.complete, self.time_limit, list(self.cut)), *failed_stages(self.failed)]
+        notes = [
+            *_notes.interruption(self.complete, self.time_limit, list(self.cut)),
+            *_notes.failed_stages(self.failed),
+        ]
         if found.uncertified:
             notes.append(found.uncertified)
         notes += notes_on_names(
@@ -399,11 +396,11 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         if verdict == "none" and found.shrink is not None and found.shrink.measurable:
             notes.append(note_on_none(found.shrink))
         notes += self.inside.notes(final, verdict)
-        notes += [*at_a_bound(self.retuned()), *lost_candidates(list(self.search.lost))]
+        notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)
         if loop is not None and final.left < FAR:  # what is left must be noise, not the gap itself
             notes.append(LOOP.format(name=loop))
-        return [*notes, *of_the_inputs(problem.plant.inputs, problem.record.u)]
+        return [*notes, *_notes.of_the_inputs(problem.plant.inputs, problem.record.u)]
 
 
 #: Shares of the time as on recordings of a thousand samples. The search may take most of a time limit, for a name comes first;
