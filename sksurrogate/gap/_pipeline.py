@@ -211,10 +211,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         found, final, held = self.found, self.final, self.found.held
         if not final.effects or held is None or found.shrink is None or certified(found.shrink, final.left):
             return
-        names = ", ".join(effect.name for effect in final.effects)
-        self.withdraw(
-            f"{names} passed the evidence but closed too little of the gap on runs left out; no name is given."
-        )
+        self.withdraw(_notes.too_little([effect.name for effect in final.effects]))
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["at_a_bound", "failed_stages", "interruption", "lost_candidates", "of_the_inputs"]
+__all__ = ["at_a_bound", "failed_stages", "interruption", "lost_candidates", "of_the_inputs", "too_little"]
 
 
 def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -> list[str]:
@@ -61,3 +61,16 @@ def of_the_inputs(names: Sequence[str], u: np.ndarray) -> list[str]:
     """Inputs (n_inputs, n_samples) that never move."""
     dead = [name for name, signal in zip(names, u) if np.ptp(signal) == 0]
     return [f"Input {name!r} never moves: these data say nothing about its effects." for name in dead]
+
+
+def too_little(names: Sequence[str]) -> str:
+    """Said of names that are withdrawn.
+
+    Examples
+    --------
+    >>> too_little(["input_delay"])[:50]
+    'input_delay passed the evidence but closed too lit'
+    """
+    return (
+        f"{', '.join(names)} passed the evidence but closed too little of the gap on runs left out; no name is given."
+    )
