@@ -78,10 +78,17 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     task.progress.say(f"{len(library)} candidates on {record.n_samples} samples of {len(runs)} run(s)")
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     second, later = WorkerProcess(fixed, apart), WorkerProcess(fixed, apart, later=True)
-    search = Search(
-        problem, library, smoothed.x, n_jobs=diagnoser.n_jobs, report=task.progress.say, second=second, later=later
-    )
     tolerance = float(diagnoser.tolerance)
+    search = Search(
+        problem,
+        library,
+        smoothed.x,
+        tolerance=tolerance,
+        n_jobs=diagnoser.n_jobs,
+        report=task.progress.say,
+        second=second,
+        later=later,
+    )
     inside = OdeInside(search, task.seed, whole, tolerance, excluded_places(diagnoser.exclude))
     limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit, "include_law": bool(diagnoser.include_law)}
     pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, **limits)

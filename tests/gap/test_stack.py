@@ -57,7 +57,8 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     expander = Search(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
     monkeypatch.setattr(Search, "searching", lambda self, base: problem)
     monkeypatch.setattr(Search, "guess", lambda self, base: None)
-    monkeypatch.setattr(Search, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or [])
+    empty = SimpleNamespace(starts=[])
+    monkeypatch.setattr(Search, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or empty)
     for effects in [(lag,), (lag, mode)]:
         keys = tuple(effect.key for effect in effects)
         base = OdeCandidate(effects, of_cost(1).fit, problem, None)

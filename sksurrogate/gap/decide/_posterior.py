@@ -10,9 +10,9 @@ import numpy as np
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.search._fits import nominal
 from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._stopping import closes_by_size
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
 
@@ -71,7 +71,7 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
     where that is likelier.
     """
     final = needed_only(search, final, tolerance)
-    if closed_by_size(search, final, tolerance):
+    if closes_by_size(final, search.gap_cost, tolerance):
         law = _judged(search, final, final.candidate, tolerance, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
     while final.effects:
@@ -109,19 +109,10 @@ def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
         if not known:
             break
         fewer = min(known, key=lambda one: one.fit.cost)
-        if fewer.fit.cost - final.fit.cost > tolerance**2 * gap_cost(search):
+        if fewer.fit.cost - final.fit.cost > tolerance**2 * search.gap_cost:
             break
         final = _taken(search, fewer, final)
     return final
-
-
-def closed_by_size(search: Search, final: Evidence, tolerance: float) -> bool:
-    """Whether a set closes the gap up to the tolerance, further from the data than any noise model holds.
-
-    There sizes tell candidates apart, not likelihoods: along a path that hardly any noise blurs a flexible law follows
-    everything, and a limit that has acted shows nothing.
-    """
-    return final.left > FAR and final.fit.cost < tolerance**2 * gap_cost(search)
 
 
 def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: float) -> Evidence | None:
@@ -132,7 +123,7 @@ def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: f
     own = posterior.law
     if own is None:
         return None
-    most = final.fit.cost + tolerance**2 * gap_cost(search)
+    most = final.fit.cost + tolerance**2 * search.gap_cost
     net, keys = _net(search, final.candidate, own), frozenset(final.candidate.keys)
     level = _plain(search, final.candidate) - LAW_MAY_TURN
     others = [
@@ -201,20 +192,9 @@ def _judged(
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
 
 
-def gap_cost(search: Search) -> float:
-    """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values."""
-    null = search.fitted_null.candidate
-    if not search.problem.free:
-        return null.fit.cost
-    if null not in search.nominal_costs:
-        given = nominal(null)
-        search.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
-    return search.nominal_costs[null]
-
-
 def gap_over_noise(search: Search) -> float:
     """RMS of the gap of the simulator over the noise."""
-    return float(np.sqrt(max(gap_cost(search) / search.n_values - 1.0, 1e-6)))
+    return float(np.sqrt(max(search.gap_cost / search.n_values - 1.0, 1e-6)))
 
 
 def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:

@@ -20,6 +20,8 @@ __all__ = ["Column", "candidate_columns"]
 
 #: A change of the outputs beyond so many times their noise is not a start: it breaks the arithmetic, and the order.
 LARGEST_CHANGE = 1e12
+#: Numbers of the states at all samples that are integrated at once: two megabytes, and a few temporary arrays of this size.
+AT_ONCE = 250_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,7 @@ class _AtStarts:
         if not starts:
             return []
         theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
-        out, paths = s.columns(effect, theta)
+        out, paths = self.responses(effect, theta)
         size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
         columns, n = np.ascontiguousarray(out.transpose(1, 0, 2)), len(s.smoothed.x)
         return [
@@ -113,6 +115,14 @@ class _AtStarts:
             )
             for k in np.flatnonzero((size > 0.0) & (size < LARGEST_CHANGE))
         ]
+
+    def responses(self, effect: BaseEffect, theta: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        """What :meth:`Responses.columns` gives, some starting values at a time: memory does not grow with their number."""
+        at_once = max(AT_ONCE // self.s.smoothed.x.size, 1)
+        parts = [self.s.columns(effect, theta[:, a : a + at_once]) for a in range(0, theta.shape[1], at_once)]
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate([out for out, _ in parts], axis=1), [path for _, paths in parts for path in paths]
 
     def starts(self, effect: BaseEffect) -> tuple[list[tuple[float, ...]], int]:
         """Starting values, and how many of the first are evident."""

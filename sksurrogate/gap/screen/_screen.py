@@ -14,9 +14,17 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows, project_starts, scores, start_coordinates
+from sksurrogate.gap.fit._normal_equations import (
+    eliminate,
+    eliminate_rows,
+    inverse,
+    project_starts,
+    scores,
+    start_coordinates,
+)
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._candidate_columns import Column, candidate_columns
+from sksurrogate.gap.screen._greedy import left_by_several
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._shortlist import shortlist
 from sksurrogate.gap.screen._unseen import score_beside
@@ -32,6 +40,8 @@ LOST_TO_ROUNDING = 1e-12
 LEAST_FACTOR = 0.2
 #: A change of the base beyond so many times the noise cannot be squared: it breaks the arithmetic, and the order.
 UNSQUARED = 1e100
+#: Columns that are put together to see how far several names lead.
+MOST_TOGETHER = 3
 #: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
 CONTENDERS, LEAST_DROP = 0.2, 30.0
 
@@ -85,6 +95,8 @@ class Screen:
     record_starts : ndarray (n_runs,)
     low, high : ndarray (n_starts,)
         Range in which the amplitude of a column stands for the effect.
+    left_by : ndarray (1 + MOST_TOGETHER,)
+        Squares over the noise that are expected beside the best 0, 1, ... columns together.
     """
 
     starts: list[Start]
@@ -97,6 +109,7 @@ class Screen:
     record_starts: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    left_by: np.ndarray
 
     def gram(self) -> np.ndarray:
         """Of the residual and the columns, initial states and fitted parameters projected out, (1 + n_starts, 1 + n_starts)."""
@@ -218,7 +231,7 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     low, high = _range(columns)
     rest = known, J_x, precision, pull, problem.record.starts, low, high
     if not columns:
-        return Screen([], [], None, *rest)
+        return Screen([], [], None, *rest, np.full(1 + MOST_TOGETHER, base.fit.cost))
     whole = np.empty((few + len(columns), *known.shape[1:]))
     whole[:few] = known
     for row, c in zip(whole[few:], columns):
@@ -230,7 +243,8 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     rows = np.concatenate([white @ white.T, white @ flat.T], axis=1)
     power = np.maximum(size - np.einsum("kn,kn->k", moved, moved), LOST_TO_ROUNDING * size)
     diagonal = np.r_[np.einsum("kn,kn->k", white, white), power]
-    drop, amplitude = scores(*eliminate_rows(rows, diagonal, precision, pull), low, high)
+    g, h = eliminate_rows(rows, diagonal, precision, pull)
+    drop, amplitude = scores(g, h, low, high)
     for k, c in enumerate(columns):
         if len(c.through):
             own = whole[few + k], c.through / sd, J_x, problem.record.starts, precision, pull, low[k], high[k]
@@ -243,10 +257,18 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
         G[few:, few:] -= moved[chosen] @ moved[chosen].T
         return eliminate(G, few - 1, precision, pull)
 
+    cross = rows[1:, few:]
+    known_inverse = inverse(rows[1:, 1:few] + np.diag(precision)) if few > 1 else np.zeros((0, 0))
+
+    def products(k: int) -> np.ndarray:
+        """Products of one column and every column, fitted parameters and initial states projected out."""
+        return flat @ flat[k] - moved @ moved[k] - (known_inverse @ cross[:, k]) @ cross
+
     forced = _forced(s, whole, few, noise, (precision, pull, low, high))
     starts = _starts(columns, among, drop, amplitude, forced)
     kept = None if base.effects or whole.size > MOST_KEPT else whole[few:].astype(np.float32)
-    return Screen(starts, [c.theta for c in columns], kept, *rest)
+    left_by = left_by_several(float(among([])[0, 0]), g, h, products, MOST_TOGETHER)
+    return Screen(starts, [c.theta for c in columns], kept, *rest, left_by)
 
 
 def _forced(s: Responses, whole: np.ndarray, few: int, noise: Noise | None, rest: tuple[np.ndarray, ...]) -> np.ndarray:

@@ -59,12 +59,27 @@ class Expander(BaseSearch[OdeCandidate]):
         Cost and screen of every base.
     first_screen : Screen or None
         What the screen expects of single effects.
+    tolerance : float
+        Share of the gap (amplitude) that a model may leave.
     """
 
     problem: OdeBackend
     x: np.ndarray
     screens: dict = field(default_factory=dict)
     first_screen: Screen | None = None
+    nominal_costs: dict[OdeCandidate, float] = field(default_factory=dict)
+    tolerance: float = 0.1
+
+    @property
+    def gap_cost(self) -> float:
+        """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values."""
+        null = self.fitted_null.candidate
+        if not self.problem.free:
+            return null.fit.cost
+        if null not in self.nominal_costs:
+            given = nominal(null)
+            self.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
+        return self.nominal_costs[null]
 
     def searching(self, base: OdeCandidate) -> OdeBackend:
         """The problem with the numerics of a base, but no finer than the search needs."""
@@ -88,6 +103,20 @@ class Expander(BaseSearch[OdeCandidate]):
         A fit that cannot come near the cost ``best`` is abandoned. Far from the data a ``thorough`` screen looks at every
         starting value.
         """
+        problem, base, found = self.looked_at(base, among, thorough)
+        starts = [start for start in found.starts if start.evident or max(start.white, start.forced) >= least]
+        chosen = best_starts(starts, n_white, n_forced, self.n_values)
+        self.report(f"fitting {len(chosen)} candidates")
+        again = self.known(problem, base, [c[0].effect for c in chosen])
+        have = {candidate.effects[-1].key for candidate in again}
+        candidates = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
+        self.remember(candidates)
+        return candidates + self.siblings(candidates, base) if siblings and candidates else candidates
+
+    def looked_at(
+        self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True
+    ) -> tuple[OdeBackend, OdeCandidate, Screen]:
+        """The problem and the base with the numerics of the search, and the screen of the base."""
         problem = self.searching(base)
         taken = set(base.keys)
         library = [e for e in (self.library if among is None else among) if e.key not in taken]
@@ -97,15 +126,7 @@ class Expander(BaseSearch[OdeCandidate]):
         noise = self.noise_of(base)
         if base.problem.numerics != problem.numerics:
             base = problem.candidate(base.effects, base.fit)
-        starts = self.screened(problem, library, base, noise, guess, among is None, thorough)
-        starts = [start for start in starts if start.evident or max(start.white, start.forced) >= least]
-        chosen = best_starts(starts, n_white, n_forced, self.n_values)
-        self.report(f"fitting {len(chosen)} candidates")
-        again = self.known(problem, base, [c[0].effect for c in chosen])
-        have = {candidate.effects[-1].key for candidate in again}
-        candidates = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
-        self.remember(candidates)
-        return candidates + self.siblings(candidates, base) if siblings and candidates else candidates
+        return problem, base, self.screened(problem, library, base, noise, guess, among is None, thorough)
 
     def from_nominal(self, null: Evidence, n_white: int, n_forced: int) -> list[OdeCandidate]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
@@ -174,10 +195,10 @@ class Expander(BaseSearch[OdeCandidate]):
         guess: np.ndarray,
         whole: bool,
         thorough: bool,
-    ) -> list[Start]:
+    ) -> Screen:
         """The screen of a base; one of all candidates is made once."""
         if not whole:
-            return screen(problem, library, base, guess, noise, second=self.second).starts
+            return screen(problem, library, base, guess, noise, second=self.second)
         near = bool(base.effects) and (base.fit.cost < OUT_OF_SIGHT * self.n_values or not thorough)
         key = (base.keys, problem.numerics, noise is None, near)
         cost, known = self.screens.get(key, (np.inf, None))
@@ -189,7 +210,7 @@ class Expander(BaseSearch[OdeCandidate]):
                 del self.screens[old]
         if not base.effects and self.first_screen is None:
             self.first_screen = known
-        return known.starts
+        return known
 
     def expected(self) -> dict[Any, float]:
         """What the screen expects of single effects, by key."""

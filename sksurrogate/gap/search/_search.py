@@ -23,7 +23,7 @@ from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, rela
 from sksurrogate.gap.search._onsets import look_for_onsets
 from sksurrogate.gap.search._plausible import plausible
 from sksurrogate.gap.search._restart import revived
-from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
+from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, is_stack, leads_on
 
 __all__ = ["Search"]
 
@@ -61,7 +61,6 @@ class Search(Expander):
     """
 
     runners: list[OdeCandidate] = field(default_factory=list)
-    nominal_costs: dict[OdeCandidate, float] = field(default_factory=dict)
     least: float = SMALLEST_SHARE
 
     def prior_cost(self, candidate: OdeCandidate) -> float:
@@ -104,6 +103,10 @@ class Search(Expander):
         while len(best.effects) < MOST_EFFECTS:
             if passed and not self.is_far(best):
                 best = self.stand(self.enrich(best))
+            elif passed and closes_by_size(self.judged[best], self.gap_cost, self.tolerance):
+                best = self.stand(fewest_parameters(self, best))
+                if not leads_on(self, best, MOST_EFFECTS - len(best.effects)):
+                    break
             better = self.one_more(best, passed)
             left_behind[frozenset(best.keys)] = best.fit.cost
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.

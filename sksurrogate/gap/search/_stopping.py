@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
-from sksurrogate.gap.fit._closeness import LEFT_BY_SEVERAL
+from sksurrogate.gap.fit._closeness import FAR, FAR_BY_COST, LEFT_BY_SEVERAL
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.search._nested import hardly_more
+from sksurrogate.gap.search._plausible import plausible
 
-__all__ = ["STACK", "grows_in_vain", "is_stack", "remembers_enough"]
+__all__ = [
+    "STACK",
+    "closes_by_size",
+    "fewest_parameters",
+    "grows_in_vain",
+    "is_stack",
+    "leads_on",
+    "remembers_enough",
+]
 
 #: Sets that leave more than the first share of the gap (amplitude), and of the squared error of one effect less more than the
 #: second, are surrogates for what is not in the catalogue: further names close no gap of which several have closed this little.
@@ -24,6 +35,36 @@ MOST_HIDDEN = 2
 def grows_in_vain(candidate: OdeCandidate, before: OdeCandidate, null: OdeCandidate) -> bool:
     """Whether a set far from the data leaves much of the gap, and its last effect took little of what was left ``before``."""
     return candidate.fit.cost > max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
+
+
+def closes_by_size(candidate: Evidence, gap: float, tolerance: float) -> bool:
+    """Whether a set closes a gap (squared error over the noise) up to the tolerance, further from the data than any noise model holds.
+
+    There sizes tell candidates apart, not likelihoods: along a path that hardly any noise blurs a flexible law follows
+    everything, and a limit that has acted shows nothing. A further name is below the practical bar, unless it leads on.
+    """
+    return candidate.left > FAR and candidate.fit.cost < tolerance**2 * gap
+
+
+def fewest_parameters(search: Any, best: OdeCandidate) -> OdeCandidate:
+    """Of the sets of as many effects that leave hardly more of the gap the nearest with the fewest parameters."""
+    most = hardly_more(best.fit.cost, search.gap_cost)
+    others = [
+        candidate
+        for keys, candidate in search.fitted.items()
+        if len(keys) == len(best.effects) and candidate.fit.cost < most and plausible(candidate)
+    ]
+    least = min([best, *others], key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
+    return search.polish(least) if least.n_parameters < best.n_parameters else best
+
+
+def leads_on(search: Any, best: OdeCandidate, n: int) -> bool:
+    """Whether the screen expects n names more to close what a set leaves up to the tolerance, or to come near the noise.
+
+    Of a set that closes the gap up to the tolerance further names are named only where they lead to the noise.
+    """
+    expected = search.looked_at(best)[2].left_by[n]
+    return bool(expected < max(search.tolerance**2 * best.fit.cost, FAR_BY_COST * search.n_values))
 
 
 def is_stack(candidate: Evidence) -> bool:
