@@ -77,7 +77,7 @@ def screen_of(columns, residual, n_runs=2):
     open_ends = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
     return Screen(
         starts, [], np.asarray(columns, np.float32)[:, None], residual[None, None], 0.5 ** ages[None, None].astype(float),
-        np.zeros(0), np.zeros(0), n * np.arange(n_runs), *open_ends,
+        np.zeros(0), np.zeros(0), n * np.arange(n_runs), *open_ends, np.zeros(4),
     ), np.full(n_runs, n)  # fmt: skip
 
 
