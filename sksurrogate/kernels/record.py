@@ -157,6 +157,12 @@ class Record:
         return np.diff(np.r_[self.starts, self.n_samples])
 
     @property
+    def spans(self) -> list[tuple[int, int]]:
+        """First row of every run, and the row behind its last."""
+        edges = [*self.starts.tolist(), self.n_samples]
+        return list(zip(edges[:-1], edges[1:]))
+
+    @property
     def run_of_row(self) -> np.ndarray:
         """Number of the run of every row."""
         return np.repeat(np.arange(len(self.starts)), self.lengths)
@@ -174,7 +180,7 @@ class Record:
 
     def select(self, runs: Sequence[int]) -> Record:
         """Some of the runs."""
-        bounds = np.r_[self.starts, self.n_samples]
-        rows = np.concatenate([np.arange(bounds[r], bounds[r + 1]) for r in runs])
+        spans = self.spans
+        rows = np.concatenate([np.arange(*spans[r]) for r in runs])
         lengths = self.lengths[list(runs)]
         return self.rows(rows, np.r_[0, np.cumsum(lengths[:-1])].astype(int))

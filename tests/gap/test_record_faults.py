@@ -126,13 +126,13 @@ def test_corrections_undo_what_was_done_to_a_record():
     np.testing.assert_allclose(Gains(0, g).corrected(replace(clean, y=y)).y, clean.y, atol=1e-12)
     weights, y = np.array([[1.0, 0.5], [0.0, 2.0], [-1.0, 0.0]]), clean.y.copy()
     y[0] += weights[run, 0] * np.sin(3.0 * clean.t) + weights[run, 1] * np.cos(3.0 * clean.t)
-    np.testing.assert_allclose(Hum(0, 3.0, weights).corrected(replace(clean, y=y)).y, clean.y, atol=1e-12)
+    np.testing.assert_allclose(Hum(0, weights, 3.0).corrected(replace(clean, y=y)).y, clean.y, atol=1e-12)
 
 
 def test_a_shift_is_undone_and_what_is_missing_is_not_measured():
     clean, y = record(), record().y.copy()
     y[:, 103:200] = clean.y[:, 100:197]  # the second run comes three samples late
-    back = Shifts(np.array([0, 3, 0])).corrected(replace(clean, y=y))
+    back = Shifts(None, np.array([0, 3, 0])).corrected(replace(clean, y=y))
     assert back.known is not None
     np.testing.assert_allclose(back.y[back.known], clean.y[back.known])
     assert np.flatnonzero(~back.known[0]).tolist() == [197, 198, 199]

@@ -73,8 +73,7 @@ def known_runs(problem: OdeBackend) -> list[Run]:
         return []
     model = AugmentedModel(problem.model, (), (), record, n_sub=2, scale=problem.scale)
     y = model.bind(np.zeros((0, 1))).outputs(run[:, None])[:, 0]
-    ends = record.starts + record.lengths
-    return [(record.u[:, a:b].T, run[:, a], y[:, a:b].T) for a, b in zip(record.starts, ends)]
+    return [(record.u[:, a:b].T, run[:, a], y[:, a:b].T) for a, b in record.spans]
 
 
 def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()) -> Correction:
@@ -105,7 +104,7 @@ def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()
                     stacklevel=2,
                 )
         for r, y in predict.outputs():
-            out[:, record.starts[r] : record.starts[r] + record.lengths[r]] = y.T
+            out[:, slice(*record.spans[r])] = y.T
         return out
 
     return run
@@ -113,7 +112,7 @@ def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()
 
 def _rows(record: Record, r: int) -> tuple[np.ndarray, np.ndarray]:
     """Inputs and outputs of a run, (n_samples, n_inputs | n_outputs)."""
-    rows = slice(record.starts[r], record.starts[r] + record.lengths[r])
+    rows = slice(*record.spans[r])
     return record.u[:, rows].T, record.y[:, rows].T
 
 

@@ -199,12 +199,11 @@ def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
     if held is None:
         return ()
     record = held.record
-    bounds = np.r_[record.starts, record.n_samples]
     t = record.t if record.offset is None else record.t + record.offset
     measured = np.stack([record.readings(j) for j in range(len(record.y))])
     return tuple(
         Trace(label, t[a:b], measured[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T, record.u[:, a:b].T)
-        for label, a, b in zip(pieces(record, labels), bounds[:-1], bounds[1:])
+        for label, (a, b) in zip(pieces(record, labels), record.spans)
     )
 
 

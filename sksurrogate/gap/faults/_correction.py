@@ -46,11 +46,6 @@ class BaseFault(ABC):
     def corrected(self, record: Record) -> Record:
         """The record without the fault."""
 
-    @property
-    @abstractmethod
-    def n_parameters(self) -> int:
-        """Numbers that describe it."""
-
     def and_also(self, other: Any) -> BaseFault:
         """With what another fault of the same key found on top."""
         return self
@@ -87,10 +82,6 @@ class WrongReadings(BaseFault):
     @property
     def key(self) -> tuple[Any, ...]:
         return (self.kind, self.output)
-
-    @property
-    def n_parameters(self) -> int:
-        return len(self.rows)
 
     def and_also(self, other: WrongReadings) -> WrongReadings:
         """With these and those."""

@@ -15,7 +15,7 @@ from sksurrogate.gap.faults._run_faults import Hum
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
-from sksurrogate.gap.fit._normal_equations import scaled
+from sksurrogate.gap.fit._normal_equations import solve
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -172,8 +172,7 @@ class _Fit:
             return np.zeros(0)
         n = len(G) - 1 - len(self.precision)
         H, g = G[1:, 1:] + np.diag(np.r_[self.precision, np.zeros(n)]), G[1:, 0] + np.r_[self.pull, np.zeros(n)]
-        normal, scale = scaled(H, 1e-150)
-        return np.linalg.lstsq(normal, g / scale, rcond=1e-10)[0] / scale
+        return solve(H, g)
 
     def fitted(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
         """The largest log likelihood with the noise fitted, and the weights there."""

@@ -43,10 +43,6 @@ class NoisyInput(BaseFault):
     def key(self) -> tuple[Any, ...]:
         return ("input_noise", self.input)
 
-    @property
-    def n_parameters(self) -> int:
-        return 1
-
     def and_also(self, other: NoisyInput) -> NoisyInput:
         """The latest."""
         return other
@@ -57,8 +53,8 @@ class NoisyInput(BaseFault):
 
     def smoother(self, record: Record) -> Record:
         """The record with the smoother input."""
-        u, edges = record.u.copy(), np.r_[record.starts, record.n_samples]
-        for a, b in zip(edges[:-1], edges[1:]):
+        u = record.u.copy()
+        for a, b in record.spans:
             u[self.input, a:b] = smoothings(record.u[self.input, a:b])[self.way]
         return replace(record, u=u)
 

@@ -106,11 +106,10 @@ def later(y: np.ndarray, k: int) -> np.ndarray:
 def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal]:
     """The best whole number of samples in every run: the run that gains most alone, and every run with its own."""
     most, n_runs = int(LONGEST_SHIFT * record.lengths.min()), int(run[-1]) + 1
-    edges = np.r_[record.starts, record.n_samples]
     spread = np.maximum(np.std(record.y, axis=1), 1e-300)[:, None]
     steps = np.arange(-most, most + 1)
     cost = np.zeros((n_runs, len(steps)))
-    for a, b in zip(edges[:-1], edges[1:]):
+    for a, b in record.spans:
         inner = slice(most, max(b - a - most, most + 1))  # where no end value is held
         for i, k in enumerate(steps):
             missed = (record.y[:, a:b] - later(y[:, a:b], int(k))) / spread
@@ -118,7 +117,7 @@ def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal
                 missed = missed * record.known[:, a:b]
             cost[run[a], i] += np.sum(missed[:, inner] ** 2)
     values, moved = steps[np.argmin(cost, axis=1)], np.zeros_like(y)
-    for a, b in zip(edges[:-1], edges[1:]):
+    for a, b in record.spans:
         moved[:, a:b] = later(y[:, a:b], int(values[run[a]])) - y[:, a:b]
     if not values.any():
         return
@@ -135,7 +134,7 @@ def _shift_of(values: np.ndarray) -> Callable[[np.ndarray], BaseFault | None]:
 
     def fault(weights: np.ndarray) -> BaseFault | None:
         low, high = WHOLE
-        return Shifts(values) if np.all((weights > low) & (weights < high)) else None
+        return Shifts(None, values) if np.all((weights > low) & (weights < high)) else None
 
     return fault
 
@@ -145,8 +144,7 @@ def tone(record: Record, residual: np.ndarray) -> float | None:
     n = int(record.lengths.max())
     if n < 4 * LEAST_PERIODS:
         return None
-    edges = np.r_[record.starts, record.n_samples]
-    parts = [residual[a:b] - residual[a:b].mean() for a, b in zip(edges[:-1], edges[1:])]
+    parts = [residual[a:b] - residual[a:b].mean() for a, b in record.spans]
     power = np.sum([np.abs(np.fft.rfft(part, 2 * n)) ** 2 for part in parts], axis=0)
     power[: int(2 * LEAST_PERIODS)] = 0.0
     at = (
@@ -166,4 +164,4 @@ def _hum(record: Record, run: np.ndarray, j: int, w: float, shape: tuple[int, ..
     for r in range(n_runs):
         columns[j, 2 * r] = np.where(run == r, np.sin(phase), 0.0)
         columns[j, 2 * r + 1] = np.where(run == r, np.cos(phase), 0.0)
-    return Proposal(columns, lambda weights: Hum(j, w, weights.reshape(n_runs, 2)), extra=1)
+    return Proposal(columns, lambda weights: Hum(j, weights.reshape(n_runs, 2), w), extra=1)

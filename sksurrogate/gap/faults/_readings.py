@@ -33,13 +33,12 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
     list of WrongReadings
     """
     sd = noise_of_differences(record.y, record.starts, record.known, record.t)
-    edges = np.r_[record.starts, record.n_samples]
     found: list[tuple[int, str, Stretch]] = []
     for j, y in enumerate(record.y):
         least = 1.001e-4 * float(record.spread[j])  # the noise is not seen: nothing can be judged by it
         if not sd[j] > max(least, 1e-12):
             continue
-        for a, b in zip(edges[:-1], edges[1:]):
+        for a, b in record.spans:
             rows = np.arange(a, b) if record.known is None else a + np.flatnonzero(record.known[j, a:b])
             flat = flat_stretches(y[rows], sd[j])
             found += [(j, "stuck", _in_rows(s, rows)) for s in flat]

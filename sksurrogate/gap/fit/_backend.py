@@ -15,7 +15,7 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Backend", "BaseCandidate", "Fitted", "as_white"]
+__all__ = ["Backend", "BaseCandidate", "Fitted", "KnownOfParameters", "as_white"]
 
 
 class Fitted(Protocol):
@@ -64,6 +64,9 @@ class Backend(Protocol):
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters."""
 
+    def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the prior on the parameters."""
+
     def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
         """``sum ((theta - mean) / sd)^2`` of the prior on the parameters."""
 
@@ -72,6 +75,24 @@ class Backend(Protocol):
 
     def force_unit(self) -> np.ndarray:
         """Size of the force that counts as one in every balance."""
+
+
+class KnownOfParameters:
+    """What bounds and holds the parameters of effects in turn, then of free parameters: the same for every access."""
+
+    def bounds(self: Backend, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the parameters."""
+        duration = self.record.dt * float(self.record.lengths.max())
+        return self.known.bounds_of(self.plant.params, effects, self.free, duration)
+
+    def prior(self: Backend, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the prior: on free parameters, and on what the user knows."""
+        return self.known.prior_of(self.plant.params, effects, self.free, theta)
+
+    def prior_square(self: Backend, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
+        """``sum ((theta - mean) / sd)^2`` of the prior."""
+        mean, sd = self.prior(effects, theta)
+        return float(np.sum(((theta - mean) / sd) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +122,21 @@ class BaseCandidate(ABC):
         """Of the outputs in the parameters, (n_outputs, n_theta, n_samples)."""
 
     @property
-    @abstractmethod
     def precision(self) -> np.ndarray:
         """Of the prior on the parameters."""
+        return self.held[0]
+
+    @property
+    def held(self) -> tuple[np.ndarray, np.ndarray]:
+        """What holds a step of the parameters: precision of their prior, and its pull."""
+        mean, sd = self.problem.prior(self.effects, self.fit.theta)
+        precision = 1.0 / sd**2
+        return precision, precision * (mean - self.fit.theta)
+
+    @property
+    def known_columns(self) -> np.ndarray:
+        """Residual and sensitivities, (1 + n_theta, n_outputs, n_samples)."""
+        return np.concatenate([self.residual[None], self.sensitivities.transpose(1, 0, 2)])
 
     @abstractmethod
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.gap.fit._normal_equations import unexplained
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.kernels.record import Record
 
@@ -64,8 +65,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
             continue  # the input foretells itself
         if calm.sum() < FEWEST_MOVES or np.std(left[calm]) == 0:
             continue
-        known = own[calm]
-        e = foreign[calm] - known @ np.linalg.lstsq(known, foreign[calm], rcond=1e-10)[0]
+        e = unexplained(own[calm], foreign[calm])
         z = left[calm] - left[calm].mean()
         share = _explained(e, z)
         if (
@@ -79,7 +79,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
 
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
     """Share of the squares of z that the columns of e explain."""
-    rest = z - e @ np.linalg.lstsq(e, z, rcond=1e-10)[0]
+    rest = unexplained(e, z)
     return 1.0 - float(rest @ rest) / max(float(z @ z), 1e-300)
 
 

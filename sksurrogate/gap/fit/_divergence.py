@@ -35,8 +35,7 @@ def divergence(plant: Plant, record: Record, nominal: np.ndarray, labels: Sequen
     -------
     SimulationDiverged
     """
-    bounds = np.r_[record.starts, record.n_samples]
-    for run, (a, b) in enumerate(zip(bounds[:-1], bounds[1:])):
+    for run, (a, b) in enumerate(record.spans):
         Y = nominal[:, a:b]
         if np.all(np.isfinite(Y)):
             continue

@@ -42,11 +42,8 @@ def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
     """
     if record.n_samples <= most:
         return record, np.arange(record.n_samples)
-    ends = np.r_[record.starts[1:], record.n_samples]
     pieces = [
-        (start, stop)
-        for a, b in zip(record.starts, ends)
-        for start, stop in zip(*_cut(int(a), int(b), max(1, round((b - a) / PIECE))))
+        (start, stop) for a, b in record.spans for start, stop in zip(*_cut(a, b, max(1, round((b - a) / PIECE))))
     ]
     length = float(np.median([min(b - a, PIECE) for a, b in pieces]))
     n = min(len(pieces), max(1, int(most / length)))

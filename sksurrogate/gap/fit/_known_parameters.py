@@ -86,14 +86,13 @@ class KnownParameters:
         return (0.0, np.inf) if nominal == 0 else (0.0, float(np.sqrt(PRIOR**2 + phi**2 / 2)))
 
     def bounds_of(
-        self, params: Mapping[str, float], effects: Sequence[BaseEffect], free: Sequence[str], duration: float | None
+        self, params: Mapping[str, float], effects: Sequence[BaseEffect], free: Sequence[str], duration: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the parameters of effects in turn, then of free parameters; ``duration`` of the longest run, where it counts."""
+        """Bounds of the parameters of effects in turn, then of free parameters; ``duration`` of the longest run."""
         low: list[float] = []
         high: list[float] = []
         for effect in effects:
-            least = [p.low for p in effect.parameters] if duration is None else effect.lower_bounds(duration)
-            most = [p.high for p in effect.parameters]
+            least, most = list(effect.lower_bounds(duration)), [p.high for p in effect.parameters]
             place = _place_of_error(effect)
             if place in self.bounds:
                 a, b = sorted(map(_as_error(params[place]), self.bounds[place]))

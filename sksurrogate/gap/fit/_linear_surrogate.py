@@ -99,8 +99,7 @@ def learn(record: Record, y: np.ndarray) -> LinearSurrogate:
 
     A model of one state that forgets at once stands in where nothing can be learned (inputs that never move).
     """
-    bounds = np.r_[record.starts, record.n_samples]
-    pieces = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:])]
+    pieces = [slice(a, b) for a, b in record.spans]
     spread = np.maximum(np.std(y, axis=1, keepdims=True), 1e-12)
     middle = y.mean(axis=1, keepdims=True)
     level = record.u.mean(axis=1, keepdims=True)

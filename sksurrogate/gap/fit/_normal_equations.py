@@ -17,6 +17,7 @@ __all__ = [
     "solve",
     "start_bases",
     "start_coordinates",
+    "unexplained",
 ]
 
 #: Directions below this share of the largest, in the scale of the diagonal, count as unseen: single precision squared.
@@ -41,6 +42,17 @@ def solve(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray:
     if damping:
         normal = normal + damping * np.eye(len(H))
     return np.linalg.lstsq(normal, g / scale, rcond=UNSEEN)[0] / scale
+
+
+def unexplained(columns: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What columns (n_values, n_columns) leave of y (n_values, ...) by least squares.
+
+    Examples
+    --------
+    >>> unexplained(np.ones((3, 1)), np.array([1.0, 2.0, 3.0])).round(12)
+    array([-1.,  0.,  1.])
+    """
+    return np.asarray(y - columns @ np.linalg.lstsq(columns, y, rcond=UNSEEN)[0])
 
 
 def inverse(H: np.ndarray) -> np.ndarray:

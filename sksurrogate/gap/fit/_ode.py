@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._structure import largest_gains
-from sksurrogate.gap.fit._backend import BaseCandidate, as_white
+from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._normal_equations import project_starts
@@ -88,11 +88,6 @@ class OdeCandidate(BaseCandidate):
         return self.linearised.J_theta
 
     @property
-    def precision(self) -> np.ndarray:
-        """Of the prior on the parameters."""
-        return 1.0 / self.problem.prior(self.effects, self.fit.theta) ** 2
-
-    @property
     def white_alone(self) -> bool:
         """A fit that explains what was coloured before must not start from that colour."""
         return True
@@ -109,9 +104,8 @@ class OdeCandidate(BaseCandidate):
             if effect.scan(tuple(self.theta_of(i))):
                 J = J.copy()
                 J[:, self.slice_of(i)] = 0.0
-        theta, precision = self.fit.theta, self.precision
+        theta, (precision, pull) = self.fit.theta, self.held
         reach = np.where((theta != 0) & (np.arange(len(theta)) < self.n_parameters), np.abs(theta), np.inf)
-        pull = precision * (self.problem.prior_mean(self.effects, theta) - theta)
         return self.residual, J, precision + (REACH * reach) ** -2.0, pull
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
@@ -204,7 +198,7 @@ class OdeCandidate(BaseCandidate):
 
 
 @dataclass(frozen=True, eq=False)
-class OdeBackend:
+class OdeBackend(KnownOfParameters):
     """Everything that the questions of a diagnosis share.
 
     Attributes
@@ -303,7 +297,7 @@ class OdeBackend:
             unit = self.units(effects, theta)
             low, high = self.bounds(effects)
             fit: Fit | None = None
-            prior = self.prior(effects, theta)
+            centre, prior = self.prior(effects, theta)
             for repeat in range(3 if self.free else 1):
                 fit = output_error(
                     model,
@@ -313,7 +307,7 @@ class OdeBackend:
                     unit=unit,
                     bounds=(low, high),
                     prior=prior,
-                    centre=self.prior_mean(effects, theta),
+                    centre=centre,
                     open_steps=0 if repeat else open_steps,
                     max_steps=max_steps,
                     best=best,
@@ -322,7 +316,7 @@ class OdeBackend:
                 if fit is None:
                     return None
                 # Student's t as a reweighted Gaussian: few rounds settle it.
-                before, prior = prior, self.prior(effects, fit.theta)
+                before, (centre, prior) = prior, self.prior(effects, fit.theta)
                 if np.allclose(before, prior, rtol=0.3):
                     break
                 theta, start = fit.theta, fit.x
@@ -342,24 +336,6 @@ class OdeBackend:
             1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[position:])
         ]
         return unit
-
-    def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of theta."""
-        duration = self.record.dt * float(self.record.lengths.max())
-        return self.known.bounds_of(self.plant.params, effects, self.free, duration)
-
-    def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
-        """Standard deviations of the prior on theta: on free parameters, and on what the user knows."""
-        return self.known.prior_of(self.plant.params, effects, self.free, theta)[1]
-
-    def prior_mean(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
-        """Means of the same prior."""
-        return self.known.prior_of(self.plant.params, effects, self.free, theta)[0]
-
-    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
-        """``sum ((theta - mean) / sd)^2`` of the prior."""
-        mean, sd = self.known.prior_of(self.plant.params, effects, self.free, theta)
-        return float(np.sum(((theta - mean) / sd) ** 2))
 
     # ---- likelihood -------------------------------------------------------------------------------------------------
     def disturbance_along(

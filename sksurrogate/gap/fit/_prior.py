@@ -70,9 +70,8 @@ def start_cost(candidate: OdeCandidate) -> float:
     if np.nansum(np.square(moved)) < CHEAP_START:
         return float(np.nansum(np.square(moved)))
     slopes = candidate.linearised.J_x[:, :n] * (START * problem.scale[:, None] / problem.sd[:, None, None])
-    ends = np.r_[starts[1:], problem.record.n_samples]
     cost = 0.0
-    for k, (a, b) in enumerate(zip(starts, ends)):
+    for k, (a, b) in enumerate(problem.record.spans):
         J, own = slopes[:, :, a:b].transpose(1, 0, 2).reshape(n, -1), moved[:, k]
         H = J @ J.T
         if np.isfinite(H).all() and np.isfinite(own).all():

@@ -104,8 +104,7 @@ class Simulations:
             return self.at_stamps(y)
         record, parts = self.record, parts_of(effects, theta)[:-1]
         out = y.copy()
-        bounds = np.r_[record.starts, record.n_samples]
-        for a, b in zip(bounds[:-1], bounds[1:]):
+        for a, b in record.spans:
             t = record.t[a:b] - record.t[a]
             out[:, a:b] = readings(self.plant.outputs, list(effects), parts, y[:, a:b].T, t, record.dt).T
         return self.at_stamps(out)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._backend import BaseCandidate, as_white
+from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
@@ -76,11 +76,6 @@ class TrajectoryCandidate(BaseCandidate):
         return self.fit.J
 
     @property
-    def precision(self) -> np.ndarray:
-        """Of the prior on the parameters."""
-        return self.problem.precision(self.effects, self.fit.theta)
-
-    @property
     def disturbance(self) -> Disturbance:
         """A force on every state of the linear surrogate, coloured sensor noise, white noise."""
         return self.problem.disturbance
@@ -92,8 +87,7 @@ class TrajectoryCandidate(BaseCandidate):
 
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Residual, sensitivities, and what holds a step of the parameters: precision and pull of their prior."""
-        pull = self.precision * (self.problem.prior_mean(self.effects, self.fit.theta) - self.fit.theta)
-        return self.residual, self.fit.J, self.precision, pull
+        return self.residual, self.fit.J, *self.held
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
         """White noise near the data: a fit does not find out of a colour."""
@@ -153,11 +147,11 @@ class TrajectoryCandidate(BaseCandidate):
         if not len(fit.theta):
             return problem.settled(fit.y)[:, rows]
         columns = problem.without_starts(
-            np.concatenate([problem.record.residual(fit.y)[None], fit.J.transpose(1, 0, 2)])
+            np.concatenate([problem.record.residual(fit.y)[None], self.fit.J.transpose(1, 0, 2)])
         )
         flat = (columns[:, :, learnt] if learnt.any() else columns).reshape(len(columns), -1)
-        precision, moved = self.precision, fit.theta - problem.prior_mean(self.effects, fit.theta)
-        step = solve(flat[1:] @ flat[1:].T + np.diag(precision), flat[1:] @ flat[0] - precision * moved)
+        precision, pull = self.held
+        step = solve(flat[1:] @ flat[1:].T + np.diag(precision), flat[1:] @ flat[0] + pull)
         theta = np.clip(fit.theta + step, *problem.bounds(self.effects))
         if np.max(np.abs(theta - fit.theta) / np.maximum(np.abs(fit.theta), 1e-3)) < LINEAR:
             y = fit.y + np.einsum("k,okt->ot", theta - fit.theta, fit.J)
@@ -176,7 +170,7 @@ class TrajectoryCandidate(BaseCandidate):
 
 
 @dataclass(frozen=True, eq=False)
-class TrajectoryBackend:
+class TrajectoryBackend(KnownOfParameters):
     """A simulator with ``simulate`` alone over a record.
 
     Attributes
@@ -262,10 +256,9 @@ class TrajectoryBackend:
         y = self.outputs(effects, theta)
         r = self.record.residual(y) / self.sd[:, None]
         J = self.record.seen_of(self.transients) / self.sd[:, None, None]
-        bounds = np.r_[self.record.starts, self.record.n_samples]
         size = np.maximum(np.max(np.abs(self.x0), axis=0), 1.0)
         moved = self.x0.copy()
-        for run, (a, b) in enumerate(zip(bounds[:-1], bounds[1:])):
+        for run, (a, b) in enumerate(self.record.spans):
             basis = J[:, :, a:b].transpose(0, 2, 1).reshape(-1, J.shape[1])
             ridge = 1e-6 * np.eye(J.shape[1]) * max(float(np.sum(basis**2)), 1e-300)
             moved[run] += size * np.linalg.solve(basis.T @ basis + ridge, basis.T @ r[:, a:b].reshape(-1))
@@ -313,23 +306,6 @@ class TrajectoryBackend:
         return Noise(self.sd.copy(), np.full(n, 3e-3), 10.0, 0.1 * self.sd, 10.0)
 
     # ---- least squares ----------------------------------------------------------------------------------------------
-    def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of theta."""
-        return self.known.bounds_of(self.plant.params, effects, self.free, None)
-
-    def precision(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
-        """Of the prior: on free parameters, and on what the user knows."""
-        return 1.0 / self.known.prior_of(self.plant.params, effects, self.free, theta)[1] ** 2
-
-    def prior_mean(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
-        """Means of the same prior."""
-        return self.known.prior_of(self.plant.params, effects, self.free, theta)[0]
-
-    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
-        """``sum ((theta - mean) / sd)^2`` of the prior."""
-        mean, sd = self.known.prior_of(self.plant.params, effects, self.free, theta)
-        return float(np.sum(((theta - mean) / sd) ** 2))
-
     def cost_of(self, y: np.ndarray, projected: bool = True) -> float:
         """Sum of squares in units of the noise; inf where the simulator failed."""
         if not np.all(np.isfinite(y)):
@@ -341,7 +317,7 @@ class TrajectoryBackend:
     def penalised(self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray) -> float:
         """Cost with the prior: Student's t on free parameters of which the user says nothing, else Gaussian."""
         n = len(theta) - len(self.free)
-        mean, sd = self.known.prior_of(self.plant.params, effects, self.free, theta)
+        mean, sd = self.prior(effects, theta)
         square = ((theta - mean) / sd) ** 2
         for i, name in enumerate(self.free, start=n):
             if name not in self.known.priors and self.plant.params[name] != 0:
@@ -415,5 +391,5 @@ class TrajectoryBackend:
         """One damped Gauss-Newton step."""
         columns = self.without_starts(np.concatenate([self.record.residual(y)[None], J]))
         flat = columns[1:].reshape(len(theta), -1)
-        precision, moved = self.precision(effects, theta), theta - self.prior_mean(effects, theta)
-        return solve(flat @ flat.T + np.diag(precision), flat @ columns[0].ravel() - precision * moved, damping)
+        mean, sd = self.prior(effects, theta)
+        return solve(flat @ flat.T + np.diag(sd**-2), flat @ columns[0].ravel() - (theta - mean) / sd**2, damping)

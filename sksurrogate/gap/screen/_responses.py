@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,17 @@ class Responses:
             self.y = self.bound.outputs(self.lin.x[:, None])
         self.n_effect = sum(len(e.parameters) for e in base.effects)
         self.pushes: dict[str, np.ndarray] = {}
+
+    @cached_property
+    def known(self) -> np.ndarray:
+        """Residual and sensitivities of the fitted parameters over the noise, (1 + n_theta, n_outputs, n_samples)."""
+        r = self.problem.record.residual(self.lin.y)[None]
+        return np.concatenate([r, self.lin.J_theta.transpose(1, 0, 2)]) / self.problem.sd[None, :, None]
+
+    @cached_property
+    def J_x(self) -> np.ndarray:
+        """Sensitivities of the free initial states over the noise, (n_outputs, n_states, n_samples)."""
+        return np.asarray(self.lin.J_x[:, self.base.model.free_states] / self.problem.sd[:, None, None])
 
     def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Change of the measured outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""

@@ -165,12 +165,12 @@ def screen(
     """
     with np.errstate(all="ignore"):
         s = Responses(problem, base, x)
-        if not np.max(np.abs(_known(s))) < UNSQUARED:  # a base that cannot be linearised along the measured path
+        if not np.max(np.abs(s.known)) < UNSQUARED:  # a base that cannot be linearised along the measured path
             return _screen(s, [], noise)
         chosen = None
         if first is not None and first.columns is not None:
             thetas = [start.effect for start in first.starts], first.raw
-            chosen = shortlist(*thetas, first.columns, first.low, first.high, problem, base, s.lin)
+            chosen = shortlist(*thetas, first.columns, first.low, first.high, s)
         found = _screen(s, candidate_columns(s, candidates, shape, chosen, second), noise)
         return found if shape else _with_nearby(s, found, noise)
 
@@ -215,19 +215,11 @@ def _joined(found: Screen, other: Screen, k: int) -> Screen:
     )
 
 
-def _known(s: Responses) -> np.ndarray:
-    """Residual and sensitivities of the fitted parameters over the noise, (1 + n_theta, n_outputs, n_samples)."""
-    r = s.problem.record.residual(s.lin.y)[None]
-    return np.concatenate([r, s.lin.J_theta.transpose(1, 0, 2)]) / s.problem.sd[None, :, None]
-
-
 def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     problem, base = s.problem, s.base
-    known, sd = _known(s), problem.sd[None, :, None]
+    known, J_x, sd = s.known, s.J_x, problem.sd[None, :, None]
     few = len(known)
-    precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
-    pull = precision * (problem.prior_mean(base.effects, base.fit.theta) - base.fit.theta)
-    J_x = s.lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
+    precision, pull = base.held
     low, high = _range(columns)
     rest = known, J_x, precision, pull, problem.record.starts, low, high
     if not columns:

@@ -9,8 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, project_starts, scores, start_bases
-from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
-from sksurrogate.kernels.output_error import Linearised
+from sksurrogate.gap.screen._responses import Responses
 
 __all__ = ["Shortlist", "shortlist"]
 
@@ -26,9 +25,7 @@ def shortlist(
     columns: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
-    problem: OdeBackend,
-    base: OdeCandidate,
-    lin: Linearised,
+    s: Responses,
 ) -> Shortlist:
     """The effects whose columns remove most of what a base leaves.
 
@@ -39,34 +36,26 @@ def shortlist(
     ----------
     effects, raw, columns, low, high
         Of the null's screen, one entry a starting value.
-    problem : OdeBackend
-    base : OdeCandidate
-    lin : Linearised
-        Of the base.
+    s : Responses
+        The linearisation of the base.
 
     Returns
     -------
     dict
         Starting values by the effect's key.
     """
+    starts, lin = s.problem.record.starts, s.lin
     if not (np.isfinite(lin.J_theta).all() and np.isfinite(lin.J_x).all() and np.isfinite(lin.y).all()):
         return {}
-    sd = problem.sd[None, :, None]
-    r = problem.record.residual(lin.y)[None]
-    P = lin.J_theta.transpose(1, 0, 2)
-    J_x = lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
-    few = project_starts(np.concatenate([r, P]) / sd, J_x, problem.record.starts).reshape(1 + len(P), -1)
+    few = project_starts(s.known, s.J_x, starts).reshape(len(s.known), -1)
     flat = columns.reshape(len(columns), -1)
-    precision = 1.0 / problem.prior(base.effects, base.fit.theta) ** 2
     rows = np.concatenate([few @ few.T, (flat @ few.astype(np.float32).T).T.astype(float)], axis=1)
     size = np.einsum("kn,kn->k", flat, flat, dtype=float)
-    for a, b, q in start_bases(J_x, problem.record.starts, columns.shape[-1]):
+    for a, b, q in start_bases(s.J_x, starts, columns.shape[-1]):
         part = columns[:, :, a:b].reshape(len(columns), -1) @ q.astype(np.float32)
         size -= np.einsum("kn,kn->k", part, part, dtype=float)
     diagonal = np.r_[np.zeros(len(few)), np.maximum(size, 1e-12)]
-    pull = precision * (problem.prior_mean(base.effects, base.fit.theta) - base.fit.theta)
-    g, h = eliminate_rows(rows, diagonal, precision, pull)
-    drop, _ = scores(g, h, low, high)
+    drop, _ = scores(*eliminate_rows(rows, diagonal, *s.base.held), low, high)
     groups: dict[tuple, list[int]] = {}
     for k, effect in enumerate(effects):
         groups.setdefault(effect.key, []).append(k)

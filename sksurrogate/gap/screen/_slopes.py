@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._input import InputBias
-from sksurrogate.gap.fit._normal_equations import project_starts
+from sksurrogate.gap.fit._normal_equations import project_starts, unexplained
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_adjoint
 
@@ -27,18 +27,14 @@ class Slopes:
 
     def __init__(self, responses: Responses):
         self.responses = responses
-        s, problem, base = responses, responses.problem, responses.base
-        sd = problem.sd[None, :, None]
+        s, problem = responses, responses.problem
         with np.errstate(all="ignore"):
-            known = np.concatenate([problem.record.residual(s.lin.y)[None], s.lin.J_theta.transpose(1, 0, 2)]) / sd
-            J_x = s.lin.J_x[:, base.model.free_states] / problem.sd[:, None, None]
-            self.finite = bool(np.isfinite(known).all() and np.isfinite(J_x).all())
+            self.finite = bool(np.isfinite(s.known).all() and np.isfinite(s.J_x).all())
         if self.finite:
-            rest = project_starts(known, J_x, problem.record.starts)
+            rest = project_starts(s.known, s.J_x, problem.record.starts)
             flat = rest.reshape(len(rest), rest[0].size).T
             r, W = flat[:, 0], flat[:, 1:] / np.maximum(np.linalg.norm(flat[:, 1:], axis=0), 1e-300)
-            left = r - W @ np.linalg.lstsq(W, r, rcond=1e-10)[0]
-            self.residual = left.reshape(rest[0].shape) / problem.sd[:, None]
+            self.residual = unexplained(W, r).reshape(rest[0].shape) / problem.sd[:, None]
 
     def of(self, kind: str, place: str) -> tuple[np.ndarray, np.ndarray] | None:
         """An ``"input"`` or a predicted ``"output"`` and the slope in it (n_samples,); None elsewhere, or where none is finite."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._quantization import alike
@@ -56,17 +55,13 @@ def promising(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
         b = a_sample_later(after - after[:, :1], record.starts)
         y = bound.outputs(x + solve_recursion(lin.band, b))
     others = np.delete(np.arange(len(fit.theta)), place)
-    sd = problem.sd[None, :, None]
-    left = record.seen((record.y[:, None] - y).transpose(1, 0, 2))
-    white = np.concatenate([left, lin.J_theta[:, others].transpose(1, 0, 2)]) / sd
-    J_x = lin.J_x[:, model.free_states] / problem.sd[:, None, None]
-    if not (np.isfinite(white).all() and np.isfinite(J_x).all()):
+    left = (record.y[:, None] - y).transpose(1, 0, 2)
+    whole = np.concatenate([left, lin.J_theta[:, others].transpose(1, 0, 2)])
+    if not (np.isfinite(whole).all() and np.isfinite(lin.J_x[:, model.free_states]).all()):
         return []
-    flat = project_starts(white, J_x, record.starts).reshape(len(white), -1)
-    moved = fit.theta - problem.prior_mean(candidate.effects, fit.theta)
-    left = _left(
-        flat[: len(y[0])], flat[len(y[0]) :], problem.prior(candidate.effects, fit.theta)[others], moved[others]
-    )
+    flat = candidate.without_starts(whole).reshape(len(whole), -1)
+    mean, sd_prior = problem.prior(candidate.effects, fit.theta)
+    left = _left(flat[: len(y[0])], flat[len(y[0]) :], sd_prior[others], (fit.theta - mean)[others])
     order = 1 + np.argsort(left[1:])[:MOST_NEARBY]
     return [columns[:, k] for k in order if left[k] < left[0] - WORTH_A_FIT]
 
