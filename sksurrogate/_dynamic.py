@@ -13,8 +13,9 @@ from sklearn.metrics import r2_score
 from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
 
 from sksurrogate._checks import checked
+from sksurrogate._domain import DOUBTFUL, Domain
 from sksurrogate.exceptions import DataError, SimulationDiverged
-from sksurrogate.runs import Runs, resolve_runs
+from sksurrogate.runs import Run, Runs, resolve_runs
 
 __all__ = ["FreeRunMixin", "lengthened", "steps_ahead"]
 
@@ -59,7 +60,8 @@ def unfollowed_jumps(y: np.ndarray, one_step: np.ndarray) -> np.ndarray:
 class FreeRunMixin(RegressorMixin):
     """``score`` and helpers of a regressor whose ``predict(X, y0, groups)`` is a free run.
 
-    The regressor has ``run``, and after ``fit`` ``n_initial_``, ``y_is_1d_``, ``y_mean_`` and ``y_spread_``.
+    The regressor has ``run``, and after ``fit`` ``n_initial_``, ``y_is_1d_``, ``y_mean_``, ``y_spread_``, ``data_range_``
+    (2, n_inputs + n_outputs), lows and highs of the training data, and ``left_region_`` (labels of the training runs whose free run leaves it).
     """
 
     _integrates = False  # whether uneven sampling is fine
@@ -68,6 +70,8 @@ class FreeRunMixin(RegressorMixin):
     y_is_1d_: bool
     y_mean_: np.ndarray
     y_spread_: np.ndarray
+    data_range_: np.ndarray
+    left_region_: list[Any]
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -132,6 +136,45 @@ class FreeRunMixin(RegressorMixin):
         """
         return self.predict_ahead(X, y, 1, groups=groups)  # type: ignore[attr-defined]
 
+    def validity(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
+        """How far the free run is to be trusted: 1 while inputs and outputs stay within the training data's ranges.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y0, groups
+            As for ``predict``.
+
+        Returns
+        -------
+        ndarray (n_samples,)
+            Down to 0 from where a run leaves the ranges, by half of a range or so; it stays there, for a free run remembers.
+        """
+        check_is_fitted(self, "data_range_")
+        predicted = np.asarray(self.predict(X, y0=y0, groups=groups))  # type: ignore[attr-defined]
+        runs = self._resolve(X, None, groups)
+        found = runs.unstack(predicted.reshape(runs.n_samples, -1))
+        region = Domain(self.data_range_[0], self.data_range_[1], np.inf)
+        return runs.stack([1.0 - region.doubt(np.hstack([run.X, y])) for run, y in zip(runs, found)])
+
+    def _watch_training_runs(self, runs: Sequence[Run], free: Sequence[np.ndarray], remedy: str) -> None:
+        """Set ``left_region_``; warn where free runs of training data leave the range of the outputs, and say the way out."""
+        low, high = self.data_range_[:, -len(self.y_mean_) :]
+        outputs = Domain(low, high, np.inf)
+        with np.errstate(all="ignore"):
+            far = [~(outputs.distance(np.asarray(part)) <= DOUBTFUL) for part in free]
+        left = [(run, int(np.argmax(rows))) for run, rows in zip(runs, far) if rows.any()]
+        self.left_region_ = [run.label for run, _ in left]
+        if left:
+            run, row = left[0]
+            name = "the training run" if run.label is None else f"run {run.label!r}"
+            warnings.warn(
+                f"the free runs of {len(left)} of {len(free)} training runs leave the range of the training outputs by more than "
+                f"half of it (first: {name}, row {row}); predictions will as well. {remedy}",
+                UserWarning,
+                stacklevel=4,
+            )
+
     def _resolve(self, X: Any, y: Any, groups: Any, *, reset: bool = False, min_rows: int = 1) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
         if y is None and reset:
@@ -161,6 +204,8 @@ class FreeRunMixin(RegressorMixin):
             outputs = runs[0].y if len(runs) == 1 else np.concatenate([run.y for run in runs])
             self.y_is_1d_ = runs.y_is_1d
             self.y_mean_, self.y_spread_ = outputs.mean(axis=0), outputs.std(axis=0) + 1e-12
+            ends = [np.stack([end(np.hstack([run.X, run.y]), axis=0) for run in runs]) for end in (np.min, np.max)]
+            self.data_range_ = np.stack([ends[0].min(axis=0), ends[1].max(axis=0)])
         return runs
 
     def _first_rows(self, y0: Any, runs: Runs, name: str = "y0") -> np.ndarray:

@@ -22,6 +22,7 @@ FLOORS = (
         "_swapped",
         "_csv",
         "_fingerprint",
+        "_domain",
         "_lags",
         "_tables",
     },

@@ -63,6 +63,8 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     n_sub_ : int
     free_run_rmse_ : float
         On the training runs; inf where one diverges.
+    left_region_ : list
+        Labels of the training runs whose free run leaves the range of the outputs by more than half of it (a warning says so).
     output_names_, input_names_ : list of str
         Columns of the frames, else "y" and "u" (numbered where there are several).
     n_features_in_ : int
@@ -327,6 +329,12 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
                 RuntimeWarning,
                 stacklevel=3,
             )
+        self._watch_training_runs(
+            runs,
+            out,
+            "Train on more of (y, u), take fewer knots or terms, a penalty (Ridge) or a network, or fit the free run itself: "
+            'RecursivePredictor(loss="shooting").',
+        )
         error = np.concatenate([a[1:] - run.y[1:] for a, run in zip(out, runs)])
         mean = np.mean(error**2) if len(error) else np.nan
         self.free_run_rmse_ = float(np.sqrt(mean)) if np.isfinite(mean) else float("inf")

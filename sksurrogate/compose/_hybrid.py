@@ -14,8 +14,8 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 
 from sksurrogate._checks import checked
 from sksurrogate._columns import by_name
+from sksurrogate._domain import Domain
 from sksurrogate.compose._correction_report import CorrectionReport, keep_supported, reach, surrogate_alone
-from sksurrogate.compose._domain import Domain
 from sksurrogate.compose._hybrid_forms import correction_of
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
 from sksurrogate.compose._hybrid_output import Free

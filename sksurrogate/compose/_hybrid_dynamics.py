@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from sksurrogate.compose._domain import Domain
+from sksurrogate._domain import Domain
 from sksurrogate.compose._hybrid_output import Free, simulate_runs
 from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._plant_path import plant_path, training_substeps

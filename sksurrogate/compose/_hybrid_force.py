@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from sksurrogate.compose._domain import Domain
+from sksurrogate._domain import Domain
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.smoother import noise_of_differences, smooth

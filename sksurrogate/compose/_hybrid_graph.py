@@ -6,20 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.compose._domain import Domain
+from sksurrogate._domain import Domain
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection
 from sksurrogate.compose._hybrid_force import ForceCorrection
 from sksurrogate.compose._hybrid_output import OutputCorrection
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export import Graph, to_graph
-from sksurrogate.export._describe import add_estimator, add_step
+from sksurrogate.export._describe import SUBSTEPS, add_estimator, add_step
 from sksurrogate.physics._simulator import describe
 
 __all__ = ["hybrid_graph", "hybrid_state"]
-
-#: Substeps of a right-hand side a sample where nothing else is known, as :func:`to_graph` takes them.
-SUBSTEPS = 4
 
 
 def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: int, n_sub: int | None) -> Graph:
@@ -85,7 +82,7 @@ def hybrid_state(correction: Any, U: np.ndarray, y0: np.ndarray | None, n_sub: i
     if y0 is not None and correction.starts is not None:
         own = correction.starts(simulator, [U], [y0[:n]])[0]
     d, before = np.zeros((n, o)), np.repeat(U[:1], n, axis=0)
-    step = None if simulator is None else to_graph(simulator, n_sub or correction.n_sub or SUBSTEPS)
+    step = None if simulator is None else to_graph(simulator, n_sub or correction.n_sub)
     for t in range(0 if y0 is None else len(y0)):
         assert y0 is not None
         at = {"y": np.zeros(o), "x_next": own} if step is None else step(x=own, u=U[t])

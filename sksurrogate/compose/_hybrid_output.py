@@ -12,7 +12,7 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from sksurrogate.compose._domain import Domain
+from sksurrogate._domain import Domain
 from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._plant_path import training_substeps
 from sksurrogate.compose._residual import FreeRunResidual

@@ -23,6 +23,7 @@ from sksurrogate.runs import Run, Runs
 
 __all__ = [
     "REPORTED",
+    "STAYS",
     "barely_fitted",
     "diverged",
     "divergence",
@@ -36,6 +37,8 @@ __all__ = [
 
 #: Training rows that are run freely after a fit.
 REPORTED = 65_536
+#: What keeps free runs of lag models from leaving.
+STAYS = 'Fit with loss="shooting" (and stability above 0), give more lags or training runs, or a larger penalty.'
 #: Numbers up to which a lag matrix is made whole.
 WHOLE_LAG_MATRIX = 2_000_000
 
@@ -71,7 +74,7 @@ def divergence(runs: Runs, bad: Sequence[tuple[int, int]]) -> SimulationDiverged
     label = runs[which].label
     return SimulationDiverged(
         f"the free run diverged: run {which if label is None else label!r}, step {row}; {len(bad)} of {len(runs)} runs in "
-        'all. Fit with loss="shooting" (and stability above 0), give more lags or training runs, or a larger penalty.',
+        f"all. {STAYS}",
         run=label,
         row=row,
         time=float(runs[which].t[row]),

@@ -16,6 +16,7 @@ from sksurrogate._lags import lag_list
 from sksurrogate.compose._evidence_fit import Belief
 from sksurrogate.compose._lagged import (
     REPORTED,
+    STAYS,
     diverged,
     divergence,
     fitted,
@@ -83,6 +84,8 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
         Rows of ``y0``: the longest lag.
     one_step_rmse_, free_run_rmse_ : float
         On the training runs; the second, on at most 65 536 rows of them, is inf where a run diverges.
+    left_region_ : list
+        Labels of the training runs whose free run leaves the range of the outputs by more than half of it (a warning says so).
     shooting_loss_, alpha_ : float
         With ``loss="shooting"``: the loss and the penalty.
     noise_ : ndarray (n_outputs,)
@@ -331,7 +334,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
         return sum(float(((self._step(rows[block]) - target[block]) ** 2).sum()) for block in blocks)
 
     def _free_run_error(self, runs: Runs) -> float:
-        """RMSE of free runs over the first training rows; inf where one diverges."""
+        """RMSE of free runs over the first training rows, inf where one diverges; a warning where they leave."""
         n, left, inputs, outputs = self.n_initial_, REPORTED, [], []
         for run in runs:
             if left <= n:
@@ -340,6 +343,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
             outputs.append(run.y[:left])
             left -= len(run)
         free, bad = self._run_free(inputs, [y[:n] for y in outputs])
+        self._watch_training_runs(list(runs)[: len(outputs)], free, STAYS)
         if bad:
             return float("inf")
         return float(np.sqrt(np.mean(np.concatenate([f[n:] - y[n:] for f, y in zip(free, outputs)]) ** 2)))

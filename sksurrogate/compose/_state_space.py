@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin, steps_ahead
+from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.compose._state_fit import cut_pieces, first_rows, fit_linear, fit_networks
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.state_model import StateModel
@@ -18,6 +18,9 @@ from sksurrogate.kernels.state_space import StateFit, simulate, start_states
 from sksurrogate.runs import Runs
 
 __all__ = ["StateSpaceRegressor"]
+
+#: What keeps free runs of state-space models from leaving.
+STEADY_STATES = "Give fewer states, longer runs, or a larger alpha."
 
 
 class StateMatrices(NamedTuple):
@@ -180,6 +183,9 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
                 model, linear, U, Y, alpha=self.alpha, max_iter=self.max_iter, n_starts=self.n_starts, rng=rng
             )
         self._store(model, fit, runs, U, Y)
+        U, n = [self._scaled_u(run.X) for run in runs], self.n_initial_
+        first = np.stack([(lengthened(run.y[:n], n) - self.y_mean_) / self.y_spread_ for run in runs])
+        self._watch_training_runs(runs, self._outputs(self._start(U, first), U), STEADY_STATES)
         return self
 
     def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
@@ -216,7 +222,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         else:
             raise ValueError(f'init={self.init!r} must be "mean", "steady" or an array of first rows.')
         out = self._outputs(x0, U)
-        self._refuse_far(runs, out, "Give fewer states, longer runs, or a larger alpha.")
+        self._refuse_far(runs, out, STEADY_STATES)
         if given is not None:
             for r, part in enumerate(out):
                 part[: self.n_initial_] = first[r][: len(part)]

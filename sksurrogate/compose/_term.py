@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from sksurrogate.compose._domain import Domain
+from sksurrogate._domain import Domain
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.stiff import one_sample
 from sksurrogate.physics._fit_model import FitModel

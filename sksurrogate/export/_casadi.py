@@ -17,7 +17,7 @@ from sksurrogate.export._graph import Graph, Node
 __all__ = ["to_c", "to_casadi"]
 
 
-def to_casadi(model: Any, name: str = "surrogate", n_sub: int = 4) -> Any:
+def to_casadi(model: Any, name: str = "surrogate", n_sub: int | None = None) -> Any:
     """A fitted model as ``casadi.Function``.
 
     Parameters
@@ -25,8 +25,8 @@ def to_casadi(model: Any, name: str = "surrogate", n_sub: int = 4) -> Any:
     model : fitted estimator, simulator or Graph
         As for :func:`to_graph`.
     name : str, default="surrogate"
-    n_sub : int, default=4
-        Runge-Kutta substeps of right-hand sides.
+    n_sub : int, optional
+        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def _rule(ca: Any, node: Node, args: list[Any]) -> Any:
     return getattr(ca, known.get(node.op, node.op))(*args)
 
 
-def to_c(model: Any, path: Any = None, name: str = "surrogate", n_sub: int = 4) -> str:
+def to_c(model: Any, path: Any = None, name: str = "surrogate", n_sub: int | None = None) -> str:
     """A fitted model as C code without dependencies, made by CasADi.
 
     Parameters
@@ -93,7 +93,7 @@ def to_c(model: Any, path: Any = None, name: str = "surrogate", n_sub: int = 4) 
         File to write.
     name : str, default="surrogate"
         Of the C function ``int name(const double** arg, double** res, ...)``.
-    n_sub : int, default=4
+    n_sub : int, optional
 
     Returns
     -------

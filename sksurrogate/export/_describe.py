@@ -14,13 +14,17 @@ from sksurrogate.export._features import FEATURE_MAPS, add_features, add_free_ba
 from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
 
-__all__ = ["add_estimator", "add_step", "to_graph"]
+__all__ = ["SUBSTEPS", "add_estimator", "add_step", "to_graph"]
 
 #: sklearn's activations -> the graph's.
 _ACTIVATIONS = {"tanh": "tanh", "logistic": "logistic", "sigmoid": "logistic", "relu": "relu", "identity": ""}
 
 
-def to_graph(model: Any, n_sub: int = 4) -> Graph:
+#: Substeps of a right-hand side a sample where nothing else is known.
+SUBSTEPS = 4
+
+
+def to_graph(model: Any, n_sub: int | None = None) -> Graph:
     """A fitted model as a graph.
 
     Parameters
@@ -30,8 +34,8 @@ def to_graph(model: Any, n_sub: int = 4) -> Graph:
         the feature maps (splines, steps, waves, bumps), ``NonlinearBasisRegressor`` and pipelines of them: input "x", output "y".
         :class:`RecursivePredictor`, :class:`StateSpaceRegressor`, :class:`DerivativeRegressor`, :class:`LaggedLinearRegressor`,
         :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
-    n_sub : int, default=4
-        Runge-Kutta substeps a sample of a right-hand side.
+    n_sub : int, optional
+        Runge-Kutta substeps a sample of a right-hand side; None: those of the model where it has its own (hybrids), else 4.
 
     Returns
     -------
@@ -68,7 +72,7 @@ def to_graph(model: Any, n_sub: int = 4) -> Graph:
         if getattr(model, "inputs", None) is None or getattr(model, "outputs", None) is None:
             raise SurrogateError(f"{kind} does not name its signals: give it inputs=[...] and outputs=[...].")
         x, u = graph.input("x", len(model.states)), graph.input("u", len(model.inputs))
-        graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, model, x, u, n_sub)
+        graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, model, x, u, n_sub or SUBSTEPS)
         graph.dt = float(getattr(model, "dt", None) or 1.0)
         return graph
     check_is_fitted(model)

@@ -21,7 +21,9 @@ _OPERATORS = {
 }  # fmt: skip
 
 
-def to_onnx(model: Any, path: Any = None, name: str = "surrogate", n_sub: int = 4, dtype: Any = np.float64) -> Any:
+def to_onnx(
+    model: Any, path: Any = None, name: str = "surrogate", n_sub: int | None = None, dtype: Any = np.float64
+) -> Any:
     """A fitted model, scaling and all, as an ONNX model.
 
     Parameters
@@ -31,8 +33,8 @@ def to_onnx(model: Any, path: Any = None, name: str = "surrogate", n_sub: int = 
     path : str or path, optional
         File to write.
     name : str, default="surrogate"
-    n_sub : int, default=4
-        Runge-Kutta substeps of right-hand sides.
+    n_sub : int, optional
+        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them.
     dtype : float64 (default) or float32
 
     Returns

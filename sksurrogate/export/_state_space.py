@@ -52,7 +52,7 @@ class StateSpace:
         return require("control", "control").ss(self.A, self.B, self.C, self.D, dt)
 
 
-def state_space(model: Any, u0: Any, x0: Any = None, n_sub: int = 4) -> StateSpace:
+def state_space(model: Any, u0: Any, x0: Any = None, n_sub: int | None = None) -> StateSpace:
     """Linearise a recursive model, exactly.
 
     Parameters
@@ -61,8 +61,8 @@ def state_space(model: Any, u0: Any, x0: Any = None, n_sub: int = 4) -> StateSpa
     u0 : array-like (n_inputs,)
     x0 : array-like (n_states,), optional
         Default: the steady state under ``u0``, by Newton's method.
-    n_sub : int, default=4
-        Runge-Kutta substeps of right-hand sides.
+    n_sub : int, optional
+        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them.
 
     Returns
     -------

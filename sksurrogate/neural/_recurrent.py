@@ -149,6 +149,7 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
             target[r, : len(part) - n] = (part[n:] - self.y_mean_) / self.y_spread_
         self._train(data, target)
         free = self._run_free([run.X for run in runs], np.stack([run.y[:n] for run in runs]))
+        self._watch_training_runs(runs, free, "Lower learning_rate, or train longer.")
         errors = np.concatenate([part[n:] - run.y[n:] for part, run in zip(free, runs)])
         self.free_run_rmse_ = float(np.sqrt(np.mean(errors**2)))
         return self

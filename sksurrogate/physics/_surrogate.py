@@ -51,8 +51,8 @@ class SurrogateSimulator(BaseSimulator):
         Sample time of the data that the model was fitted on; the map itself knows none.
     x0 : array-like (n_states,), optional
         Initial state; by default that which the model starts at, its mean outputs for a lag model.
-    n_sub : int, default=4
-        Runge-Kutta substeps of right-hand sides inside a hybrid.
+    n_sub : int, optional
+        Runge-Kutta substeps of right-hand sides inside a hybrid; None: its own.
     units : dict of str, optional
         Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.
 
@@ -89,7 +89,7 @@ class SurrogateSimulator(BaseSimulator):
         states: Sequence[str] | None = None,
         dt: float = 1.0,
         x0: Any = None,
-        n_sub: int = 4,
+        n_sub: int | None = None,
         units: Mapping[str, str] | None = None,
     ):
         self.model = model
@@ -123,7 +123,7 @@ class SurrogateSimulator(BaseSimulator):
             self._kept = kept = (self.model, self.n_sub, _wired(graph, getattr(self.model, "y_mean_", None)))
         return kept[2]
 
-    def to_graph(self, n_sub: int = 4) -> Graph:
+    def to_graph(self, n_sub: int | None = None) -> Graph:
         """The graph of the model."""
         return self._wiring().graph
 

@@ -22,6 +22,7 @@ EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subse
 
 
 # a strong penalty: rows in no order have no dynamics, and a slope that is chance may run away
+@pytest.mark.filterwarnings("ignore:the free runs of")  # rows without order
 @parametrize_with_checks(
     [
         DerivativeRegressor(Ridge(1e4)),

@@ -17,6 +17,7 @@ EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subse
 
 
 # a strong penalty: a network that is fitted to rows in no order may run away from another start
+@pytest.mark.filterwarnings("ignore:the free runs of")  # rows without order
 @parametrize_with_checks(
     [
         StateSpaceRegressor(1, max_iter=10),
