@@ -113,7 +113,9 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
     _check_asked(plant, effects, testable)
     library = driven_effects(without_excluded(testable, diagnoser.exclude, plant), effects, plant, whole)
     task.progress.say(f"{len(library)} candidates on {whole.n_samples} samples of {len(runs)} run(s)")
-    search = TrajectorySearch(problem, library, n_jobs=diagnoser.n_jobs, report=task.progress.say)
+    search = TrajectorySearch(
+        problem, library, tolerance=float(diagnoser.tolerance), n_jobs=diagnoser.n_jobs, report=task.progress.say
+    )
     inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
     untestable = left_out(effects, testable)
     pipeline = DiagnosisPipeline(

@@ -15,7 +15,7 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Backend", "BaseCandidate", "Fitted", "KnownOfParameters", "as_white"]
+__all__ = ["Backend", "BaseCandidate", "Fitted", "KnownOfParameters", "as_white", "pushed_input"]
 
 
 class Fitted(Protocol):
@@ -185,6 +185,10 @@ class BaseCandidate(ABC):
         """Of the runs (n_runs, n_states); nan where the simulator is given none."""
 
     @abstractmethod
+    def shown_at_once(self, name: str) -> bool:
+        """Whether an output of the simulator depends on an input in the same sample."""
+
+    @abstractmethod
     def untuned(self) -> BaseCandidate | None:
         """The simulator with its free parameters at their nominal values, initial states fitted; None without a free run."""
 
@@ -227,6 +231,13 @@ class BaseCandidate(ABC):
         for i in out:
             keep[self.slice_of(i)] = False
         return tuple(e for j, e in enumerate(self.effects) if j not in out), self.fit.theta[keep]
+
+
+def pushed_input(record: Record, i: int) -> np.ndarray:
+    """The inputs with a thousandth of its deviation added to one of them, (n_inputs, n_samples)."""
+    u = record.u.copy()
+    u[i] += 1e-3 * max(float(np.std(u[i])), 1e-9)
+    return u
 
 
 def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:

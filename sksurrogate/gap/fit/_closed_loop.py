@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._normal_equations import unexplained
-from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.kernels.record import Record
 
 __all__ = ["LOOP", "closed_loop", "may_follow_noise"]
@@ -124,7 +123,7 @@ def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return left, np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
 
 
-def may_follow_noise(candidate: OdeCandidate, base: OdeCandidate) -> bool:
+def may_follow_noise(candidate: BaseCandidate, base: BaseCandidate) -> bool:
     """Whether what a candidate adds to ``base`` at an input may only follow the noise that a controller puts into it.
 
     Where an output shows an input at once and the input answers the output's noise at once, an effect on the input can
@@ -135,15 +134,4 @@ def may_follow_noise(candidate: OdeCandidate, base: OdeCandidate) -> bool:
     if not added or base.fit.cost - candidate.fit.cost > problem.record.n_values:
         return False
     looped = closed_loop(problem.record, candidate.fit.y, problem.plant.inputs)
-    return looped in added and shown_at_once(candidate, str(looped))
-
-
-def shown_at_once(candidate: OdeCandidate, name: str) -> bool:
-    """Whether an output of the simulator depends on an input in the same sample."""
-    problem = candidate.problem
-    record, i = problem.record, problem.plant.inputs.index(name)
-    u = record.u.copy()
-    u[i] += 1e-3 * max(float(np.std(u[i])), 1e-9)
-    x, nothing = candidate.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
-    moved = replace(problem, record=replace(record, u=u)).augmented(()).bind(nothing).outputs(x)
-    return not np.allclose(moved, problem.augmented(()).bind(nothing).outputs(x), rtol=1e-12, atol=0.0)
+    return looped in added and candidate.shown_at_once(str(looped))

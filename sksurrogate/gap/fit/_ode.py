@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._structure import largest_gains
-from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
+from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white, pushed_input
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._normal_equations import project_starts
@@ -183,6 +183,14 @@ class OdeCandidate(BaseCandidate):
     def initial_states(self) -> np.ndarray:
         """Of the runs (n_runs, n_states)."""
         return self.fit.x[: self.model.n_nominal, self.problem.record.starts].T
+
+    def shown_at_once(self, name: str) -> bool:
+        """Whether an output of the simulator depends on an input in the same sample."""
+        problem, record = self.problem, self.problem.record
+        x, nothing = self.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
+        pushed = replace(record, u=pushed_input(record, problem.plant.inputs.index(name)))
+        moved, y = (replace(problem, record=one).augmented(()).bind(nothing).outputs(x) for one in (pushed, record))
+        return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 
     def untuned(self) -> OdeCandidate | None:
         """The simulator with its free parameters at their nominal values, initial states fitted; None without a free run."""

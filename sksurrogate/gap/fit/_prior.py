@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._quantization import told_apart
@@ -23,7 +24,7 @@ def prior_cost(candidate: OdeCandidate) -> float:
     return retuning_cost(candidate) + step_cost(candidate) + start_cost(candidate)
 
 
-def retuning_cost(candidate: OdeCandidate) -> float:
+def retuning_cost(candidate: BaseCandidate) -> float:
     """``sum 3 log(1 + z^2 / 2)``, z = log ratio / :data:`PRIOR`, of the free parameters, less what the likelihood holds of it.
 
     Student's t of two degrees of freedom, as in the fits: a fit that is best under one prior must not be weighed by another.
@@ -34,19 +35,19 @@ def retuning_cost(candidate: OdeCandidate) -> float:
     return float(np.sum(3.0 * np.log1p(0.5 * square) - square / (1.0 + 0.5 * square)))
 
 
-def moves(candidate: OdeCandidate) -> np.ndarray:
+def moves(candidate: BaseCandidate) -> np.ndarray:
     """Log ratios of the free parameters to their nominal values, over :data:`PRIOR`, where the user gives no prior."""
     problem, ratios = candidate.problem, candidate.fit.theta[candidate.n_parameters :]
     own = [problem.plant.params[name] != 0 and name not in problem.known.priors for name in problem.free]
     return ratios[np.array(own, dtype=bool)] / PRIOR
 
 
-def moved_far(candidate: OdeCandidate) -> bool:
+def moved_far(candidate: BaseCandidate) -> bool:
     """Whether the free parameters moved so far that they may imitate an effect."""
     return float(np.sum(moves(candidate) ** 2)) >= FAR_RETUNED
 
 
-def step_cost(candidate: OdeCandidate) -> float:
+def step_cost(candidate: BaseCandidate) -> float:
     """Of a step of quantisation how many can be distinguished down to it, beyond what ``k ln N`` counts."""
     problem, counted = candidate.problem, np.log(candidate.problem.record.n_values)
     apart = [

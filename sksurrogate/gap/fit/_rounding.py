@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._ode import OdeCandidate
 
 __all__ = ["GRID_NOTE", "Rounding", "names_steps", "unnamed_rounding"]
@@ -42,7 +43,7 @@ class Rounding:
     share: float
 
 
-def names_steps(candidate: OdeCandidate) -> bool:
+def names_steps(candidate: BaseCandidate) -> bool:
     """Whether an effect of a candidate is a rounding whose steps the readings show."""
     outputs, record = candidate.problem.plant.outputs, candidate.problem.record
     return any(

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
+from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white, pushed_input
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
@@ -116,6 +116,13 @@ class TrajectoryCandidate(BaseCandidate):
         y = self.problem.outputs(effects, theta)
         fit = TrajectoryFit(theta, y, J, self.problem.cost_of(y))
         return replace(self, effects=effects, fit=fit) if np.all(np.isfinite(y)) else None
+
+    def shown_at_once(self, name: str) -> bool:
+        """Whether an output moves with an input in the first sample of a run, before any state can."""
+        problem, record = self.problem, self.problem.record
+        u = pushed_input(record, problem.plant.inputs.index(name))
+        moved, y = (problem.simulations.run(one, {}, problem.x0)[:, record.starts] for one in (u, record.u))
+        return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 
     def untuned(self) -> TrajectoryCandidate:
         """The simulator as it is."""

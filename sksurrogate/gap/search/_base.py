@@ -15,6 +15,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST
 from sksurrogate.gap.fit._evidence import C, Evidence, bar, estimate_noise, judged_under
+from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["CORRELATED", "EQUAL", "BaseSearch"]
@@ -107,7 +108,7 @@ class BaseSearch(ABC, Generic[C]):
 
     def prior_cost(self, candidate: C) -> float:
         """How unlikely the values of a candidate are before any data, in units of -2 log p."""
-        return 0.0
+        return retuning_cost(candidate)
 
     # ---- evidence ---------------------------------------------------------------------------------------------------
     @property

@@ -19,8 +19,8 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._pairs import best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
-from sksurrogate.gap.search._base import BaseSearch
-from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_pair, nominal
+from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_pair
+from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._stopping import remembers_enough
 from sksurrogate.kernels.clock import check_time, limited
 from sksurrogate.kernels.disturbance import Noise
@@ -42,12 +42,14 @@ FITTED_APART = 2
 PORTION = 4
 #: Effort of the search for a jump, in parameters that are fitted.
 SEARCHED = 12
+#: Pairs that are fitted because the screen expects most of them.
+MOST_PAIRS = 10
 #: Other places and variables of the nearest effect that are fitted from its shape.
 MOST_SIBLINGS = 8
 
 
 @dataclass(eq=False)
-class Expander(BaseSearch[OdeCandidate]):
+class Expander(SetSearch[OdeCandidate]):
     """Fits candidates added to a base, and remembers every fit.
 
     Attributes
@@ -59,27 +61,12 @@ class Expander(BaseSearch[OdeCandidate]):
         Cost and screen of every base.
     first_screen : Screen or None
         What the screen expects of single effects.
-    tolerance : float
-        Share of the gap (amplitude) that a model may leave.
     """
 
     problem: OdeBackend
     x: np.ndarray
     screens: dict = field(default_factory=dict)
     first_screen: Screen | None = None
-    nominal_costs: dict[OdeCandidate, float] = field(default_factory=dict)
-    tolerance: float = 0.1
-
-    @property
-    def gap_cost(self) -> float:
-        """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values."""
-        null = self.fitted_null.candidate
-        if not self.problem.free:
-            return null.fit.cost
-        if null not in self.nominal_costs:
-            given = nominal(null)
-            self.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
-        return self.nominal_costs[null]
 
     def searching(self, base: OdeCandidate) -> OdeBackend:
         """The problem with the numerics of a base, but no finer than the search needs."""
@@ -130,7 +117,7 @@ class Expander(BaseSearch[OdeCandidate]):
 
     def from_nominal(self, null: Evidence, n_white: int, n_forced: int) -> list[OdeCandidate]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
-        base = nominal(null.candidate)
+        base = null.candidate.at_nominal()
         return [] if base is None else self.anew(base, null.noise, n_white, n_forced)
 
     def anew(
@@ -219,12 +206,12 @@ class Expander(BaseSearch[OdeCandidate]):
             out[start.effect.key] = max(out.get(start.effect.key, -np.inf), start.white)
         return out
 
-    def pairs(self, base: OdeCandidate, most: int, best: float) -> list[OdeCandidate]:
+    def pairs(self, best: float) -> list[OdeCandidate]:
         """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
         if self.first_screen is None:
             return []
-        problem, x = self.searching(base), self.x
-        pairs = best_pairs(self.first_screen, most)
+        base, x = self.fitted_null.candidate, self.x
+        problem, pairs = self.searching(base), best_pairs(self.first_screen, MOST_PAIRS)
         new = [pair for pair in pairs if frozenset(start.effect.key for start in pair) not in self.fitted]
         tries = side_by_side(lambda pair: shipped(partial(fit_pair, problem, base, pair, x, best)), new, self.second)
         effects = [[start.effect for start in pair] for pair in new]

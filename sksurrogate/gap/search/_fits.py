@@ -20,12 +20,10 @@ from sksurrogate.kernels.output_error import Fit, run_near
 __all__ = [
     "best_starts",
     "cheapest",
-    "distinct",
     "first_places",
     "fit_added",
     "fit_pair",
     "mean_start",
-    "nominal",
     "numerics_matter",
     "open_null",
 ]
@@ -220,22 +218,6 @@ def open_null(problem: OdeBackend, theta: np.ndarray, x: np.ndarray) -> OdeCandi
     y = np.repeat(record.level[:, None], record.n_samples, axis=1)
     cost = float(np.sum((record.residual(y) / problem.sd[:, None]) ** 2))
     return problem.candidate((), Fit(theta, x, y, cost, 0, False, None))
-
-
-def nominal(null: OdeCandidate) -> OdeCandidate | None:
-    """The null with its free parameters back at their nominal values; None where that has no free run."""
-    return null.frozen(np.zeros(len(null.fit.theta)))
-
-
-def distinct(candidates: Sequence[OdeCandidate], taken: set, most: int) -> list[OdeCandidate]:
-    """The first candidates with different sets of effects."""
-    chosen: list[OdeCandidate] = []
-    for candidate in candidates:
-        key = frozenset(candidate.keys)
-        if key not in taken and len(chosen) < most:
-            taken = taken | {key}
-            chosen.append(candidate)
-    return chosen
 
 
 def numerics_matter(finer: OdeBackend, candidate: OdeCandidate) -> bool:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import FAR, FAR_BY_COST, LEFT_BY_SEVERAL
-from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.search._nested import hardly_more
-from sksurrogate.gap.search._plausible import plausible
 
 __all__ = [
     "STACK",
@@ -32,7 +31,7 @@ STACK = 3
 MOST_HIDDEN = 2
 
 
-def grows_in_vain(candidate: OdeCandidate, before: OdeCandidate, null: OdeCandidate) -> bool:
+def grows_in_vain(candidate: BaseCandidate, before: BaseCandidate, null: BaseCandidate) -> bool:
     """Whether a set far from the data leaves much of the gap, and its last effect took little of what was left ``before``."""
     return candidate.fit.cost > max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
 
@@ -46,19 +45,19 @@ def closes_by_size(candidate: Evidence, gap: float, tolerance: float) -> bool:
     return candidate.left > FAR and candidate.fit.cost < tolerance**2 * gap
 
 
-def fewest_parameters(search: Any, best: OdeCandidate) -> OdeCandidate:
+def fewest_parameters(search: Any, best: C) -> C:
     """Of the sets of as many effects that leave hardly more of the gap the nearest with the fewest parameters."""
     most = hardly_more(best.fit.cost, search.gap_cost)
     others = [
         candidate
         for keys, candidate in search.fitted.items()
-        if len(keys) == len(best.effects) and candidate.fit.cost < most and plausible(candidate)
+        if len(keys) == len(best.effects) and candidate.fit.cost < most and search.plausible(candidate)
     ]
     least = min([best, *others], key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
     return search.polish(least) if least.n_parameters < best.n_parameters else best
 
 
-def leads_on(search: Any, best: OdeCandidate, n: int) -> bool:
+def leads_on(search: Any, best: BaseCandidate, n: int) -> bool:
     """Whether the screen expects n names more to close what a set leaves up to the tolerance, or to come near the noise.
 
     Of a set that closes the gap up to the tolerance further names are named only where they lead to the noise.

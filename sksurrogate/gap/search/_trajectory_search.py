@@ -14,38 +14,31 @@ from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate, TrajectoryFit
-from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.search._set_search import SetSearch
 
 __all__ = ["TrajectorySearch"]
 
-#: Most effects named at once.
-MOST_AROUND = 3
 #: Candidates fitted in a round: so many by white noise, so many by the noise with forces.
 BY_WHITE, BY_FORCED = 10, 6
-#: Candidates whose own noise is estimated.
-ESTIMATED = 6
 #: Candidates that the screen expects to gain less than this share of the bar are not fitted.
 HOPELESS = 0.15
-#: A further effect must beat its bar by this.
-EXTRA_OF_FURTHER = 10.0
 
 
 @dataclass(eq=False)
-class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
-    """Forward search, with what stands re-chosen after every step.
+class TrajectorySearch(SetSearch[TrajectoryCandidate]):
+    """The search around a simulator that only gives trajectories.
 
     Attributes
     ----------
     problem : TrajectoryBackend
     screened_gains : dict
         Key of an effect -> what the screen expects of it.
-    stopped : KeyboardInterrupt or None
-        The interrupt that came while candidates were fitted.
     """
+
+    frugal = True
 
     problem: TrajectoryBackend
     screened_gains: dict[Any, float] = field(default_factory=dict)
-    stopped: KeyboardInterrupt | None = None
 
     def is_far(self, candidate: TrajectoryCandidate) -> bool:
         """Never: the surrogate's noise model holds far from the data too."""
@@ -72,38 +65,19 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
 
     def run(self) -> Evidence[TrajectoryCandidate]:
         """The whole search; an interrupt is passed on once what is fitted is compared."""
-        self.forward()
-        if self.begins_elsewhere():
-            self.report("the runs start elsewhere than the simulator: their initial states are fitted as transients")
-            self.fit_null()
-            self.forward()
+        try:
+            super().run()
+            if self.begins_elsewhere():
+                self.report(
+                    "the runs start elsewhere than the simulator: their initial states are fitted as transients"
+                )
+                self.fitted.clear()
+                self.fit_null()
+                super().run()
+        except KeyboardInterrupt:
+            self.keep_best()
+            raise
         return self.final or self.fitted_null
-
-    def forward(self) -> None:
-        """Effects one by one."""
-        best = self.fitted_null.candidate
-        while len(best.effects) < MOST_AROUND and not self.stopped:
-            found = self.expand(best)
-            if not best.effects:
-                self.first_round = found
-            passes = [f for f in found if self.above(f, best) > 0.0]
-            if not passes:
-                break
-            new = max(passes, key=self.score)
-            if best.effects and self.above(new, best) < EXTRA_OF_FURTHER:
-                break
-            if best.effects and not self.stopped:
-                new = self.swapped(new)
-            best = self.stand(new)
-            self.report(f"{', '.join(e.name for e in best.effects)}: evidence {self.gain(best):.0f}")
-        if self.stopped:
-            stop, self.stopped = self.stopped, None
-            raise stop
-
-    def above(self, candidate: TrajectoryCandidate, base: TrajectoryCandidate) -> float:
-        """How far twice the gain over a base is above the bar of the parameters more."""
-        gain = 2.0 * (self.evidence(candidate) - self.evidence(base))
-        return gain - self.bar(candidate.n_parameters - base.n_parameters)
 
     def begins_elsewhere(self) -> bool:
         """Whether transients explain much of what is left: then the simulator starts elsewhere, and they become unknowns."""
@@ -136,72 +110,55 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
         null = self.fitted_null
         self.null = self.judge(replace(null, candidate=replace(null.candidate, problem=problem)))
 
-    def swapped(self, candidate: TrajectoryCandidate) -> TrajectoryCandidate:
-        """Every effect but the last re-chosen with the others kept."""
-        for i in range(len(candidate.effects) - 1):
-            rest = self.without(candidate, i)
-            if rest is None:
-                continue
-            found = self.expand(rest)
-            if found and max(map(self.score, found)) > self.score(candidate) + 1.0:
-                candidate = max(found, key=self.score)
-        return candidate
-
-    def without(self, candidate: TrajectoryCandidate, i: int) -> TrajectoryCandidate | None:
-        """A candidate with effect i left out, fitted and with its own noise."""
+    def refitted_without(self, candidate: TrajectoryCandidate, i: int) -> TrajectoryCandidate | None:
+        """Without effect i, from the slopes that are known."""
         effects, theta = candidate.without_effect(i)
         if not effects:
             return self.fitted_null.candidate
         known = np.delete(candidate.fit.J, np.arange(len(candidate.fit.theta))[candidate.slice_of(i)], axis=1)
-        found = self.problem.fit(effects, theta, known.transpose(1, 0, 2))
-        if found is not None:
-            self.judge(estimate_noise(found, self.judged[candidate].noise, max_iterations=6))
-        return found
+        return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
     def in_place_of(self, final: Evidence[TrajectoryCandidate], i: int) -> list[TrajectoryCandidate]:
         """Candidates with another effect in the place of effect i, and that itself again."""
         if len(final.effects) == 1:
             return self.first_round
         rest = self.without(final.candidate, i)
-        return self.expand(rest) if rest is not None else []
+        return self.ranked(self.expand(rest, BY_WHITE, BY_FORCED), rest) if rest is not None else []
 
     # ---- one round --------------------------------------------------------------------------------------------------
-    def expand(self, base: TrajectoryCandidate) -> list[TrajectoryCandidate]:
-        """The base with one effect more, best first; all with a likelihood, the best with their own noise."""
-        starts = self.screened(base)
-        self.report(f"fitting {len(starts)} of {len(self.library)} candidates")
+    def expand(
+        self,
+        base: TrajectoryCandidate,
+        n_white: int,
+        n_forced: int,
+        among: Sequence[BaseEffect] | None = None,
+        siblings: bool = False,
+        least: float = 0.0,
+        best: float = np.inf,
+        thorough: bool = True,
+    ) -> list[TrajectoryCandidate]:
+        """The base with one effect more: the few that the screen puts first."""
+        library = self.library if among is None else among
+        counts = min(n_white, BY_WHITE), min(n_forced, BY_FORCED)
+        starts = self.screened(base, library, *counts, max(least, HOPELESS * self.bar(1)))
+        self.report(f"fitting {len(starts)} of {len(library)} candidates")
+        work = Parallel(n_jobs=self.n_jobs, return_as="generator")
         found: list[TrajectoryCandidate] = []
-        try:
-            work = Parallel(n_jobs=self.n_jobs, return_as="generator")
-            tries = work(delayed(_fit)(self.problem, base, *start) for start in starts)
-            found += (candidate for candidate in tries if candidate is not None)
-        except KeyboardInterrupt as stop:  # what is fitted by now is compared before the search stops
-            self.stopped = stop
-        if not found:
-            return []
-        self.remember(found)
-        noise = self.judged[base].noise
-        start = estimate_noise(min(found, key=lambda f: f.fit.cost), noise).noise
-        looks = sorted(
-            (judged_under(candidate, [noise, start]) for candidate in found), key=lambda e: -e.log_likelihood
-        )
-        estimated = []
-        for look in looks[:ESTIMATED]:
-            own = estimate_noise(look.candidate, start, max_iterations=8)
-            likelier = max(own.log_likelihood, look.log_likelihood)
-            estimated.append(self.judge(replace(own, log_likelihood=likelier)).candidate)
-        others = [self.judge(look).candidate for look in looks[ESTIMATED:]]
-        out = [*sorted(estimated, key=self.score, reverse=True), *others]
-        self.remember(out)
+        for candidate in work(delayed(_fit)(self.problem, base, *start) for start in starts):
+            if candidate is not None:
+                found.append(candidate)
+                self.remember([candidate])  # an interrupt leaves what is fitted by now
         self.lost.update(self.problem.simulations.raised)
-        return out
+        return found
 
-    def screened(self, base: TrajectoryCandidate) -> list[tuple[BaseEffect, np.ndarray, np.ndarray]]:
+    def screened(
+        self, base: TrajectoryCandidate, library: Sequence[BaseEffect], n_white: int, n_forced: int, least: float
+    ) -> list[tuple[BaseEffect, np.ndarray, np.ndarray]]:
         """Effect, start and expected change of the outputs, of those that a linear look puts first."""
         taken = set(base.keys)
         looked = [
             (effect, start, change)
-            for effect in self.library
+            for effect in library
             if effect.key not in taken
             for start in (np.asarray(given, dtype=float) for given in effect.starts(_probe(self.problem, effect)))
             if (change := self.change(base, effect, start)) is not None
@@ -215,10 +172,10 @@ class TrajectorySearch(BaseSearch[TrajectoryCandidate]):
         white, amplitude = self._white(base, effects, columns)
         forced = self._forced(base, effects, columns)
         chosen: dict[int, None] = {}
-        for gains, most in ((white, BY_WHITE), (forced, BY_FORCED)):
+        for gains, most in ((white, n_white), (forced, n_forced)):
             seen: set = set()
             for i in np.argsort(-gains):
-                if gains[i] < HOPELESS * self.bar(1) or len(seen) == most:
+                if gains[i] < least or len(seen) == most:
                     break
                 if effects[i].key not in seen:
                     seen.add(effects[i].key)
