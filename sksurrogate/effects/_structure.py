@@ -147,13 +147,19 @@ def _with_rates(model: PlantModel) -> PlantModel:
 
 
 def _points(model: PlantModel, n_points: int, random_state: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, states and inputs about the initial state; half of the states not negative, as levels and concentrations are."""
+    """Times, states and inputs about the initial state; half of the states not negative, as levels and concentrations are;
+    inputs from the recorded range where it is known.
+    """
     plant = model.plant
     n, random = len(plant.states), np.random.default_rng(random_state)
     size = np.maximum(np.abs(plant.x0), 1.0)[:, None]
     x = plant.x0[:, None] + size * random.normal(size=(n, n_points))
     x[:, n_points // 2 :] = np.abs(x[:, n_points // 2 :])
-    u = np.abs(random.normal(size=(len(plant.inputs), n_points)))
+    if plant.input_range is None:
+        u = np.abs(random.normal(size=(len(plant.inputs), n_points)))
+    else:
+        low, high = plant.input_range[:, :, None]
+        u = low + (high - low) * random.uniform(size=(len(low), n_points))
     return np.linspace(0.0, 10 * plant.dt, n_points), x, u
 
 

@@ -79,16 +79,8 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     second, later = WorkerProcess(fixed, apart), WorkerProcess(fixed, apart, later=True)
     tolerance = float(diagnoser.tolerance)
-    search = Search(
-        problem,
-        library,
-        smoothed.x,
-        tolerance=tolerance,
-        n_jobs=diagnoser.n_jobs,
-        report=task.progress.say,
-        second=second,
-        later=later,
-    )
+    common = {"n_jobs": diagnoser.n_jobs, "report": task.progress.say, "lost": model.said}
+    search = Search(problem, library, smoothed.x, tolerance=tolerance, second=second, later=later, **common)
     inside = OdeInside(search, task.seed, whole, tolerance, excluded_places(diagnoser.exclude))
     limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit, "include_law": bool(diagnoser.include_law)}
     pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, **limits)
@@ -113,9 +105,8 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
     _check_asked(plant, effects, testable)
     library = driven_effects(without_excluded(testable, diagnoser.exclude, plant), effects, plant, whole)
     task.progress.say(f"{len(library)} candidates on {whole.n_samples} samples of {len(runs)} run(s)")
-    search = TrajectorySearch(
-        problem, library, tolerance=float(diagnoser.tolerance), n_jobs=diagnoser.n_jobs, report=task.progress.say
-    )
+    common = {"n_jobs": diagnoser.n_jobs, "report": task.progress.say, "lost": problem.simulations.raised}
+    search = TrajectorySearch(problem, library, tolerance=float(diagnoser.tolerance), **common)
     inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
     untestable = left_out(effects, testable)
     pipeline = DiagnosisPipeline(
@@ -146,8 +137,13 @@ def _check_asked(plant: Plant, effects: Any, kept: list[BaseEffect]) -> None:
 
 def _testable(problem: TrajectoryBackend, effects: list[BaseEffect]) -> list[BaseEffect]:
     """Effects that this simulator lets one try: a table knows its own inputs only."""
+    u = problem.record.u
+    middle = u.mean(axis=1, keepdims=True)
+    other = np.where(np.ptp(u, axis=1, keepdims=True) > 0, middle + 0.99 * (u - middle), u + 1e-6)  # in their range
     try:
-        problem.simulations.run(problem.record.u * 1.01 + 1e-6, {}, problem.x0)
+        problem.simulations.simulated(other, {}, problem.x0)
     except SurrogateError:
         return [effect for effect in effects if effect.kind != "input"]
+    except Exception:  # a candidate that fails is lost, not all on the inputs
+        return effects
     return effects

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any, ClassVar
 
@@ -13,6 +14,7 @@ from sklearn.utils._param_validation import HasMethods, Interval
 
 from sksurrogate._columns import by_name
 from sksurrogate._stamps import on_grid, with_rows_in_gaps
+from sksurrogate._warned_once import warned_once
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
@@ -196,7 +198,7 @@ class GapDiagnoser(BaseEstimator):
             ``effects`` holds a name that is not in the catalogue or something that is not an effect; ``n_jobs`` is 0 or not an integer.
         """
         self._check_parameters()
-        with progress_shown(self.verbose) as show:
+        with progress_shown(self.verbose) as show, warned_once():
             return self._fit(X, y, groups, Progress(show, self.time_limit))
 
     def _fit(self, X: Any, y: Any, groups: Any, progress: Progress) -> GapDiagnoser:
@@ -211,6 +213,8 @@ class GapDiagnoser(BaseEstimator):
         if runs[0].y is None:
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
+        recorded = np.concatenate([run.X for run in runs])
+        plant = replace(plant, input_range=np.stack([recorded.min(axis=0), recorded.max(axis=0)]))
         free = _free(self.free_params, plant.params)
         _refuse_still([run.y for run in runs], plant.outputs)
         user_knows = _known(self.bounds, self.priors, plant.params)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.physics._foreign import REFUSALS
 from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant
 
@@ -29,16 +30,20 @@ class PlantModel:
 
     def __init__(self, plant: Plant):
         self.plant = plant
-        simulator, wired = plant.simulator, _wired(plant)
-        n = len(plant.states)
-        self._rhs = PointwiseFunction(wired(simulator.rhs), n, "rhs", plant.states) if plant.access == "rhs" else None
-        self._step = None
-        if plant.access == "step":
-            self._step = PointwiseFunction(wired(simulator.step), n, "step", plant.states)
+        wired = _wired(plant)
+        #: All that the user's functions raised at points that they refused.
+        self.said: dict[str, None] = {}
+        refusals = REFUSALS if plant.input_range is None else (Exception,)
+
+        def pointwise(what: str, names: Sequence[str]) -> PointwiseFunction:
+            return PointwiseFunction(
+                wired(getattr(plant.simulator, what)), len(names), what, names, refusals, self.said
+            )
+
+        self._rhs = pointwise("rhs", plant.states) if plant.access == "rhs" else None
+        self._step = pointwise("step", plant.states) if plant.access == "step" else None
         self._selected = plant.output_states
-        self._output = None
-        if self._selected is None:
-            self._output = PointwiseFunction(wired(simulator.output), len(plant.outputs), "output", plant.outputs)
+        self._output = pointwise("output", plant.outputs) if self._selected is None else None
         self._inputs, self._times, self._params = _Flattened(), _Flattened(), _FlatParams(plant.params)
 
     def probe(self, u: np.ndarray) -> None:

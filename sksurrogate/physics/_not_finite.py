@@ -57,7 +57,7 @@ def not_finite_along(inner: PlantModel, record: Record, labels: Sequence[object]
     return (
         f"{names[int(np.argmax(bad[:, k]))]} is not finite in {len(rows)} of {record.n_samples} samples along the data, first in "
         f"{where}row {k - int(record.starts[run])}, t = {record.t[k]:g}, from "
-        f"{', '.join(f'{name} = {value:.4g}' for name, value in at.items())}. {WAY_OUT}"
+        f"{', '.join(f'{name} = {value:.4g}' for name, value in at.items())}.{inner.refusal} {WAY_OUT}"
     )
 
 

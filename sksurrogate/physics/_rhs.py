@@ -55,13 +55,27 @@ class PointwiseFunction:
         How the message calls it: "rhs", "output" or "step".
     names : sequence of str
         Names of the components.
+    refusals : tuple of exception types
+        What the function raises at a point that it refuses; others are mistakes in it.
+    said : dict, optional
+        Takes up all that it raises at points that it refuses.
     """
 
-    def __init__(self, function: Callable[..., Any], size: int, what: str, names: Sequence[str]):
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        size: int,
+        what: str,
+        names: Sequence[str],
+        refusals: tuple[type[Exception], ...] = REFUSALS,
+        said: dict[str, None] | None = None,
+    ):
         self.function = function
         self.size = size
         self.what = what
         self.names = tuple(names)
+        self.refusals = refusals
+        self.said = {} if said is None else said
         self.vectorised: bool | None = None
         #: What the function said when it last refused a point.
         self.refusal = ""
@@ -84,7 +98,14 @@ class PointwiseFunction:
         xs, us, times = locked(xs), locked(us), locked(np.full(len(spread), t))
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            single = np.stack([self._one(t, xs[:, k], us[:, k], p, *extra) for k in range(len(spread))], axis=1)
+            answers = {0: self._one(t, xs[:, 0], us[:, 0], p, *extra)}
+            for k in range(1, len(spread)):
+                try:
+                    answers[k] = self._one(t, xs[:, k], us[:, k], p, *extra)
+                except Exception as error:
+                    self._check_refused(error)
+            single, known = np.stack(list(answers.values()), axis=1), list(answers)
+            xs, us, times = locked(xs[:, known]), locked(us[:, known]), times[: len(known)]
             try:
                 together = self._many(times, xs, us, p, *extra)
                 self.vectorised = bool(np.allclose(single, together, rtol=1e-9, atol=1e-12, equal_nan=True))
@@ -191,11 +212,16 @@ class PointwiseFunction:
         if self.vectorised:
             try:
                 return self._many(t, x, u, p, *extra)
-            except SimulatorError:
-                raise
-            except REFUSALS:  # one point of many, as a rule
-                return self._each(t, x, u, p, *extra)
+            except Exception as error:  # one point of many, as a rule
+                self._check_refused(error)
         return self._each(t, x, u, p, *extra)
+
+    def _check_refused(self, error: Exception) -> BaseException:
+        """What the function said where it refused a point; a mistake in it is raised."""
+        cause = error.__cause__ if isinstance(error, SimulatorError) else error
+        if Exception not in self.refusals and not isinstance(cause, self.refusals):
+            raise error
+        return cause or error
 
     def _each(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
         """Point by point; nan where the function refuses a point, and where a point is not finite: then it is not asked."""
@@ -207,13 +233,12 @@ class PointwiseFunction:
             q = {**p, **{k: float(v[m]) for k, v in varied.items()}} if varied else p
             try:
                 out[:, m] = self._one(float(times[m]), x[:, m], u[:, m], q, *extra)
-            except (SimulatorError, *REFUSALS) as error:
-                cause = error.__cause__ if isinstance(error, SimulatorError) else error
-                if not isinstance(cause, REFUSALS):
-                    raise
+            except Exception as error:
+                cause = self._check_refused(error)
+                words = f"{type(cause).__name__}: {cause}"
+                self.said[words] = None
                 self.refusal = (
-                    f" {self.what} last raised {type(cause).__name__}: {cause}, at t={times[m]:g}, x={x[:, m].tolist()}, "
-                    f"u={u[:, m].tolist()}."
+                    f" {self.what} last raised {words}, at t={times[m]:g}, x={x[:, m].tolist()}, u={u[:, m].tolist()}."
                 )
         return out
 

@@ -103,6 +103,9 @@ class Plant:
     hold : {"zoh", "foh"}
     x0 : ndarray (n_states,)
         Nominal initial state.
+    input_range : ndarray (2, n_inputs), optional
+        Least and largest recorded inputs. Where it is given candidates are tried on the simulator: whatever it raises at a point
+        beside the first is a refusal of that point.
     """
 
     simulator: Any
@@ -114,6 +117,7 @@ class Plant:
     dt: float
     hold: str
     x0: np.ndarray
+    input_range: np.ndarray | None = None
 
     @property
     def output_states(self) -> tuple[int, ...] | None:

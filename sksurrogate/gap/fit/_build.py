@@ -159,7 +159,7 @@ def build_trajectory(
         A run of the simulator alone does not stay finite.
     """
     simulations = Simulations(plant, record)
-    nominal = simulations.run(record.u, {}, None)
+    nominal = simulations.simulated(record.u, {}, None)
     if not np.all(np.isfinite(nominal)):
         raise divergence(plant, record, nominal, labels)
     own, x0 = getattr(plant.simulator, "x0", None), None

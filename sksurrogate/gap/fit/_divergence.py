@@ -9,6 +9,7 @@ import numpy as np
 from sksurrogate.effects._trajectory import plain_runs
 from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.kernels.record import Record
+from sksurrogate.physics._foreign import LARGEST_OFFERED
 from sksurrogate.physics._simulator import Plant
 
 __all__ = ["divergence"]
@@ -51,7 +52,7 @@ def divergence(plant: Plant, record: Record, nominal: np.ndarray, labels: Sequen
                 time=error.time,
                 state=error.state,
             )
-        bad = ~np.isfinite(Y)
+        bad = ~(np.abs(Y) <= LARGEST_OFFERED)
         if bad.any():
             row = int(np.flatnonzero(bad.any(axis=0))[0])
             output = plant.outputs[int(np.flatnonzero(bad[:, row])[0])]

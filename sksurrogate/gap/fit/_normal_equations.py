@@ -30,14 +30,22 @@ def scaled(H: np.ndarray, least: float = 1e-300) -> tuple[np.ndarray, np.ndarray
     return H / np.outer(scale, scale), scale
 
 
+def _check_finite(*parts: np.ndarray) -> None:
+    if not all(np.isfinite(part).all() for part in parts):
+        raise np.linalg.LinAlgError("the normal equations are not finite")
+
+
 def solve(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray:
     """The smallest ``x`` of ``H x = g``, unseen directions left at 0; ``damping`` in the scale of the diagonal.
+
+    LinAlgError where a trajectory left the finite numbers.
 
     Examples
     --------
     >>> solve(np.diag([4.0, 1e-40]), np.array([2.0, 1e-40]))
     array([0.5, 1. ])
     """
+    _check_finite(H, g)
     normal, scale = scaled(H)
     if damping:
         normal = normal + damping * np.eye(len(H))
@@ -57,8 +65,7 @@ def unexplained(columns: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def inverse(H: np.ndarray) -> np.ndarray:
     """Pseudo-inverse; LinAlgError where a trajectory left the finite numbers."""
-    if not np.isfinite(H).all():
-        raise np.linalg.LinAlgError("the normal equations are not finite")
+    _check_finite(H)
     normal, scale = scaled(H)
     return np.linalg.pinv(normal, rcond=UNSEEN, hermitian=True) / np.outer(scale, scale)
 

@@ -9,16 +9,19 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
-from sksurrogate.exceptions import SimulationDiverged, SimulatorError, SurrogateError
+from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap.fit._retuned import value_of
+from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.sampling import read_between, with_slopes
+from sksurrogate.physics._foreign import LARGEST_OFFERED, offered
 from sksurrogate.physics._simulator import Plant
 
 __all__ = ["Simulations"]
 
 #: Simulations that are kept.
 RUNS_KEPT = 256
+NOT_FINITE = "outputs that are not finite"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,36 +48,46 @@ class Simulations:
 
     def run(self, u: np.ndarray, changed: Mapping[str, float], x0: np.ndarray | None) -> np.ndarray:
         """Outputs (n_outputs, n_samples) under inputs (n_inputs, n_samples); nan where the simulator fails."""
+        check_time()
         key = u.tobytes() + repr(sorted(changed.items())).encode() + (b"" if x0 is None else x0.tobytes())
         if key in self.kept:
             return self.kept[key]
+        try:
+            out = self.simulated(u, changed, x0)
+        except Exception as error:
+            self.raised[f"{type(error).__name__}: {error}"] = None
+            out = np.full((self.record.y.shape[0], self.record.n_samples), np.nan)
+        if len(self.kept) >= RUNS_KEPT:
+            self.kept.pop(next(iter(self.kept)))
+        self.kept[key] = out
+        return out
+
+    def simulated(self, u: np.ndarray, changed: Mapping[str, float], x0: np.ndarray | None) -> np.ndarray:
+        """The same; what the simulator raises comes through, but where it says that a run diverged."""
         record = self.record
         simulator = retuned_simulator(self.plant.simulator, changed)
         out = np.full((record.y.shape[0], record.n_samples), np.nan)
+        if not offered(u).all():
+            return out
         lengths = record.lengths
         for n in np.unique(lengths):
             runs = np.flatnonzero(lengths == n)
             rows = record.starts[runs][:, None] + np.arange(n)
             try:
                 Y = plain_runs(simulator, u[:, rows].transpose(1, 2, 0), None if x0 is None else x0[runs], None)
-            except SimulationDiverged:
-                continue
-            except SurrogateError:
-                raise
-            except Exception as error:
-                if not changed and u is record.u:
-                    raise
-                self.raised[f"{type(error).__name__}: {error}"] = None
+            except SimulationDiverged as error:
+                said = error.__cause__  # of a program that refused the run
+                self.raised[NOT_FINITE if said is None else f"{type(said).__name__}: {said}"] = None
                 continue
             if Y.shape[2] != len(out):
                 raise SimulatorError(
                     f"simulate returned {Y.shape[2]} outputs, but y has {len(out)} columns: one for each output."
                 )
             out[:, rows] = Y.transpose(2, 0, 1)
-        if len(self.kept) >= RUNS_KEPT:
-            self.kept.pop(next(iter(self.kept)))
-        self.kept[key] = out
-        return out
+        bearable = np.abs(out) <= LARGEST_OFFERED
+        if not bearable.all():
+            self.raised.setdefault(NOT_FINITE)
+        return np.where(bearable, out, np.nan)
 
     def outputs(self, effects: Sequence[BaseEffect], theta: np.ndarray, x0: np.ndarray | None) -> np.ndarray:
         """All runs with effects, (n_outputs, n_samples)."""

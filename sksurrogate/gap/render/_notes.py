@@ -53,8 +53,20 @@ def at_a_bound(retuned: Table) -> list[str]:
 
 
 def lost_candidates(said: Sequence[str]) -> list[str]:
-    """What the simulator raised."""
-    return [f"The simulator failed with some candidates, which were left out: {'; '.join(said)}."] if said else []
+    """What the simulator raised, the first three of it.
+
+    Examples
+    --------
+    >>> lost_candidates(["ValueError: the level is negative"])[0][-35:]
+    'ValueError: the level is negative.'
+    """
+    if not said:
+        return []
+    more = f", and {len(said) - 3} more" if len(said) > 3 else ""
+    return [
+        "The simulator failed where some candidates needed it, and what could not be simulated was left out: "
+        f"{'; '.join(said[:3])}{more}."
+    ]
 
 
 def of_the_inputs(names: Sequence[str], u: np.ndarray) -> list[str]:

@@ -213,7 +213,9 @@ class Expander(SetSearch[OdeCandidate]):
         base, x = self.fitted_null.candidate, self.x
         problem, pairs = self.searching(base), best_pairs(self.first_screen, MOST_PAIRS)
         new = [pair for pair in pairs if frozenset(start.effect.key for start in pair) not in self.fitted]
-        tries = side_by_side(lambda pair: shipped(partial(fit_pair, problem, base, pair, x, best)), new, self.second)
+        tries = side_by_side(
+            lambda pair: shipped(problem, partial(fit_pair, problem, base, pair, x, best)), new, self.second
+        )
         effects = [[start.effect for start in pair] for pair in new]
         found = [self.landed(problem, base, added, freight) for added, freight in zip(effects, tries)]
         self.remember(fits := [candidate for candidate in found if candidate is not None])
@@ -272,7 +274,10 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
         found = side_by_side(
-            lambda starts: shipped(partial(fit_added, problem, base, starts, best)), chosen, self.second, effort
+            lambda starts: shipped(problem, partial(fit_added, problem, base, starts, best)),
+            chosen,
+            self.second,
+            effort,
         )
         return [self.landed(problem, base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
 
@@ -295,15 +300,18 @@ def effort(starts: Sequence[Start]) -> float:
     return len(starts) * len(theta) * (1 + hidden) + (SEARCHED if effect.scan(tuple(theta)) else 0)
 
 
-def shipped(fit: Callable[[], OdeCandidate | None]) -> Freight:
+def shipped(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Freight:
     """A candidate without its model, which cannot travel between processes; where the simulator raises, what it said."""
+    said = len(problem.model.said)
     try:
         candidate = fit()
     except (ArithmeticError, ValueError, SurrogateError) as error:
         return f"{type(error).__name__}: {error}"
+    if candidate is None and len(problem.model.said) > said:
+        return list(problem.model.said)[-1]
     return None if candidate is None else (candidate.fit, candidate.problem.numerics)
 
 
 def fit_chunk(problem: OdeBackend, base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Freight]:
     """One worker's share."""
-    return [shipped(partial(fit_added, problem, base, starts, best)) for starts in chunk]
+    return [shipped(problem, partial(fit_added, problem, base, starts, best)) for starts in chunk]

@@ -148,7 +148,6 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
             if candidate is not None:
                 found.append(candidate)
                 self.remember([candidate])  # an interrupt leaves what is fitted by now
-        self.lost.update(self.problem.simulations.raised)
         return found
 
     def screened(
