@@ -18,6 +18,7 @@ _HOME = {
     "CalibratedSimulator": "physics",
     "CallableSimulator": "physics",
     "CasadiSimulator": "physics",
+    "ClosedLoopSimulator": "physics",
     "ConformalFreeRun": "model_selection",
     "ControlSimulator": "physics",
     "DerivativeRegressor": "compose",

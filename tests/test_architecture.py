@@ -25,6 +25,7 @@ FLOORS = (
         "_domain",
         "_lags",
         "_tables",
+        "_warned_once",
     },
     {"_parallel", "runs", "_checks", "_columns", "metrics"},
     {"_dynamic", "_stamps"},

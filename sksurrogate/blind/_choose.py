@@ -45,6 +45,15 @@ DISTINCT = [
 ]
 REGIONAL = [name for name, kind in KINDS.items() if "region" in kind.marks]
 TIMED = [name for name, kind in KINDS.items() if "time" in kind.marks]
+#: Effects that may begin at some time: a constant that does so is a step disturbance, and has a name of its own.
+STARTING = [
+    name
+    for name, kind in KINDS.items()
+    if kind.place in ("balance", "hidden", "input", "sensor")
+    and name not in ("constant_bias", "periodic_disturbance", "sensor_rectification", *TIMED)
+]
+#: Shares of a run within which they begin.
+ONSETS = (0.25, 0.75)
 #: Effects that make a response late: several of them are not distinguished.
 LATE = {"input_delay", "input_lag", "sensor_delay", "sensor_lag", "rate_limit"}
 #: How often each place is drawn.
@@ -151,6 +160,9 @@ def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen]
         name = str(rng.choice(REGIONAL))
     elif arm == "time":
         name = str(rng.choice(TIMED))
+    elif arm == "onset":
+        one = _one(rng, str(rng.choice(STARTING)), setting)
+        return None if one is None else [_later(one, one[4].duration * float(rng.uniform(*ONSETS)))]
     elif arm == "unexcited":
         name = str(rng.choice([*REGIONAL, "rate_limit"]))
     else:
@@ -159,6 +171,12 @@ def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen]
             return None
     one = _one(rng, name, setting)
     return None if one is None else [one]
+
+
+def _later(one: Chosen, moment: float) -> Chosen:
+    """The same effect from a moment on."""
+    name, location, variable, kind, scene = one
+    return name, location, variable, replace(kind, size=lambda m, s: {**kind.size(m, s), "onset": moment}), scene
 
 
 def several(rng: np.random.Generator, setting: Setting, count: int) -> list[Chosen] | None:

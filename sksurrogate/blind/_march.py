@@ -101,6 +101,11 @@ def equation(truth: Truth, kind: Kind) -> Term:
     return form
 
 
+def there(truth: Truth, t: float) -> Any:
+    """Whether an effect has begun at a time: all have, but those with an ``onset``."""
+    return t >= truth.params["onset"] - 1e-9 if "onset" in truth.params else 1.0
+
+
 class _Machine:
     """A plant with its effects: one matrix of states (all states, n_runs)."""
 
@@ -191,6 +196,7 @@ class _Machine:
             else:
                 v = u[self.plant.inputs.index(truth.variable)] if truth.variable else u[j]
                 felt[j] = equation(truth, kind)(t, u[j], v, 1.0, p, truth.width)
+            felt[j] = np.where(there(truth, middle), felt[j], u[j])
         return felt
 
     def parameter_values(self, t: float) -> dict[str, Any]:
@@ -292,9 +298,9 @@ class _Machine:
         for truth, kind in self.terms:
             i = self.index[truth.location]
             v, w = self.factors(truth, x, u)
-            dz[i] += equation(truth, kind)(t, x[i], v, w, truth.params, truth.width)
+            dz[i] += there(truth, middle) * equation(truth, kind)(t, x[i], v, w, truth.params, truth.width)
         for truth in self.hidden:
-            self.pull(truth, x, u, z, dz)
+            dz[self.index[truth.location]] += there(truth, middle) * self.pull(truth, x, u, z)
         for truth in self.limits:
             i = self.index[truth.location]
             spilled = np.where((x[i] >= truth.params["limit"]) & (dz[i] > 0), dz[i], 0.0)
@@ -306,18 +312,17 @@ class _Machine:
         self.filters(t, middle, x, u, p, z, dz)
         return dz
 
-    def pull(self, truth: Truth, x: np.ndarray, u: np.ndarray, z: np.ndarray, dz: np.ndarray) -> None:
+    def pull(self, truth: Truth, x: np.ndarray, u: np.ndarray, z: np.ndarray) -> Any:
         """What a hidden state adds to a balance."""
         i, p, own = self.index[truth.location], truth.params, z[self.slots[id(truth)]]
         v, _ = self.factors(truth, x, u)
         if truth.name in ("hysteresis", "lugre_friction"):
-            dz[i] -= p["stiffness"] * own[0]
-        elif truth.name == "hidden_relaxation":
-            dz[i] -= p["coefficient"] * (v - own[0])
-        elif truth.name.startswith("law_"):
-            dz[i] += equation(truth, family(truth.name))(0.0, x[i], own[0], 1.0, p, truth.width)
-        else:
-            dz[i] += p["gain"] * (own[0] - v)
+            return -p["stiffness"] * own[0]
+        if truth.name == "hidden_relaxation":
+            return -p["coefficient"] * (v - own[0])
+        if truth.name.startswith("law_"):
+            return equation(truth, family(truth.name))(0.0, x[i], own[0], 1.0, p, truth.width)
+        return p["gain"] * (own[0] - v)
 
     def hidden_rate(self, truth: Truth, x: np.ndarray, u: np.ndarray, z: np.ndarray, dz: np.ndarray) -> Any:
         """Derivative of a hidden state."""
@@ -393,6 +398,7 @@ class _Machine:
             else:
                 v = y[self.plant.outputs.index(truth.variable)] if truth.variable else y[j]
                 shown[j] = equation(truth, kind)(t, y[j], v, 1.0, truth.params, truth.width)
+            shown[j] = np.where(there(truth, t), shown[j], y[j])
         return shown
 
     def delayed(self, j: int, truth: Truth, k: int, now: np.ndarray) -> np.ndarray:

@@ -211,9 +211,10 @@ def _regions(case: Case, answer: Mapping[str, Any]) -> dict[str, Any]:
                 if name in truth.params and name in effect["params"] and effect["params"][name] is not None:
                     spread = _spread(case, truth)
                     found["edge_error"] = _number(abs(effect["params"][name] - truth.params[name]) / spread)
-            if "time" in truth.params and effect["params"].get("time") is not None:
-                run = case.facts["n_samples"] * case.plant.dt
-                found["time_error"] = _number(abs(effect["params"]["time"] - truth.params["time"]) / run)
+            for name in ("time", "onset"):
+                if name in truth.params and effect["params"].get(name) is not None:
+                    run = case.facts["n_samples"] * case.plant.dt
+                    found["time_error"] = _number(abs(effect["params"][name] - truth.params[name]) / run)
     return found
 
 

@@ -11,7 +11,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._formula import SHAPES, Factor, Term
 from sksurrogate.exceptions import DataError
 
-__all__ = ["as_arguments", "as_text"]
+__all__ = ["as_arguments", "as_text", "listed"]
 
 #: What stands apart from the arguments in a file.
 PLACE = ("location", "variable")
@@ -69,15 +69,17 @@ def _read(value: Any) -> Any:
     """One value."""
     if isinstance(value, list):
         return [_read(one) for one in value]
+    if value != value:
+        raise ValueError("an argument is nan, expected a number")
     if not isinstance(value, dict):
         return value
     ((tag, inside),) = value.items()
     if tag == "tuple":
-        return tuple(_read(one) for one in inside)
+        return tuple(_read(one) for one in listed(inside))
     if tag == "dict":
         return {str(key): _read(one) for key, one in inside.items()}
     if tag == "term":
-        return Term(tuple(_factor(*factor) for factor in inside))
+        return Term(tuple(_factor(*factor) for factor in listed(inside)))
     raise ValueError(f"an argument has the tag {tag!r}, expected tuple, dict or term")
 
 
@@ -85,4 +87,14 @@ def _factor(shape: Any, name: Any, constant: Any, width: Any, *more: Any) -> Fac
     """A factor of a term."""
     if shape not in SHAPES:
         raise ValueError(f"a term has the shape {shape!r}, expected one of {list(SHAPES)}")
-    return (str(shape), str(name), float(constant), float(width), *map(float, more))
+    numbers = (constant, width, *more)
+    if not isinstance(name, str) or any(isinstance(n, bool) or not np.isfinite(float(n)) for n in numbers):
+        raise ValueError(f"a term has the factor {(shape, name, *numbers)!r}, expected a signal and finite numbers")
+    return (str(shape), name, *map(float, numbers))  # type: ignore[return-value]
+
+
+def listed(value: Any) -> list[Any]:
+    """A list; text and objects of JSON could be run through too."""
+    if not isinstance(value, list):
+        raise TypeError(f"expected a list, got {type(value).__name__}")
+    return value

@@ -220,12 +220,23 @@ class _StartingSensor(Starting, SensorEffect):
         return np.asarray(self._blend(y, plain, t, theta, step))
 
     def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
-        """A sensor with a memory, within the window."""
+        """A sensor with a memory, within the window, whose edges are spread over a sample."""
+        return self._followed(path, theta, dt, starts, dt)
+
+    def follow_sharp(
+        self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray
+    ) -> SensorPath:
+        """The same with sharp edges."""
+        return self._followed(path, theta, dt, starts, 0.0)
+
+    def _followed(
+        self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray, width: float
+    ) -> SensorPath:
         changed = super().follow(path, self.own(theta), dt, starts)
         t = _ages(starts, path.y.shape[-1]) * dt
 
         def blended(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-            return np.asarray(self._blend(one, other, t, theta, dt))
+            return np.asarray(self._blend(one, other, t, theta, width))
 
         end = None if path.end is None or changed.end is None else blended(path.end, changed.end)
         return SensorPath(

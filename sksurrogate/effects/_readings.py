@@ -50,7 +50,8 @@ def read_sensors(
         if effect.memory:
             place = outputs.index(str(effect.location))
             path = paths.get(place) or bound.path(x, raw, place)
-            paths[place] = effect.follow(path, values, record.dt, record.starts)
+            follow = effect.follow_sharp if sharp else effect.follow
+            paths[place] = follow(path, values, record.dt, record.starts)
             y[place] = paths[place].y
     if record.offset is not None:
         shift = -record.offset[None] / record.dt

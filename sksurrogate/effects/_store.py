@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._files import write_text
-from sksurrogate.effects._arguments import as_arguments, as_text
+from sksurrogate.effects._arguments import as_arguments, as_text, listed
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
@@ -189,12 +189,12 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
     try:
         text = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once)
         built, values = [], []
-        for entry in text["effects"]:
+        for entry in listed(text["effects"]):
             effect = _built(entry, own, file.name)
             built.append(effect)
             values.append(_numbers(effect, entry["params"], file.name))
         retuned = {name: _finite(value, f"params: {name}") for name, value in text["params"].items()}
-        scale = None if text.get("scale") is None else np.array([_positive(size, "scale") for size in text["scale"]])
+        scale = None if text.get("scale") is None else np.array([_positive(size, "scale") for size in listed(text["scale"])])
         sharpness = _positive(text.get("sharpness", 500.0), "sharpness")
     except DataError:
         raise
@@ -283,6 +283,9 @@ def _own(effects: Any) -> list[tuple[type[BaseEffect], dict[str, Any]]]:
 def _built(entry: Any, own: list[tuple[type[BaseEffect], dict[str, Any]]], file: str) -> BaseEffect:
     """An effect of the file: of the class that wrote it, else one of the same name."""
     name, written = entry["name"], entry.get("class")
+    for what in ("location", "variable"):
+        if not isinstance(entry[what], (str, type(None))):
+            raise ValueError(f"{what}={_short(entry[what])}, expected a name or null")
     alike = [(kind, lent) for kind, lent in own if kind.name == name]
     packaged = [CATALOGUE.get(name), LawEffect, MemoryLawEffect, InputLawEffect, SensorLawEffect]
     known = [(kind, lent) for kind, lent in own if kind.__name__ == written]

@@ -2,6 +2,7 @@
 
 from sksurrogate.physics._calibrate import CalibratedSimulator
 from sksurrogate.physics._casadi import CasadiSimulator
+from sksurrogate.physics._closed_loop import ClosedLoopSimulator
 from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._fmu import FMUSimulator
 from sksurrogate.physics._linearise import Linearisation, linearise, steady_state
@@ -16,6 +17,7 @@ __all__ = [
     "CalibratedSimulator",
     "CallableSimulator",
     "CasadiSimulator",
+    "ClosedLoopSimulator",
     "ControlSimulator",
     "FMUSimulator",
     "Linearisation",

@@ -12,7 +12,8 @@ from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
 from sksurrogate.blind._retune import beyond_retuning
 from sksurrogate.blind._truths import KINDS, NOVEL, Truth, remaining, twins_of
-from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
+from sksurrogate.effects._onset import can_start
 
 
 def experiment(plant, n_samples=40, n_runs=2, seed=0):
@@ -118,6 +119,29 @@ def test_two_ways_to_one_effect(plant_name, effect):
     change = np.sqrt(np.mean((theirs - without) ** 2))
     assert change > 1e-3 * np.std(without)
     assert np.sqrt(np.mean((course.outputs - theirs) ** 2)) < 0.02 * change
+
+
+CAN_START = [
+    (plant, one) for plant, one in EVERY if can_start(CATALOGUE[one[0]](*one[1:3])) and one[0] != "sensor_saturation"
+]
+
+
+@pytest.mark.parametrize("plant_name, effect", CAN_START, ids=[one[0] for _, one in CAN_START])
+def test_two_ways_to_one_effect_that_begins(plant_name, effect):
+    """The same from a moment within a sample on; before it nothing is different."""
+    name, location, variable, params = effect
+    plant = PLANTS[plant_name]
+    U, X0 = experiment(plant)
+    moment = 13.4 * plant.dt
+    later = {**params, "onset": moment}
+    course = march(plant, U, X0, [Truth(name, location, variable, later, 3e-3)], substeps=20)
+    augmented = AugmentedSimulator(plant.simulator(), [starting(CATALOGUE[name](location, variable))], [later])
+    theirs = np.stack([augmented.simulate(u, x0=x) for u, x in zip(U, X0)])
+    without = plant.simulator().simulate_batch(U, X0)
+    np.testing.assert_allclose(theirs[:, :14], without[:, :14], atol=1e-5 * np.abs(without).max())
+    change = np.sqrt(np.mean((theirs - without) ** 2))
+    assert change > 1e-3 * np.std(without)
+    assert np.sqrt(np.mean((course.outputs - theirs) ** 2)) < 0.03 * change
 
 
 def test_a_lag_and_a_delay_are_exact_in_continuous_time():

@@ -14,6 +14,7 @@ from sksurrogate.effects import (
     Parameter,
     load_augmented,
     save_augmented,
+    starting,
 )
 from sksurrogate.effects._formula import Term
 from sksurrogate.exceptions import DataError
@@ -201,3 +202,41 @@ def test_a_value_that_could_not_be_read_again_is_refused_when_saving(value, tmp_
     slow = AugmentedSimulator(make_reactor(), [CATALOGUE["input_lag"]("u")], [(value,)])
     with pytest.raises(DataError, match="effect 'input_lag' at 'u': time_constant="):
         save_augmented(slow, tmp_path / "f.json")
+
+
+def _law_in_a_file(tmp_path):
+    law = LawEffect("y", "u*y", (Term((("drag", "y", 0.0, 0.0),)),), (-0.3,))
+    late = starting(CATALOGUE["input_lag"]("u"), ("onset", "end"))
+    first = AugmentedSimulator(make_reactor(), [law, late], [(-0.3,), (0.05, 0.1, 0.2)], scale=[1.0])
+    save_augmented(first, tmp_path / "f.json")
+    return json.loads((tmp_path / "f.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("effects",), {}),
+        (("effects",), ""),
+        (("scale",), ""),
+        (("effects", 0, "location"), ["y"]),
+        (("effects", 0, "variable"), 7),
+        (("effects", 1, "window"), [["onset"]]),
+        (("effects", 1, "window"), ["onset", "onset"]),
+        (("effects", 0, "arguments", "values", "tuple"), "x"),
+        (("effects", 0, "arguments", "values", "tuple", 0), float("nan")),
+        (("effects", 0, "arguments", "terms", "tuple", 0, "term"), {}),
+        (("effects", 0, "arguments", "terms", "tuple", 0, "term", 0, 1), None),
+        (("effects", 0, "arguments", "terms", "tuple", 0, "term", 0, 2), True),
+        (("effects", 0, "arguments", "terms", "tuple", 0, "term", 0, 3), float("inf")),
+    ],
+)
+def test_parts_of_another_kind_are_refused(place, value, tmp_path):
+    text = _law_in_a_file(tmp_path)
+    assert len(load_augmented(make_reactor(), tmp_path / "f.json").effects) == 2
+    entry = text
+    for key in place[:-1]:
+        entry = entry[key]
+    entry[place[-1]] = value
+    (tmp_path / "f.json").write_text(json.dumps(text))
+    with pytest.raises(DataError, match=r"f\.json|span"):
+        load_augmented(make_reactor(), tmp_path / "f.json")

@@ -53,10 +53,10 @@ def beyond(u):
     return (np.asarray(u) < LOW) | (np.asarray(u) > HIGH)
 
 
-def right_hand_side(fault):
+def right_hand_side(fault):  # a hardening spring: a gain of the input is no gain of the sensor
     def rhs(t, x, u, p):
         bad = beyond(u[0]) | (np.asarray(p["k"]) != PARAMS["k"])
-        value, a = fault(bad), u[0] - p["k"] * x[0] - p["c"] * x[1]
+        value, a = fault(bad), u[0] - p["k"] * x[0] * (1 + x[0] ** 2) - p["c"] * x[1]
         return x[1], a if value is None else np.where(bad, value, a)
 
     return ODESimulator(rhs, states=["q", "v"], **NAMES)
@@ -65,7 +65,7 @@ def right_hand_side(fault):
 def step_function(fault):
     def step(t, x, u, p, dt):
         bad = beyond(u[0]) | (np.asarray(p["k"]) != PARAMS["k"])
-        value, v = fault(bad), x[1] + dt * (u[0] - p["k"] * x[0] - p["c"] * x[1])
+        value, v = fault(bad), x[1] + dt * (u[0] - p["k"] * x[0] * (1 + x[0] ** 2) - p["c"] * x[1])
         return x[0] + dt * v, v if value is None else np.where(bad, value, v)
 
     return StepSimulator(step, states=["q", "v"], **NAMES)
@@ -111,13 +111,14 @@ def test_candidates_that_the_simulator_fails_for_are_lost_and_the_right_one_is_n
         assert any("the input is refused" in note for note in report.notes)
 
 
-@pytest.mark.parametrize("kind", ["raises something odd", "gives 1e200"])
 @pytest.mark.parametrize(
     "stage",
     ["look_for_names", "find_equivalents", "leave_runs_out", "look_at_what_is_left", "share_the_gap", "suggest_an_experiment"],
 )  # fmt: skip
-@pytest.mark.parametrize("make", [right_hand_side, trajectories])
-def test_a_failure_that_begins_at_a_stage_ends_no_diagnosis(make, stage, kind, monkeypatch):
+@pytest.mark.parametrize(
+    ("make", "kind"), [(right_hand_side, "raises something odd"), (trajectories, "gives 1e200")]
+)
+def test_a_failure_that_begins_at_a_stage_ends_no_diagnosis(make, kind, stage, monkeypatch):
     fault, usual = Fault(kind), getattr(DiagnosisPipeline, stage)
     fault.on = False
 
@@ -145,7 +146,7 @@ def _with_stage(usual, within):
 def test_parameters_are_calibrated_where_some_values_fail(make, kind):
     fault = Fault(kind)
     Y = np.concatenate([make(Fault("none")).set_params(params__c=0.9).simulate(U[k == RUNS]) for k in range(3)])
-    fitted = CalibratedSimulator(make(fault), params=["c"]).fit(U, Y, groups=RUNS)
+    fitted = CalibratedSimulator(make(fault), params=["c"]).fit(U, Y[:, 0], groups=RUNS)
     assert fitted.params_["c"] == pytest.approx(0.9, rel=1e-3)
 
 
@@ -157,9 +158,9 @@ def test_the_structure_of_a_plant_is_read_at_recorded_inputs(make):
     inner = getattr(plant, name)
     plant.set_params(**{name: lambda t, x, u, *rest: (seen.append(np.array(u)), inner(t, x, u, *rest))[1]})
     GapDiagnoser(plant, effects=["constant_bias"], n_jobs=1, random_state=0).fit(U, measured(make), groups=RUNS)
-    outside = [u for u in seen if np.any(beyond(u))]
-    assert len(outside) <= 0.01 * len(seen)
-    assert all(np.isfinite(u).all() and np.abs(u).max() < 3.0 for u in seen)
+    offered = np.concatenate([u.ravel() for u in seen])
+    assert np.mean(beyond(offered)) < 0.01  # a probe of small steps about the first input
+    assert np.isfinite(offered).all() and np.abs(offered).max() < 1.6
 
 
 def test_a_mistake_at_the_first_point_of_the_data_speaks_at_once():
