@@ -419,8 +419,6 @@ class SensorEffect(BaseEffect):
         """The reading of a sensor with a memory."""
         return path
 
-    def follow_sharp(
-        self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray
-    ) -> SensorPath:
+    def follow_sharp(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
         """The same in a simulation, which smooths no jump."""
         return self.follow(path, theta, dt, starts)

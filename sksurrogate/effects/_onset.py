@@ -223,9 +223,7 @@ class _StartingSensor(Starting, SensorEffect):
         """A sensor with a memory, within the window, whose edges are spread over a sample."""
         return self._followed(path, theta, dt, starts, dt)
 
-    def follow_sharp(
-        self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray
-    ) -> SensorPath:
+    def follow_sharp(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
         """The same with sharp edges."""
         return self._followed(path, theta, dt, starts, 0.0)
 

@@ -194,7 +194,11 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
             built.append(effect)
             values.append(_numbers(effect, entry["params"], file.name))
         retuned = {name: _finite(value, f"params: {name}") for name, value in text["params"].items()}
-        scale = None if text.get("scale") is None else np.array([_positive(size, "scale") for size in listed(text["scale"])])
+        scale = (
+            None
+            if text.get("scale") is None
+            else np.array([_positive(size, "scale") for size in listed(text["scale"])])
+        )
         sharpness = _positive(text.get("sharpness", 500.0), "sharpness")
     except DataError:
         raise

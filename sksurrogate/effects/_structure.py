@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,8 @@ PORT_PUSH = 1e-3
 NOT_MOVED = 1e-9
 #: Change of a gain from point to point, over its size, below which it counts as constant: an implicit step leaves such changes.
 CONSTANT = 1e-3
+#: What a solver smears over a step is corrected up to this share; a step in which the plant moves by more is left as it is.
+SMEARED, WITHIN_STEP = 1e-3, 0.7
 #: Least share of |cosine| from which two columns of gains are the same column but for a factor.
 PARALLEL = 1.0 - 1e-6
 #: Largest gains of the models that were asked for them.
@@ -73,15 +76,62 @@ def structure_of(model: PlantModel, *, n_points: int = 12, random_state: int = 0
     model = _with_rates(model)
     plant = model.plant
     gain = rate_gains(model, n_points=n_points, random_state=random_state)
+    at_once = _at_once(model, gain, n_points, random_state)
     speed_of = _integrals(model, n_points, random_state)
     t, x, u = _points(model, n_points, random_state)
     rate = np.max(np.abs(np.nan_to_num(_rates(model, t, x, u))), axis=1, initial=0.0)
+    kinematic = [plant.states.index(name) for name in speed_of]
+    moved, constant = _moves(gain, rate, kinematic)
+    found = Structure(speed_of, gain, moved, constant)
+    if at_once is None:
+        return found
+    other = Structure(speed_of, at_once, *_moves(at_once, rate, kinematic, SMEARED))
+    taken = [k for k in range(len(plant.ports)) if other.is_a_balance(k) and not found.is_a_balance(k)]
+    gain, moved, constant = gain.copy(), moved.copy(), constant.copy()
+    gain[:, taken], moved[:, taken], constant[:, taken] = (
+        at_once[:, taken],
+        other.moved[:, taken],
+        other.constant[:, taken],
+    )
+    return Structure(speed_of, gain, moved, constant)
+
+
+def _moves(
+    gain: np.ndarray, rate: np.ndarray, kinematic: Sequence[int], least: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which states every port moves, by more than ``least`` of what it moves most, and which always alike."""
     with np.errstate(all="ignore"):
         size = np.max(np.nan_to_num(np.abs(gain)), axis=2, initial=0.0)
         spread = np.nanmax(gain, axis=2, initial=-np.inf) - np.nanmin(gain, axis=2, initial=np.inf)
     moved = size > np.maximum(NOT_MOVED * rate[:, None], 1e-300)
-    moved[[plant.states.index(name) for name in speed_of]] = False
-    return Structure(speed_of, gain, moved, moved & (spread <= CONSTANT * size))
+    moved &= size > least * np.max(size, axis=0, initial=0.0)
+    moved[kinematic] = False
+    return moved, moved & (spread <= CONSTANT * size)
+
+
+def _at_once(model: PlantModel, gain: np.ndarray, n_points: int, random_state: int) -> np.ndarray | None:
+    """Gains of the rates at the beginning of a step, where the step is that of a solver; None with a right-hand side.
+
+    Within a step what enters has moved other states already. Where the plant is nearly linear over the step, the mean gain
+    is ``(exp(A dt) - 1)/(A dt) b``; with J, the slope of the step less 1, ``b = log(1 + J)/J gain``.
+    """
+    plant = model.plant
+    if plant.access != "step" or not gain.size:
+        return None
+    t, x, u = _points(model, n_points, random_state)
+    n = len(plant.states)
+    pushes = PORT_PUSH * np.eye(n)[:, :, None]
+    columns = np.concatenate([x[:, None] + pushes, x[:, None] - pushes], axis=1)
+    entering = np.concatenate([u, np.zeros((len(plant.further_ports), n_points))])
+    held = np.broadcast_to(entering[:, None], (len(entering), 2 * n, n_points))
+    with np.errstate(all="ignore"):
+        after = model.step(t, columns, held, plant.dt)
+        J = (after[:, :n] - after[:, n:]).transpose(2, 0, 1) / (2 * PORT_PUSH) - np.eye(n)
+    small = np.isfinite(J).all(axis=(1, 2)) & (np.max(np.abs(np.nan_to_num(J)).sum(axis=2), axis=1) < WITHIN_STEP)
+    J = np.where(small[:, None, None], J, 0.0)
+    square = J @ J
+    mean = np.eye(n) + J / 2 - square / 12 + square @ J / 24 - 19.0 * square @ square / 720  # J / log(1 + J)
+    return np.where(small, np.linalg.solve(mean, np.nan_to_num(gain).transpose(2, 0, 1)).transpose(1, 2, 0), np.nan)
 
 
 def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> tuple[str, ...]:

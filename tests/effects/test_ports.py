@@ -236,3 +236,23 @@ def test_states_can_be_declared_kinematic():
     assert kinematic_states(PlantModel(describe(declared))) == ("q",)
     with pytest.raises(SimulatorError, match=r"kinematic=\['p'\]: 'p' is not a state; states are \['q', 'v'\]"):
         kinematic_states(PlantModel(describe(scaled.set_params(kinematic=["p"]))))
+
+
+def _unmoved(t, x, u, p):
+    return 1.0 + 0.0 * x[0]
+
+
+@pytest.mark.parametrize("enters_one", [True, False])
+def test_a_port_is_that_of_a_balance_whatever_a_solver_smears_over_a_step(enters_one):
+    def swing(t, x, u, p):
+        return x[1], u[0] * (1.0 if enters_one else np.cos(x[0])) - 9.0 * np.sin(x[0]) - 0.4 * x[1]
+
+    given = {"states": ["angle", "rate"], "inputs": ["push"], "outputs": ["angle"], "params": {}, "dt": 0.05}
+    never = [(_unmoved, lambda t, x, u, p: x)]
+    plain, stepped = (describe(ODESimulator(swing, **given, events=events)) for events in (None, never))
+    assert (plain.access, stepped.access) == ("rhs", "step")
+    structures = [structure_of(PlantModel(plant)) for plant in (plain, stepped)]
+    assert [structure.is_a_balance(0) for structure in structures] == [enters_one, enters_one]
+    if enters_one:
+        np.testing.assert_allclose(structures[1].gain[1], structures[0].gain[1], rtol=1e-5)
+    assert places_of(stepped, ["rate"]) == places_of(plain, ["rate"])

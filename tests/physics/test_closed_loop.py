@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.physics import ClosedLoopSimulator, ControlSimulator, ODESimulator, StepSimulator
+from sksurrogate.physics import ClosedLoopSimulator, ODESimulator, StepSimulator
 from sksurrogate.testing import check_simulator
 
 DT = 0.1
@@ -61,7 +61,9 @@ def test_a_sampled_controller_holds_its_command():
     )  # fmt: skip
     loop = ClosedLoopSimulator(TANK, gain, outputs=["level", "flow"])
     level = 1.0 - (1.0 - 2.0 * DT) ** np.arange(30)
-    np.testing.assert_allclose(loop.simulate(np.ones((30, 1))), np.stack([level, 2.0 * (1.0 - level)], axis=1), atol=1e-9)
+    np.testing.assert_allclose(
+        loop.simulate(np.ones((30, 1))), np.stack([level, 2.0 * (1.0 - level)], axis=1), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("controller", [CONTINUOUS, SAMPLED])

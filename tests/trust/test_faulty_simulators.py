@@ -115,9 +115,7 @@ def test_candidates_that_the_simulator_fails_for_are_lost_and_the_right_one_is_n
     "stage",
     ["look_for_names", "find_equivalents", "leave_runs_out", "look_at_what_is_left", "share_the_gap", "suggest_an_experiment"],
 )  # fmt: skip
-@pytest.mark.parametrize(
-    ("make", "kind"), [(right_hand_side, "raises something odd"), (trajectories, "gives 1e200")]
-)
+@pytest.mark.parametrize(("make", "kind"), [(right_hand_side, "raises something odd"), (trajectories, "gives 1e200")])
 def test_a_failure_that_begins_at_a_stage_ends_no_diagnosis(make, kind, stage, monkeypatch):
     fault, usual = Fault(kind), getattr(DiagnosisPipeline, stage)
     fault.on = False
