@@ -418,7 +418,3 @@ class SensorEffect(BaseEffect):
     def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
         """The reading of a sensor with a memory."""
         return path
-
-    def follow_sharp(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
-        """The same in a simulation, which smooths no jump."""
-        return self.follow(path, theta, dt, starts)

@@ -50,7 +50,7 @@ def read_sensors(
         if effect.memory:
             place = outputs.index(str(effect.location))
             path = paths.get(place) or bound.path(x, raw, place)
-            follow = effect.follow_sharp if sharp else effect.follow
+            follow = getattr(effect, "follow_sharp", effect.follow) if sharp else effect.follow  # a window is sharp
             paths[place] = follow(path, values, record.dt, record.starts)
             y[place] = paths[place].y
     if record.offset is not None:

@@ -148,7 +148,8 @@ def readings(
             if i not in paths:
                 slope = np.gradient(y[i], dt)[None] if len(t) > 1 else np.zeros((1, 1))
                 paths[i] = SensorPath(y[i][None], slope, slope)
-            paths[i] = effect.follow_sharp(paths[i], [np.array([[value]]) for value in values], dt, one)
+            follow = getattr(effect, "follow_sharp", effect.follow)
+            paths[i] = follow(paths[i], [np.array([[value]]) for value in values], dt, one)
             y[i] = paths[i].y[0]
         else:
             y[i] = effect.read(y[i], raw[outputs.index(effect.variable)] if effect.variable else None, t, list(values))
