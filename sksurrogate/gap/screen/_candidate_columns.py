@@ -103,12 +103,13 @@ class _AtStarts:
             return []
         theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
         out, paths = self.responses(effect, theta)
-        refused = np.flatnonzero(~np.isfinite(out).all(axis=(0, 2)))
-        if len(refused) and effect.linear and effect.parameters[0].low < 0:  # of the other sign it may be in range
+        size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
+        refused = np.flatnonzero(~(size < LARGEST_CHANGE)).tolist()
+        if refused and effect.linear and effect.parameters[0].low < 0:  # with the other sign it may be in range
             theta[0, refused] *= -1.0
             out[:, refused], others = self.responses(effect, theta[:, refused])
-            paths = [others[list(refused).index(k)] if k in refused else path for k, path in enumerate(paths)]
-        size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
+            paths = [others[refused.index(k)] if k in refused else path for k, path in enumerate(paths)]
+            size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
         columns, n = np.ascontiguousarray(out.transpose(1, 0, 2)), len(s.smoothed.x)
         return [
             (
