@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from sksurrogate.exceptions import SimulatorError
-from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ClosedLoopSimulator, ODESimulator, StepSimulator
 from sksurrogate.testing import check_simulator
 
@@ -114,39 +113,3 @@ def test_forces_at_the_driven_input_add_to_the_command():
 def test_loops_that_do_not_fit_say_why(plant, controller, message):
     with pytest.raises(SimulatorError, match=message):
         ClosedLoopSimulator(plant, controller).simulate(np.zeros((5, 2)))
-
-
-def recorded(friction, seed):
-    """Runs of a disturbed axis under its controller: references, commands and speeds."""
-    rng, rows = np.random.default_rng(seed), []
-    for _ in range(3):
-        wanted, v, z, d = np.repeat(rng.uniform(-1, 1, 20), 15), 0.0, 0.0, 0.0
-        for r in wanted:
-            y = v + 0.005 * rng.normal()
-            u = 4.0 * (r - y) + 2.0 * z
-            rows.append((r, u, y))
-            z += 0.05 * (r - y)
-            for _ in range(5):
-                v += 0.01 * (u + d - 0.5 * v - friction * np.tanh(v / 1e-3))
-            d = 0.95 * d + 0.15 * rng.normal()
-    return np.array(rows).T
-
-
-def axis(t, x, u, p):
-    return (u[0] - p["c"] * x[0],)
-
-
-AXIS = ODESimulator(axis, states=["v"], inputs=["u"], outputs=["v"], params={"c": 0.5}, dt=0.05)
-CONTROLLER = StepSimulator(
-    pi_step, output=pi_command, states=["sum"], inputs=["r", "v"], outputs=["u"], params={"kp": 4.0, "ki": 2.0}, dt=0.05
-)
-
-
-def test_an_effect_in_a_disturbed_loop_is_named_with_the_loop():
-    r, _, y = recorded(0.6, 0)
-    loop = ClosedLoopSimulator(AXIS, CONTROLLER)
-    diagnoser = GapDiagnoser(loop, effects=["coulomb_friction", "linear_loss", "constant_bias", "parameter_error"], n_jobs=1,
-                             random_state=0)  # fmt: skip
-    report = diagnoser.fit(r, y, groups=np.repeat([0, 1, 2], 300)).report_
-    assert [(e.name, e.location) for e in report.effects] == [("coulomb_friction", "v")]
-    assert report.effects[0].params["level"] == pytest.approx(0.6, rel=0.15)
