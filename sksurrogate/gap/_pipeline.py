@@ -30,6 +30,7 @@ from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.decide._intervals import intervals, parameter_errors
 from sksurrogate.gap.decide._next_experiment import next_experiment
 from sksurrogate.gap.decide._partial_results import PartialResults
+from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._probability import probabilities
 from sksurrogate.gap.decide._ranking import ranking
 from sksurrogate.gap.decide._rules import decide
@@ -93,7 +94,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         self.problem, self.search, self.inside = search.problem, search, inside
         self.labels = [run.label for run in runs]
         self.learner, self.tolerance, self.untestable = correction, tolerance, tuple(untestable)
-        self.weights: Sequence[float] = ()
+        self.posterior = Posterior((), None)
         self.found = PartialResults()
         self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
         self.failed: dict[str, str] = {}
@@ -176,7 +177,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""
-        self.weights = self.inside.weigh(self.final)
+        self.posterior = self.inside.weigh(self.final)
 
     def ask_whether_retuning_counts(self) -> None:
         """Whether the free parameters at other values than the nominal ones are worth their number."""
@@ -189,7 +190,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     def find_equivalents(self) -> None:
         """What could stand in the place of each name; then what stands is settled."""
-        self.found.slots, self.weights = canonical_classes(self.search, self.weights)
+        self.found.slots, self.posterior = canonical_classes(self.search, self.posterior)
 
     def leave_runs_out(self) -> None:
         """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment in the second process."""
@@ -221,7 +222,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         if final.effects:
             found.shares, found.retuning = shares(final.candidate, found.shrink.fraction_power)
             slots = found.slots or [Slot[C](i, [], []) for i in range(len(final.effects))]
-            found.probabilities = probabilities(self.search, final.candidate, slots, self.weights)
+            found.probabilities = probabilities(self.search, final.candidate, slots, self.posterior.probabilities)
         else:
             found.retuning = found.shrink.fraction_power if found.retuned else 0.0
             self.inside.weigh_none()

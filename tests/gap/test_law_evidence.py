@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.unnamed._law_evidence import amplitude_evidence
+from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding
 from sksurrogate.physics import ODESimulator
 
 
@@ -30,6 +30,23 @@ def test_evidence_of_one_weight_is_its_integral():
 
 def test_no_law_is_as_likely_as_none_at_size_nothing():
     assert abs(amplitude_evidence(np.eye(2), np.array([3.0, 1.0]), np.eye(2), np.array([1e-9]))[0]) < 1e-12
+
+
+def test_a_gram_whose_products_are_differences_of_larger_numbers_tells_nothing():
+    rng = np.random.default_rng(1)
+    columns = rng.normal(size=(40, 4))
+    columns[:, 3] = columns[:, 1] + columns[:, 2]  # collinear: its least eigenvalue is rounding
+    G = columns.T @ columns
+    assert known_to_rounding(G) and known_to_rounding(1e6 * G)
+    G[0, 1:3] = G[1:3, 0] = G[0, 1:3] + 1e-3 * np.sqrt(G[0, 0])  # what rounding would do
+    assert known_to_rounding(G) and not known_to_rounding(1e6 * G)
+
+
+def test_no_direction_explains_more_than_the_residual_holds():
+    H, g, sizes = np.diag([1.0, 1e-30]), np.array([1.0, 1e-3]), np.array([1e6])  # the second is rounding alone
+    alone = amplitude_evidence(H[:1, :1], g[:1], np.eye(1), sizes, power=4.0)
+    assert amplitude_evidence(H, g, np.eye(2), sizes, power=4.0) == pytest.approx(alone)
+    assert amplitude_evidence(H, g, np.eye(2), sizes) > 1e5
 
 
 def runs_of(law, noise=0.003, seed=0):

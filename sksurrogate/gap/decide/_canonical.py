@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._equivalence import Slot, equivalents
+from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._evidence import C, estimate_noise
 from sksurrogate.gap.search._base import BaseSearch
 
@@ -33,7 +33,7 @@ def rank(effect: BaseEffect) -> tuple[int, int, int, str, str, str]:
     return len(effect.parameters), kind, place, effect.name, str(effect.location), effect.variable or ""
 
 
-def canonical_classes(search: BaseSearch[C], weights: Sequence[float]) -> tuple[list[Slot[C]], list[float]]:
+def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list[Slot[C]], Posterior]:
     """The class of every named effect; where an exact twin comes first by :func:`rank`, that is what stands, and is settled.
 
     Which of two twins a search meets first hangs on rounding, and so on the unit of time and on the order of the states.
@@ -42,18 +42,18 @@ def canonical_classes(search: BaseSearch[C], weights: Sequence[float]) -> tuple[
     ----------
     search : BaseSearch
         Its ``final`` may become another.
-    weights : sequence of float
-        One for each named effect.
+    posterior : Posterior
+        Of what stands.
 
     Returns
     -------
     slots : list of Slot
         In the order of the effects that stand then.
-    weights : list of float
+    posterior : Posterior
         In the same order.
     """
     final = search.final or search.fitted_null
-    slots, kept = equivalents(search, final), list(weights)
+    slots, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
         first = _first_twin(slots[i], own)
@@ -66,7 +66,7 @@ def canonical_classes(search: BaseSearch[C], weights: Sequence[float]) -> tuple[
         slots[-1] = _seen_from(slots[-1], first)
         kept = [kept[k] for k in order] if kept else kept
     search.settle()
-    return slots, kept
+    return slots, replace(posterior, probabilities=tuple(kept))
 
 
 def _first_twin(slot: Slot[C], own: BaseEffect) -> C | None:

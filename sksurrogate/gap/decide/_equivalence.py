@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Generic
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Generic
 
 import numpy as np
 
@@ -46,9 +47,21 @@ class Slot(Generic[C]):
     own: C | None = None
 
 
-def equivalents(search: BaseSearch[C], final: Evidence[C]) -> list[Slot[C]]:
-    """Refit every other candidate in each slot under the final noise model; those within :data:`EQUAL` are its class."""
-    return [_slot(search, final, i) for i in range(len(final.effects))]
+def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[Any] = ()) -> list[Slot[C]]:
+    """Refit every other candidate in each slot under the final noise model; those within :data:`EQUAL` are its class.
+
+    So are sets that are ``as_likely`` beside a law of their own.
+    """
+    return [_with_as_likely(_slot(search, final, i), final, as_likely) for i in range(len(final.effects))]
+
+
+def _with_as_likely(slot: Slot[C], final: Evidence[C], as_likely: Sequence[Any]) -> Slot[C]:
+    """The class of one slot with the other effects that are as likely in its place."""
+    beside = set(final.candidate.keys) - {final.effects[slot.index].key}
+    known = {final.effects[slot.index].key, *(twin.effects[-1].key for twin in slot.twins)}
+    more = [one for one in as_likely if set(one.keys[:-1]) == beside and one.keys[-1] not in known]
+    identical = [predicts_the_same(one, final) for one in more]
+    return replace(slot, twins=[*slot.twins, *more], identical=[*slot.identical, *identical])
 
 
 def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:

@@ -115,7 +115,7 @@ def when_they_part(
         return f"Only richer forms ({', '.join(richer)}) explain these data as well; nothing in the data needs them."
     if not tied:
         return f"No other effect {among} explains these data as well."
-    listed = ", ".join(tied[:EXPERIMENTS_LISTED]) + (" and more" if len(tied) > EXPERIMENTS_LISTED else "")
+    listed = _first(tied)
     how = "predict the same" if same else "explain these data equally well"
     return f"{named} and {listed} {how} on the range that was reached; {_part(named, tied, experiment)}."
 
@@ -131,4 +131,9 @@ def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) ->
     record = experiment.options[0]["experiment"]
     if set(tied) <= set(experiment.parted):
         return f"they part with {record}"
-    return f"with {record} it parts from {', '.join(experiment.parted)}; nothing is known to part the rest"
+    return f"with {record} it parts from {_first(experiment.parted)}; nothing is known to part the rest"
+
+
+def _first(names: Sequence[str]) -> str:
+    """The first of some names."""
+    return ", ".join(names[:EXPERIMENTS_LISTED]) + (" and more" if len(names) > EXPERIMENTS_LISTED else "")

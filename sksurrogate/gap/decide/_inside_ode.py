@@ -12,7 +12,7 @@ from sksurrogate.gap.decide._features import DecisionFeatures, left_over
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
-from sksurrogate.gap.decide._posterior import law_beside_none, stands
+from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, stands
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
 from sksurrogate.gap.decide._rules import GRID_SHARE
 from sksurrogate.gap.fit._build import build_problem
@@ -140,14 +140,14 @@ class OdeInside:
             search.stand(other)
             self.curve = curve
 
-    def weigh(self, final: Evidence[OdeCandidate]) -> Sequence[float]:
+    def weigh(self, final: Evidence[OdeCandidate]) -> Posterior:
         """What stands beside a law without a name, and how probable each of its effects is against one in its place."""
         if not final.effects:
-            return ()
+            return Posterior((), None)
         self.search.report("whether a law without a name does as well")
         _, posterior = stands(self.search, final, self.tolerance)
         self.beside = posterior.law
-        return posterior.probabilities
+        return posterior
 
     def weigh_none(self) -> None:
         """The law beside no effect at all."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +12,7 @@ from sksurrogate.gap.decide._features import DecisionFeatures, share_left
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw
+from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm
@@ -82,11 +82,12 @@ class TrajectoryInside:
     def look(self, final: Evidence[TrajectoryCandidate]) -> None:
         """Nothing inside can be seen on top of the names."""
 
-    def weigh(self, final: Evidence[TrajectoryCandidate]) -> Sequence[float]:
+    def weigh(self, final: Evidence[TrajectoryCandidate]) -> Posterior:
         """How probable what stands is against none; no law inside can be put in the place of a name."""
         search = self.search
         less = search.score(search.fitted_null.candidate) - search.score(final.candidate)
-        return [float(1.0 / (1.0 + np.exp(np.clip(less, -700.0, 700.0))))] * len(final.effects)
+        chance = float(1.0 / (1.0 + np.exp(np.clip(less, -700.0, 700.0))))
+        return Posterior((chance,) * len(final.effects), None)
 
     def weigh_none(self) -> None:
         """No law inside can be weighed."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.search._base import EQUAL
 from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import closes_by_size
@@ -22,10 +24,10 @@ __all__ = ["Posterior", "law_beside_none", "stands", "weigh"]
 UNNAMED = 0.02
 #: Names less probable than this do not stand, beside others and alone: a law does as well in their place.
 LEAST_BESIDE, LEAST_ALONE = 0.9, 0.5
-#: Sets that are compared beside a law: within so many nats of the one that stands, which a law may turn; at most so many.
-LAW_MAY_TURN, MOST_OTHERS = 8.0, 6
-#: Nats by which another set must be likelier to take the place of one.
-CLEARLY_LIKELIER = 1.0
+#: Sets that are compared beside a law: at most so many.
+MOST_OTHERS = 6
+#: Nats that separate sets: of those this near the likeliest the one that is likelier before any data is named.
+SEPARATE = 0.5 * EQUAL
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,22 @@ class Posterior:
         That each effect acts, beside a law of any size; the members of its class count for it.
     law : LawBeside or None
         The law beside the set; None where it cannot be judged.
+    as_likely : tuple of OdeCandidate
+        Sets with another effect in the place of one that are as likely beside a law of their own, up to :data:`SEPARATE`.
     """
 
     probabilities: tuple[float, ...]
     law: LawBeside | None
+    as_likely: tuple[OdeCandidate, ...] = ()
+
+
+class _Contender(NamedTuple):
+    """A set beside its law: log evidence with its price, and the part of it that is known before any data."""
+
+    net: float
+    before: float
+    candidate: OdeCandidate
+    law: LawBeside
 
 
 def weigh(search: Search, final: Evidence, tolerance: float) -> Posterior:
@@ -53,13 +67,13 @@ def weigh(search: Search, final: Evidence, tolerance: float) -> Posterior:
     own = _judged(search, final, final.candidate, tolerance, along=False, seeds=seeds)
     if own is None:
         return Posterior(tuple(1.0 for _ in final.effects), None)
-    net = _net(search, final.candidate, own)
-    empty = -np.inf if nothing is None else _net(search, none, nothing)
+    net = _contender(search, final.candidate, own).net
+    empty = -np.inf if nothing is None else _contender(search, none, nothing).net
     without = [empty]
     if n > 1:
         rests = [_without(final.candidate, (i,)) for i in range(n)]
         laws = [_judged(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed]) for rest in rests]
-        without = [-np.inf if law is None else _net(search, rest, law) for rest, law in zip(rests, laws)]
+        without = [-np.inf if law is None else _contender(search, rest, law).net for rest, law in zip(rests, laws)]
     odds = (np.clip(np.logaddexp(one, empty) - net, -700.0, 700.0) for one in without)
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
 
@@ -71,6 +85,7 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
     where that is likelier.
     """
     final = needed_only(search, final, tolerance)
+    stood: set[frozenset] = set()
     if closes_by_size(final, search.gap_cost, tolerance):
         law = _judged(search, final, final.candidate, tolerance, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
@@ -78,10 +93,17 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
         posterior = weigh(search, final, tolerance)
         least = int(np.argmin(posterior.probabilities))
         if posterior.probabilities[least] >= (LEAST_BESIDE if len(final.effects) > 1 else LEAST_ALONE):
-            better = likelier(search, final, posterior, tolerance)
-            if better is None:
+            stood.add(frozenset(final.candidate.keys))
+            if posterior.law is None:
                 return final, posterior
-            final = better
+            own, others = contenders(search, final, posterior.law, tolerance)
+            best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
+            if best is not own:
+                best = preferred(own, _contender_of(search, search.polish(best.candidate), tolerance, [own.law.seed]))
+            if best is own:
+                near = tuple(one.candidate for one in others if one.net > own.net - SEPARATE)
+                return final, replace(posterior, as_likely=near)
+            final = search.judged[search.stand(best.candidate)]
             continue
         fewer = search.without(final.candidate, least)
         if fewer is None or not fewer.effects:
@@ -115,51 +137,63 @@ def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
     return final
 
 
-def likelier(search: Search, final: Evidence, posterior: Posterior, tolerance: float) -> Evidence | None:
-    """Another set of as many effects that is likelier beside a law, the likeliest; None where there is none.
+def contenders(
+    search: Search, final: Evidence, law: LawBeside, tolerance: float
+) -> tuple[_Contender, list[_Contender]]:
+    """What stands beside its law, and other sets of as many effects beside theirs.
 
     Sets compete that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit.
+    They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
+    corrects the form in one direction.
     """
-    own = posterior.law
-    if own is None:
-        return None
+    own = _contender(search, final.candidate, law)
+    keys, level = frozenset(final.candidate.keys), search.evidence(final.candidate)
     most = final.fit.cost + tolerance**2 * search.gap_cost
-    net, keys = _net(search, final.candidate, own), frozenset(final.candidate.keys)
-    level = _plain(search, final.candidate) - LAW_MAY_TURN
-    others = [
+
+    def reach(candidate: OdeCandidate) -> float:
+        corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0))
+        likelihood = max(search.evidence(candidate) - level, corrected)
+        return own.net + likelihood + _before(search, candidate) - own.before
+
+    near = [
         candidate
         for names, candidate in search.fitted.items()
-        if len(names) == len(keys)
-        and len(names & keys) == len(keys) - 1
-        and candidate.fit.cost < most
-        and _plain(search, candidate) > level
+        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and candidate.fit.cost < most
     ]
-    others = sorted(others, key=lambda one: _plain(search, one), reverse=True)[:MOST_OTHERS]
-    nets = [_net_of(search, candidate, tolerance) for candidate in others]
-    if not others or max(nets) < net + CLEARLY_LIKELIER:
-        return None
-    polished = search.polish(others[int(np.argmax(nets))])
-    if _net_of(search, polished, tolerance) < net + CLEARLY_LIKELIER:
-        return None
-    return search.judged[search.stand(polished)]
+    others: list[_Contender] = []
+    for candidate in sorted(near, key=reach, reverse=True)[:MOST_OTHERS]:
+        if reach(candidate) > max([own.net, *(one.net for one in others)]) - SEPARATE:
+            others.extend(_contender_of(search, candidate, tolerance, [law.seed]))
+    return own, others
 
 
-def _net_of(search: Search, candidate: OdeCandidate, tolerance: float) -> float:
-    """Log evidence of a set beside its own law, with its price."""
-    law = _judged(search, search.judged[candidate], candidate, tolerance, along=False)
-    return -np.inf if law is None else _net(search, candidate, law)
+def preferred(own: _Contender, others: Sequence[_Contender]) -> _Contender:
+    """Of the sets that are as likely as the likeliest, up to :data:`SEPARATE`, the likeliest before any data, or what stands."""
+    best = max(one.net for one in (own, *others))
+    return max((one for one in (own, *others) if one.net > best - SEPARATE), key=lambda one: one.before)
 
 
-def _plain(search: Search, candidate: OdeCandidate) -> float:
-    """Log evidence without a law, with the price of the parameters and the prior of the names."""
-    return search.score(candidate) + _log_prior(search, candidate)
+def _contender(search: Search, candidate: OdeCandidate, law: LawBeside) -> _Contender:
+    """A set with its law."""
+    before = _before(search, candidate)
+    return _Contender(float(np.logaddexp(law.small, law.large + np.log(UNNAMED))) + before, before, candidate, law)
 
 
-def _log_prior(search: Search, candidate: OdeCandidate) -> float:
-    """Of the names of a set."""
+def _contender_of(
+    search: Search, candidate: OdeCandidate, tolerance: float, seeds: Sequence[tuple[int, int, Noise]]
+) -> list[_Contender]:
+    """A set beside its own law; none where that cannot be judged."""
+    known = search.judged.get(candidate) or search.judge(estimate_noise(candidate, search.fitted_null.noise))
+    law = _judged(search, known, candidate, tolerance, along=False, seeds=seeds)
+    return [] if law is None else [_contender(search, candidate, law)]
+
+
+def _before(search: Search, candidate: OdeCandidate) -> float:
+    """Log prior of the names of a set, with the price of its parameters."""
     problem = search.problem
     positions = [name for name in problem.plant.states if name not in problem.balances]
-    return log_prior(candidate.effects, search.library, positions)
+    names = log_prior(candidate.effects, search.library, positions)
+    return float(names - 0.5 * candidate.n_parameters * np.log(search.n_values))
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
@@ -206,9 +240,3 @@ def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:
         return law_beside(
             null.candidate, gap_over_noise(search), tolerance, noises, search.x[: len(problem.plant.states)]
         )
-
-
-def _net(search: Search, candidate: OdeCandidate, law: LawBeside) -> float:
-    """Log evidence with the price of its parameters and the prior of its names and of a large law."""
-    price = 0.5 * candidate.n_parameters * np.log(search.n_values) - _log_prior(search, candidate)
-    return float(np.logaddexp(law.small, law.large + np.log(UNNAMED)) - price)

@@ -33,9 +33,13 @@ def told_apart(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence
     return max(1.0, float(np.sum(np.abs(rounded(plant, record, effect)))) / abs(float(theta[0])))
 
 
-def alike(plant: Plant, record: Record, effect: BaseEffect, step: float) -> list[tuple[float, ...]]:
-    """Steps that round a signal far from 0 nearly alike: with one or two more of them, or fewer, up to its mean level."""
+def alike(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float]) -> list[tuple[float, ...]]:
+    """Steps that round a signal far from 0 nearly alike: with one or two more of them, or fewer, up to its mean level.
+
+    Parameters beyond the step, such as an onset, stay.
+    """
+    step, *others = (float(value) for value in theta)
     level = abs(float(np.mean(rounded(plant, record, effect))))
     if level <= MORE * abs(step):
         return []
-    return [(step / (1.0 + k * step / level),) for k in range(-MORE, MORE + 1) if k]
+    return [(step / (1.0 + k * step / level), *others) for k in range(-MORE, MORE + 1) if k]

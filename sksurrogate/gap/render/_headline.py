@@ -10,7 +10,17 @@ from sksurrogate.gap.render._values import change_of, confidence, number, percen
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["ENOUGH", "changes", "headline", "joined", "next_steps", "not_identified", "richer_forms", "separating"]
+__all__ = [
+    "ENOUGH",
+    "changes",
+    "first_of",
+    "headline",
+    "joined",
+    "next_steps",
+    "not_identified",
+    "richer_forms",
+    "separating",
+]
 
 #: Nats of log likelihood that settle between two candidates.
 ENOUGH = 3.0
@@ -112,6 +122,18 @@ def not_identified(effect: EffectEstimate) -> list[str]:
     """Other effects that these data cannot tell from the named one, without its richer forms."""
     richer = set(map(tuple, effect.richer))
     return [_key(key) for key in effect.equivalents if tuple(key) not in richer]
+
+
+def first_of(names: Sequence[str]) -> str:
+    """The first names of a list, and how many more there are.
+
+    Examples
+    --------
+    >>> first_of(["drag", "friction", "hysteresis", "lag", "bias", "gain"])
+    'drag; friction; hysteresis; lag; and 2 more'
+    """
+    more = len(names) - LISTED
+    return "; ".join([*names[:LISTED], *([f"and {more} more"] if more > 0 else [])])
 
 
 def _key(key: Sequence[str | None]) -> str:

@@ -10,7 +10,15 @@ from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap.render._budget import budget_html
 from sksurrogate.gap.render._code import code_of
 from sksurrogate.gap.render._curves import curve_html, effect_html
-from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, richer_forms, separating
+from sksurrogate.gap.render._headline import (
+    changes,
+    first_of,
+    headline,
+    next_steps,
+    not_identified,
+    richer_forms,
+    separating,
+)
 from sksurrogate.gap.render._law import law_html, law_line
 from sksurrogate.gap.render._origin_html import origin_html
 from sksurrogate.gap.render._record import record_html
@@ -117,11 +125,11 @@ def _named(effect: EffectEstimate, report: ReportData) -> str:
         effect_html(effect, report),
     ]
     if others:
-        parts.append(f"<p>These data do not separate it from: {escape('; '.join(others))}. {escape(effect.why)}</p>")
+        parts.append(f"<p>These data do not separate it from: {escape(first_of(others))}. {escape(effect.why)}</p>")
     elif effect.why and not richer:
         parts.append(f'<p class="small">{escape(effect.why)}</p>')
     if richer:
-        parts.append(f'<p class="small">Richer, not needed: {escape("; ".join(richer))}.</p>')
+        parts.append(f'<p class="small">Richer, not needed: {escape(first_of(richer))}.</p>')
     return "".join(parts)
 
 

@@ -7,7 +7,7 @@ import textwrap
 import numpy as np
 
 from sksurrogate.gap.render._budget import budget_lines
-from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, richer_forms
+from sksurrogate.gap.render._headline import changes, first_of, headline, next_steps, not_identified, richer_forms
 from sksurrogate.gap.render._law import law_lines
 from sksurrogate.gap.render._origin_html import origin_line
 from sksurrogate.gap.render._record import record_lines
@@ -73,10 +73,10 @@ def _changes(report: ReportData, width: int) -> list[str]:
     for effect in report.effects:
         others, richer = not_identified(effect), richer_forms(effect)
         if others:
-            text = f"These data do not separate {place_of(effect)} from: {'; '.join(others)}. {effect.why}"
+            text = f"These data do not separate {place_of(effect)} from: {first_of(others)}. {effect.why}"
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
         if richer:
-            text = f"Richer than {place_of(effect)}, not needed: {'; '.join(richer)}."
+            text = f"Richer than {place_of(effect)}, not needed: {first_of(richer)}."
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
     return lines
 

@@ -45,7 +45,7 @@ def promising(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     values = effect.scan(tuple(fit.theta[place]))
     if not values:
         return []
-    values = [*values, *alike(problem.plant, record, effect, float(fit.theta[place][0]))]
+    values = [*values, *alike(problem.plant, record, effect, tuple(fit.theta[place]))]
     columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)
     columns[place, 1:] = np.array(values).T
     with np.errstate(all="ignore"):

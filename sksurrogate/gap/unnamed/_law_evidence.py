@@ -22,6 +22,7 @@ import numpy as np
 
 from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, scaled
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding
 from sksurrogate.gap.unnamed._curve_shapes import Curve
 from sksurrogate.gap.unnamed._law_rival import TURNS, in_all_places, linear_along
 from sksurrogate.gap.unnamed._law_shapes import Form, Law
@@ -29,13 +30,14 @@ from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-__all__ = ["LawBeside", "amplitude_evidence", "law_beside"]
+__all__ = ["LawBeside", "law_beside"]
 
 #: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
 SIZES = np.geomspace(1e-3, 30.0, 48)
 #: Weights of the roughness of a smooth form beside its movement.
 SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
-#: Directions that move the outputs by less than this share of the most (power) count as none.
+#: Directions that move the outputs by less than this share of the most, or of what they moved before initial states and
+#: parameters followed (power), count as none.
 RANK = 1e-9
 #: Laws whose columns are computed at once.
 LAWS_IN_BLOCK = 12
@@ -78,37 +80,6 @@ class LawBeside:
     def lawful(self) -> float:
         """Posterior probability that the law is larger than the tolerance."""
         return float(np.exp(self.large - self.total))
-
-
-def amplitude_evidence(H: np.ndarray, g: np.ndarray, root: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Log Bayes factor of weights ``c ~ N(0, a^2 R R')`` over none, for every size a.
-
-    ``log N(g) = sum_i [a^2 b_i^2 / (1 + a^2 l_i) - log(1 + a^2 l_i)] / 2`` in the eigenbasis of ``R' H R``.
-
-    Parameters
-    ----------
-    H : ndarray (n, n)
-        Gram of the law's functions under the noise, nuisance parameters projected out.
-    g : ndarray (n,)
-        Their products with the residual.
-    root : ndarray (n, n)
-        R, a root of the prior covariance at size one.
-    sizes : ndarray (n_sizes,)
-
-    Returns
-    -------
-    ndarray (n_sizes,)
-
-    Examples
-    --------
-    >>> float(amplitude_evidence(np.array([[3.0]]), np.array([2.0]), np.eye(1), np.array([1.0]))[0])  # 2^2/(2*4) - ln(4)/2
-    -0.1931471805599453
-    """
-    values, vectors = np.linalg.eigh(root.T @ H @ root)
-    values = np.maximum(values, 0.0)
-    b = vectors.T @ (root.T @ g)
-    power = sizes[:, None] ** 2
-    return 0.5 * np.sum(power * b**2 / (1.0 + power * values) - np.log1p(power * values), axis=1)
 
 
 def law_beside(
@@ -283,11 +254,13 @@ class _Fit:
         """
         J, J_x = self._known
         record = self.problem.record
-        moved = project_starts(record.seen(F.transpose(1, 0, 2)) / self.problem.sd[:, None], J_x, record.starts)
-        moved = moved.reshape(len(moved), -1)
+        shown = record.seen(F.transpose(1, 0, 2)) / self.problem.sd[:, None]
+        moved = project_starts(shown, J_x, record.starts).reshape(len(shown), -1)
         if len(J):
             q, _ = np.linalg.qr((J / np.maximum(np.linalg.norm(J, axis=1, keepdims=True), 1e-300)).T)
             moved = moved - (moved @ q) @ q.T
+        unidentifiable = np.sum(moved**2, axis=1) <= RANK * np.sum(shown**2, axis=(1, 2))
+        moved[unidentifiable] = 0.0  # initial states and parameters do all that the function does: rounding is left
         return moved @ moved.T / record.n_values
 
     def roots_of(self, k: int, F: np.ndarray) -> list[list[np.ndarray]]:
@@ -320,19 +293,21 @@ class _Fit:
     def sized(self, G: np.ndarray, roots: list[np.ndarray]) -> tuple[tuple[float, float], np.ndarray, np.ndarray]:
         """Log Bayes factors of a small and of a large law over none; posterior of the sizes; root of the prior covariance."""
         k = 1 + self.J.shape[1]
-        if not (np.isfinite(G).all() and roots):
+        if not (roots and known_to_rounding(G)):
             return (-np.inf, -np.inf), np.full(len(SIZES), 1.0 / len(SIZES)), np.eye(len(G) - k)
-        H, g = G[k:, k:], G[k:, 0]
+        H, g, power = G[k:, k:], G[k:, 0], float(G[0, 0]) + self.prior_square
         if k > 1:
             known = G[1:k, 1:k] + np.diag(self.precision)
             scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-150))
             cross = G[1:k, k:] * scale[:, None]
-            right = np.column_stack([cross, scale * (G[1:k, 0] + self.pull)])
+            pulled = scale * (G[1:k, 0] + self.pull)
+            right = np.column_stack([cross, pulled])
             solved = np.linalg.lstsq(known * np.outer(scale, scale), right, rcond=UNSEEN)[0]
             H, g = H - cross.T @ solved[:, :-1], g - cross.T @ solved[:, -1]
+            power -= float(pulled @ solved[:, -1])
         best: tuple[Any, ...] = ()
         for root in roots:
-            value = amplitude_evidence(0.5 * (H + H.T), g, root, SIZES * self.unit)
+            value = amplitude_evidence(0.5 * (H + H.T), g, root, SIZES * self.unit, power)
             top = float(np.max(value))
             weights = np.exp(value - top) * self.priors
             small, large = np.sum(weights, axis=1)
