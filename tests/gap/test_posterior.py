@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.decide._posterior import Posterior, _Contender, _of_classes, preferred
 from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.physics import ODESimulator
 
@@ -97,3 +100,26 @@ def test_a_name_of_nearly_the_right_form_stands_alone_and_closes_the_gap(nearly)
     assert (named.location, named.variable) == ("level", "level")
     assert named.probability > 0.9 and report.shrink.fraction > 0.9
     assert report.shrink.same_names == 1.0  # a set under a noise that was not its own lost to others in single folds
+
+
+def contender(net, before, *keys):
+    """A set of effects with these keys, its log evidence and what of it is known before any data."""
+    return _Contender(net, before, SimpleNamespace(keys=keys), None)
+
+
+def test_of_sets_that_data_do_not_separate_the_likelier_before_any_data_is_named():
+    own = contender(10.0, -9.0, "hysteresis")
+    simple, rare = contender(9.0, -5.0, "loss"), contender(9.5, -12.0, "lag")
+    assert preferred(own, [simple, rare]) is simple
+    assert preferred(own, [contender(6.5, -5.0, "loss"), rare]) is own  # three nats separate
+    assert preferred(own, [contender(11.0, -9.0, "twin")]) is own  # as likely as before: what stands stays
+    assert preferred(own, [better := contender(14.0, -12.0, "lag")]) is better
+
+
+def test_members_of_a_class_count_for_its_probability():
+    own = contender(10.0, -5.0, "bias", "gain")
+    others = [contender(9.0, -5.0, "bias", "drift"), contender(8.0, -5.0, "loss", "gain")]
+    found = _of_classes(Posterior((0.6, 0.9), None), own, others)
+    odds = [p / (1.0 - p) for p in found.probabilities]
+    assert odds == pytest.approx([1.5 * (1.0 + np.exp(-2.0)), 9.0 * (1.0 + np.exp(-1.0))])
+    assert [one.keys for one in found.as_likely] == [("bias", "drift"), ("loss", "gain")]

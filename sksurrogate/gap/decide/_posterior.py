@@ -101,8 +101,7 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
             if best is not own:
                 best = preferred(own, _contender_of(search, search.polish(best.candidate), tolerance, [own.law.seed]))
             if best is own:
-                near = tuple(one.candidate for one in others if one.net > own.net - SEPARATE)
-                return final, replace(posterior, as_likely=near)
+                return final, _of_classes(posterior, own, [one for one in others if one.net > own.net - SEPARATE])
             final = search.judged[search.stand(best.candidate)]
             continue
         fewer = search.without(final.candidate, least)
@@ -111,6 +110,16 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
         final = _taken(search, fewer, final)
     search.final = search.fitted_null
     return search.fitted_null, Posterior((), None)
+
+
+def _of_classes(posterior: Posterior, own: _Contender, near: Sequence[_Contender]) -> Posterior:
+    """With the other members of the class of each effect, which count for it as far as they are likely."""
+    probabilities = []
+    for key, chance in zip(own.candidate.keys, posterior.probabilities):
+        members = [one.net - own.net for one in near if key not in one.candidate.keys]
+        mass = chance * (1.0 + float(np.sum(np.exp(members))))
+        probabilities.append(mass / (mass + 1.0 - chance))
+    return replace(posterior, probabilities=tuple(probabilities), as_likely=tuple(one.candidate for one in near))
 
 
 def _taken(search: Search, candidate: OdeCandidate, before: Evidence) -> Evidence:
