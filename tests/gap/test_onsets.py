@@ -1,5 +1,7 @@
 """Effects that begin within the runs are named with their onset; effects that are always there are not given one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.screen._screen import Screen, Start
 from sksurrogate.gap.search._onsets import confined
+from sksurrogate.gap.search._search import Search
 from sksurrogate.physics import ODESimulator
 
 DT, N, RUNS = 0.05, 300, 2
@@ -93,3 +96,19 @@ def test_a_part_of_a_column_is_found_and_a_whole_one_is_not():
     assert ended[0].effect.name == "coulomb_friction" and ended[0].span == ("end",)
     assert confined(*screen_of(columns, noise + columns[1]), least=5.0) == []
     assert confined(*screen_of(columns, noise), least=20.0) == []
+
+
+def test_effects_in_a_window_lend_their_shape_to_such_effects_alone():
+    friction = CATALOGUE["coulomb_friction"]
+    late, plain, other = starting(friction("v", "v")), friction("w", "w"), starting(friction("w", "w"))
+    nearest = SimpleNamespace(
+        fit=SimpleNamespace(cost=1.0), effects=(late,), keys=(late.key,), theta_of=lambda i: np.array([0.5, 8.0])
+    )
+    search = SimpleNamespace(
+        library=[plain, other],
+        known=lambda *given: [],
+        searching=lambda base: None,
+        shaped=lambda base, effects, shape, best: [(effect, shape) for effect in effects],
+    )
+    base = SimpleNamespace(keys=())
+    assert Search.siblings(search, [nearest], base) == [(other, (8.0,))]

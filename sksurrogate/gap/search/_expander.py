@@ -145,7 +145,8 @@ class Expander(SetSearch[OdeCandidate]):
         nearest = min(candidates, key=lambda candidate: candidate.fit.cost)
         effect, theta = nearest.effects[-1], nearest.theta_of(len(nearest.effects) - 1)
         have = {*base.keys, *(candidate.effects[-1].key for candidate in candidates)}
-        others = [e for e in self.library if e.name == effect.name and e.key not in have]
+        alike = (e for e in self.library if e.name == effect.name and len(e.parameters) == len(theta))  # or in a window
+        others = [e for e in alike if e.key not in have]
         if len(theta) < 2 or not others:
             return []
         again = self.known(self.searching(base), base, others)
