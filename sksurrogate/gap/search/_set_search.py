@@ -143,8 +143,8 @@ class SetSearch(BaseSearch[C]):
         while len(best.effects) < MOST_EFFECTS:
             if passed and not self.is_far(best):
                 best = self.stand(self.enrich(best))
-            elif passed and closes_by_size(self.judged[best], self.gap_cost, self.tolerance):
-                best = self.stand(fewest_parameters(self, best))
+            elif passed and closes_by_size(self.judged[best], self.gap_cost, self.tolerance) and len(best.effects) > 1:
+                best = self.stand(fewest_parameters(self, best))  # of one name a second may show that it was the wrong one
                 if not leads_on(self, best, MOST_EFFECTS - len(best.effects)):
                     break
             better = self.one_more(best, passed)
