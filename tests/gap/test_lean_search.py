@@ -89,13 +89,13 @@ def searched(simulator, X, y, groups, first=False):
     return kept[0]
 
 
-def test_no_second_name_where_one_closes_the_gap_and_nothing_leads_to_the_noise():
-    def wide(x):  # dry friction with a width, and ripples that no law of the catalogue has
-        return -0.5 * np.tanh(x[1] / 0.1) + 0.02 * np.sin(9 * x[0]) * np.cos(7 * x[1])
+def test_no_third_name_where_two_close_the_gap_and_nothing_leads_to_the_noise():
+    def wide(x):  # dry friction with a width, a hardening spring, and ripples that no law of the catalogue has
+        return -0.5 * np.tanh(x[1] / 0.1) - 0.4 * x[0] ** 3 + 0.02 * np.sin(9 * x[0]) * np.cos(7 * x[1])
 
     search = searched(*recorded(wide, 1e-6))
-    assert max(len(keys) for keys in search.fitted) == 1
-    assert [effect.location for effect in search.final.effects] == ["v"]
+    assert max(len(keys) for keys in search.fitted) == 2
+    assert {effect.name for effect in search.final.effects} == {"coulomb_friction", "cubic_stiffness"}
 
 
 def test_a_small_second_effect_that_leads_to_the_noise_is_named_beside_a_large_one():
