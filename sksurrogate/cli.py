@@ -10,6 +10,7 @@ import sys
 import tempfile
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -168,7 +169,8 @@ def load_simulator(reference: str) -> Any:
     module = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(path.parent.resolve()))
     try:
-        spec.loader.exec_module(module)
+        with redirect_stdout(sys.stderr):
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise SimulatorError(
             f"{file} fails when it is read: {type(error).__name__}: {error}. Try  python {file}  first."
@@ -261,8 +263,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         **knowledge_of(arguments),
     )
     try:
-        _say_swapped(simulator, X, y, labels, plant)
-        diagnoser.fit(timed, y, groups=labels)
+        with redirect_stdout(sys.stderr):  # what a simulator prints is no part of the report
+            _say_swapped(simulator, X, y, labels, plant)
+            diagnoser.fit(timed, y, groups=labels)
     except DataError as error:
         said = str(error).replace(f"time={X.shape[1]}", f"--time {arguments.time}") if clock is not None else str(error)
         if "row" not in said:

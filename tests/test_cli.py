@@ -67,6 +67,18 @@ def test_the_report_as_json(folder, capsys):
     assert "--json" in capsys.readouterr().err
 
 
+def test_what_a_simulator_prints_is_no_part_of_the_report(folder, capsys):
+    chatty = PLANT.replace("    return", '    print("one step")\n    return').replace(
+        "plant = ", 'print("loaded")\nplant = '
+    )
+    (folder / "chatty.py").write_text(chatty)
+    command = ["diagnose", f"{folder / 'chatty.py'}:plant", str(folder / "data.csv"), "--run", "experiment", "--quiet"]
+    assert main([*command, "--effects", "sensor_bias", "--jobs", "1", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["verdict"] == "explained"
+    assert err.startswith("loaded\none step")
+
+
 def test_mistakes_name_line_and_column(folder, capsys):
     data = (folder / "data.csv").read_text()
     (folder / "bad.csv").write_text(data.replace("time,flow", "time,inflow", 1))
