@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -21,6 +22,7 @@ from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._excerpt import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._known_parameters import KnownParameters
+from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
@@ -73,7 +75,7 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     asked = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
     library = without_excluded(build_effects(plant, balances, asked), diagnoser.exclude, plant)
     library = driven_effects(library, asked, plant, whole)
-    with finite_along(model, whole, [run.label for run in runs]):
+    with _right_unit(model, record), finite_along(model, whole, [run.label for run in runs]):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
     task.progress.say(f"{len(library)} candidates on {record.n_samples} samples of {len(runs)} run(s)")
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
@@ -85,6 +87,15 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit, "include_law": bool(diagnoser.include_law)}
     pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, **limits)
     return pipeline, rows, (second, later)
+
+
+@contextmanager
+def _right_unit(model: PlantModel, record: Record) -> Iterator[None]:
+    """Where the simulator fails along the data, the error says whether another unit of time would do."""
+    try:
+        yield
+    except SimulatorError as error:
+        raise type(error)(f"{error} {other_unit_of_time(model, record)}".rstrip()) from error
 
 
 def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:

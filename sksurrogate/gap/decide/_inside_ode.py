@@ -21,6 +21,7 @@ from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
+from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
@@ -284,5 +285,7 @@ class OdeInside:
         notes, rounding = lost_places(self.channels.lost), self.rounding(final)
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
+        clock = other_unit_of_time(self.search.problem.model, self.search.problem.record) if verdict != "none" else ""
+        notes += [clock] if clock else []
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes

@@ -1,0 +1,61 @@
+"""A sample time in another unit than the simulator's rates is said so."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.fit._time_unit import other_unit_of_time
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+U = np.repeat(np.random.default_rng(0).uniform(-1, 1, (40, 1)), 8, axis=0)
+RUNS = np.repeat([0, 1], 160)
+
+
+def swing(t, x, u, p):
+    return x[1], u[0] - 4.0 * x[0] - 0.6 * x[1]
+
+
+def plant(dt):
+    return ODESimulator(swing, states=["q", "v"], inputs=["u"], outputs=["q"], params={}, dt=dt)
+
+
+def measured(gain=1.0):
+    y = np.concatenate([plant(0.1).simulate(gain * U[k == RUNS]) for k in (0, 1)])
+    return y + 2e-3 * np.random.default_rng(1).normal(size=y.shape)
+
+
+def said(dt, y):
+    runs = [[v[k == RUNS] for k in (0, 1)] for v in (U, y)]
+    record = Record.from_runs(*runs, [dt * np.arange(160)] * 2, dt)
+    return other_unit_of_time(PlantModel(describe(plant(dt))), record)
+
+
+@pytest.mark.parametrize(
+    ("dt", "words"),
+    [
+        (1e-4, "1000 times longer"),
+        (100.0, "1000 times shorter"),
+        (0.1 / 60, "60 times longer"),
+        (360.0, "3600 times shorter"),
+    ],
+)
+def test_another_unit_of_time_is_found(dt, words):
+    assert words in said(dt, measured()) and "dt=0.1." in said(dt, measured())
+    assert words in said(dt, measured(0.7))  # beside a real gap
+
+
+def test_the_right_unit_of_time_is_not_doubted():
+    assert said(0.1, measured()) == said(0.1, measured(0.5)) == said(0.1, measured(-1.0)) == ""
+    assert said(0.1, np.random.default_rng(3).normal(size=(320, 1))) == ""
+
+
+def test_a_diagnosis_says_so_in_a_note_or_in_the_error():
+    with pytest.raises(SimulatorError, match=r"1000 times shorter .* Write dt=0\.1\."):
+        GapDiagnoser(plant(100.0), effects=["input_gain"], n_jobs=1).fit(U, measured(), groups=RUNS)
+    diagnoser = GapDiagnoser(plant(1e-4), effects=["input_gain"], n_jobs=1, random_state=0)
+    report = diagnoser.fit(U, measured(), groups=RUNS).report_
+    assert report.verdict == "unknown" and any("1000 times longer" in note for note in report.notes)
