@@ -229,3 +229,15 @@ def test_experiments_in_which_a_pendulum_tumbles_are_drawn_again():
         case = draw("effect", seed, plant=plant)
         angle = case.question.y.reshape(len(case.question.X), -1)[:, 0]
         assert np.abs(angle).max() < 6.3 + 10 * case.unit[0]
+
+
+def test_the_arm_of_onsets_draws_effects_that_begin_within_the_runs():
+    case = draw("onset", 3, plant=PLANTS["oscillator"])
+    truth, plant = case.truths[0], case.plant
+    n_samples = case.facts["n_samples"]
+    assert 0.25 <= truth.params["onset"] / (n_samples * plant.dt) <= 0.75 and list(truth.params)[-1] == "onset"
+    U, X0 = case.question.X.reshape(len(case.starts), n_samples, -1), case.starts
+    there, absent = (march(plant, U, X0, acting, substeps=12).outputs for acting in ([truth], []))
+    before = int(truth.params["onset"] / plant.dt) + 1
+    np.testing.assert_array_equal(there[:, :before], absent[:, :before])
+    assert np.abs(there[:, before:] - absent[:, before:]).max() > 3.0 * case.noise.min()
