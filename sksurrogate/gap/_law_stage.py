@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from sksurrogate.effects._simulator import AugmentedSimulator
-from sksurrogate.gap.decide._augmented import augmented_simulator
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import law_of
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._retuned import value_of
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
 
@@ -78,4 +78,12 @@ class LawStage:
         """The simulator with what was found, and with a certified law."""
         found = self.found
         final = (found.lawful_fitted if self.carried_law else found.fitted) or self.final  # type: ignore[attr-defined]
-        return augmented_simulator(final.candidate, self.inside.scale)  # type: ignore[attr-defined]
+        named, scale = final.candidate, self.inside.scale  # type: ignore[attr-defined]
+        problem, plant = named.problem, named.problem.plant
+        values = [
+            {p.name: float(v) for p, v in zip(effect.parameters, named.theta_of(i))}
+            for i, effect in enumerate(named.effects)
+        ]
+        phi = named.fit.theta[named.n_parameters :]
+        tuned = {name: value_of(plant.params[name], v) for name, v in zip(problem.free, phi)}
+        return AugmentedSimulator(plant.simulator, list(named.effects), values, tuned or None, scale=scale)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects._disturbance import PeriodicDisturbance
-from sksurrogate.gap.decide._reported import reported
+from sksurrogate.gap.decide._estimates import reported
 
 
 @pytest.mark.parametrize("amplitude", [1.5, -1.5])

@@ -8,11 +8,10 @@ from typing import Any, Generic
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
-from sksurrogate.gap.search._nested import NESTED
+from sksurrogate.gap.search._nested import richer
 
 __all__ = ["Slot", "equivalents"]
 
@@ -100,12 +99,6 @@ def predicts_the_same(candidate: BaseCandidate, final: Evidence) -> bool:
     """Whether no output differs by more than :data:`SAME_PREDICTION` of its noise."""
     apart = np.sqrt(np.mean((candidate.fit.y - final.fit.y) ** 2, axis=1)) / final.noise.sigma
     return bool(np.max(apart) < SAME_PREDICTION)
-
-
-def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
-    """Whether an effect is a richer form of a simple one: at its place, in its variable."""
-    same = effect.location == simple.location and simple.variable in (effect.variable, None)
-    return same and simple.name in NESTED.get(effect.name, ())
 
 
 def _with_own_noise(

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._ports import at_port
 from sksurrogate.gap.decide._equivalence import Slot
-from sksurrogate.gap.decide._equivalence import richer as richer_form
 from sksurrogate.gap.decide._experiment import name_of, when_they_part
 from sksurrogate.gap.decide._partial_results import PartialResults
-from sksurrogate.gap.decide._reported import reported
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.search._nested import richer as richer_form
 
-__all__ = ["estimates"]
+__all__ = ["estimates", "reported"]
 
 
 def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, among: str) -> list[EffectEstimate]:
@@ -50,3 +50,27 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
             )
         )
     return out
+
+
+def reported(
+    effect: BaseEffect, theta: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Values and intervals by name: an interval is mirrored or shifted as its value is.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects._disturbance import PeriodicDisturbance
+    >>> theta, low, high = np.array([[-2.0, 5.0, 0.0], [-2.2, 4.9, -0.1], [-1.9, 5.2, 0.1]])
+    >>> params, intervals = reported(PeriodicDisturbance("speed"), theta, low, high)
+    >>> params["amplitude"], intervals["amplitude"]
+    (2.0, (1.9, 2.2))
+    >>> round(params["phase"], 3), [round(end, 3) for end in intervals["phase"]]
+    (3.142, [3.042, 3.242])
+    """
+    params, intervals = {}, {}
+    turned = effect.canonical(tuple(float(value) for value in theta))
+    for parameter, raw, value, a, b in zip(effect.parameters, theta, turned, low, high):
+        params[parameter.name] = float(value)
+        ends = (-b, -a) if value == -raw != 0 else (a + (value - raw), b + (value - raw))
+        intervals[parameter.name] = float(ends[0]), float(ends[1])
+    return params, intervals

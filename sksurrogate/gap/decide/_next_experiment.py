@@ -13,6 +13,7 @@ from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._experiment import leaves_the_range, name_of, suggestion
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._pushes import PUSH_OF_STATE
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.kernels.output_error import free_run
@@ -22,8 +23,6 @@ __all__ = ["next_experiment"]
 
 #: Samples of an experiment, and tied candidates that are compared.
 LONGEST_EXPERIMENT, MOST_TIED = 400, 5
-#: Initial states are pushed by this share of their size for sensitivities.
-PUSH_OF_START = 1e-4
 #: Nats that part what is named from every tied candidate, by experiment.
 Apart: TypeAlias = dict[str, np.ndarray]
 
@@ -101,7 +100,7 @@ def of_ode(final: Evidence[OdeCandidate], tied: Sequence[OdeCandidate], varied: 
     named, problem = final.candidate, final.candidate.problem
     experiments, n = _experiments(named, varied), len(problem.plant.states)
     count = len(experiments)
-    pushed = [replace(e, x0=e.x0 + step) for step in PUSH_OF_START * np.diag(problem.scale) for e in experiments]
+    pushed = [replace(e, x0=e.x0 + step) for step in PUSH_OF_STATE * np.diag(problem.scale) for e in experiments]
     try:
         first = _responses(named, [*experiments, *pushed])
         others = [_responses(candidate, experiments) for candidate in tied]
@@ -112,7 +111,7 @@ def of_ode(final: Evidence[OdeCandidate], tied: Sequence[OdeCandidate], varied: 
     hidden = [problem.plant.states.index(s) for s in extra]
     sd = np.concatenate([final.noise.sigma, 0.01 * problem.scale[hidden]])
     # Initial states are fitted to the new run: what they can imitate separates nothing.
-    starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / PUSH_OF_START
+    starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / PUSH_OF_STATE
     apart: Apart = {}
     for e, experiment in enumerate(experiments):
         differences = [first[:m, e] - other[:m, e] for other in others]

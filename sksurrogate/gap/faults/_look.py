@@ -16,14 +16,12 @@ from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._normal_equations import solve
-from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.search._base import EXTRA, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
 __all__ = ["Found", "fault_left"]
 
-#: Nats twice over, beyond the cost of its parameters and of the choice, that a fault of the record must gain.
-CLEAR_FAULT = 10.0
 #: Share of the excess over the noise that a fault takes, to be the reason of what is left: faults of sensors are exact.
 MOST_OF_IT = 0.8
 #: The same of noise on an input: what was really given to the plant is only known smoothed.
@@ -83,7 +81,7 @@ def fault_left(bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[An
         seen += [(fit.first_sight(proposal), fit, proposal, len(tried)) for proposal in tried]
     seen.sort(key=lambda one: -one[0])
     followed = [fit.followed(proposal, tried, search) for _, fit, proposal, tried in seen[:FOLLOWED]]
-    clear = [one for one in followed if one is not None and one.gain > CLEAR_FAULT]
+    clear = [one for one in followed if one is not None and one.gain > EXTRA]
     good = [one for one in clear if one.enough]
     known = [
         replace(one, fault=replace(one.fault, taken_out=False)) for one in clear if isinstance(one.fault, NoisyInput)
@@ -104,7 +102,7 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
         except np.linalg.LinAlgError:
             continue
         fault = proposal.fault(theta[fit.J.shape[1] :])
-        if gain - fit.cost(proposal, len(record.y)) > CLEAR_FAULT and isinstance(fault, Hum):
+        if gain - fit.cost(proposal, len(record.y)) > EXTRA and isinstance(fault, Hum):
             found.append((gain, fault))
     return max(found, key=lambda one: one[0])[1] if found else None
 

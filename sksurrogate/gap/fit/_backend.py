@@ -15,7 +15,7 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Backend", "BaseCandidate", "Fitted", "KnownOfParameters", "as_white", "pushed_input"]
+__all__ = ["Backend", "BaseCandidate", "Fitted", "KnownOfParameters", "as_white"]
 
 
 class Fitted(Protocol):
@@ -231,13 +231,6 @@ class BaseCandidate(ABC):
         for i in out:
             keep[self.slice_of(i)] = False
         return tuple(e for j, e in enumerate(self.effects) if j not in out), self.fit.theta[keep]
-
-
-def pushed_input(record: Record, i: int) -> np.ndarray:
-    """The inputs with a thousandth of its deviation added to one of them, (n_inputs, n_samples)."""
-    u = record.u.copy()
-    u[i] += 1e-3 * max(float(np.std(u[i])), 1e-9)
-    return u
 
 
 def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:

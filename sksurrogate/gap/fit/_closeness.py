@@ -6,7 +6,6 @@ Levels of ``Evidence.left``, the RMS of the residual over the sensor noise of th
 __all__ = [
     "AT_THE_NOISE",
     "CLOSED",
-    "DOUBTED",
     "FAR",
     "FAR_BY_COST",
     "JUDGED_BY_SIZE",
@@ -32,8 +31,6 @@ CLOSED = 1.2
 NEARLY_WHITE = 1.5
 #: From here on the places of a gap are distinguished by the law that fits there, and a certain curve adds no name.
 NEAR = 2.0
-#: Names further off are not doubted for a law in their place: of a real plant that far off any law may beat a true name.
-DOUBTED = 4.0
 #: Far from the data: no noise model holds, and candidates are distinguished by size.
 FAR = 5.0
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
@@ -155,12 +156,7 @@ def _free_error(model: LinearSurrogate, u: np.ndarray, z: np.ndarray, b: np.ndar
     x = solve_recursion(model.band, load)
     seen = np.einsum("oi,ikt->kot", model.C, x)
     r = z - seen[0] - model.D @ u - c[:, None]
-    total = 0.0
-    bounds = np.r_[model.starts, model.n_samples]
-    for a, e in zip(bounds[:-1], bounds[1:]):
-        basis = seen[1:, :, a:e].reshape(n, -1).T
-        part = r[:, a:e].ravel()
-        if not (np.all(np.isfinite(basis)) and np.all(np.isfinite(part))):
-            return np.inf
-        total += float(np.sum((part - basis @ np.linalg.lstsq(basis, part, rcond=1e-8)[0]) ** 2))
-    return float(np.sqrt(total / r.size))
+    if not (np.isfinite(seen).all() and np.isfinite(r).all()):
+        return np.inf
+    left = project_starts(r[None], seen[1:].transpose(1, 0, 2), model.starts)
+    return float(np.sqrt(np.sum(left**2) / r.size))

@@ -137,7 +137,9 @@ def eliminate_rows(
     return rows[0, k:] - mine @ known @ cross, diagonal[k:] - np.einsum("pk,pk->k", cross, known @ cross)
 
 
-def scores(g: np.ndarray, h: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def scores(
+    g: np.ndarray, h: np.ndarray, low: np.ndarray | float, high: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
     """Drop and amplitude of every column alone."""
     h = np.maximum(h, 1e-300)
     amplitude = np.clip(g / h, low, high)

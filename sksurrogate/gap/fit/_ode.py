@@ -11,10 +11,11 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._structure import largest_gains
-from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white, pushed_input
+from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._normal_equations import project_starts
+from sksurrogate.gap.fit._pushes import pushed_input
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.output_error import Fit, Linearised, linearise, output_error, settle_hidden
 from sksurrogate.kernels.record import Record
@@ -188,7 +189,7 @@ class OdeCandidate(BaseCandidate):
         """Whether an output of the simulator depends on an input in the same sample."""
         problem, record = self.problem, self.problem.record
         x, nothing = self.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
-        pushed = replace(record, u=pushed_input(record, problem.plant.inputs.index(name)))
+        pushed = replace(record, u=pushed_input(record.u, problem.plant.inputs.index(name))[0])
         moved, y = (replace(problem, record=one).augmented(()).bind(nothing).outputs(x) for one in (pushed, record))
         return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 

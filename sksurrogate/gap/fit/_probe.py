@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, Probe
 from sksurrogate.effects._ports import at_port
-from sksurrogate.gap.fit._ode import OdeBackend
 
 __all__ = ["probe_of"]
 
@@ -21,9 +20,9 @@ class SignalSlopes(Protocol):
 
 
 def probe_of(
-    problem: OdeBackend, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: SignalSlopes | None = None
+    problem: Any, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: SignalSlopes | None = None
 ) -> Probe:
-    """What an effect sees of the smoothed trajectory."""
+    """What an effect sees of a trajectory (n_states, n_samples); of one without states its inputs and readings."""
     plant, record = problem.plant, problem.record
 
     def signal(name: str) -> np.ndarray:

@@ -13,11 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white, pushed_input
+from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
 from sksurrogate.gap.fit._normal_equations import project_starts, solve
+from sksurrogate.gap.fit._pushes import pushed_input
 from sksurrogate.gap.fit._simulations import Simulations
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -120,7 +121,7 @@ class TrajectoryCandidate(BaseCandidate):
     def shown_at_once(self, name: str) -> bool:
         """Whether an output moves with an input in the first sample of a run, before any state can."""
         problem, record = self.problem, self.problem.record
-        u = pushed_input(record, problem.plant.inputs.index(name))
+        u, _ = pushed_input(record.u, problem.plant.inputs.index(name))
         moved, y = (problem.simulations.run(one, {}, problem.x0)[:, record.starts] for one in (u, record.u))
         return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 

@@ -30,7 +30,7 @@ from sksurrogate.gap.screen._shortlist import shortlist
 from sksurrogate.gap.screen._unseen import score_beside
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["Screen", "Start", "grown", "grows", "screen"]
+__all__ = ["LOST_TO_ROUNDING", "Screen", "Start", "grown", "grows", "screen"]
 
 #: Numbers of the null's columns that are kept (single precision).
 MOST_KEPT = 60_000_000

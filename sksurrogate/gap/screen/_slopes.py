@@ -6,13 +6,11 @@ import numpy as np
 
 from sksurrogate.effects._input import InputBias
 from sksurrogate.gap.fit._normal_equations import project_starts, unexplained
+from sksurrogate.gap.fit._pushes import pushed_input
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_adjoint
 
 __all__ = ["Slopes"]
-
-#: Share of the range of an input by which it is pushed.
-PUSH_OF_INPUT = 1e-3
 
 
 class Slopes:
@@ -52,7 +50,7 @@ class Slopes:
         """Through the states of the next samples, and through the outputs that show the input at once."""
         s, problem, base = self.responses, self.responses.problem, self.responses.base
         bias = InputBias(name)
-        push = PUSH_OF_INPUT * (float(np.ptp(problem.record.u[problem.plant.inputs.index(name)])) or 1.0)
+        _, push = pushed_input(problem.record.u, problem.plant.inputs.index(name))
         theta = np.r_[base.fit.theta[: s.n_effect], push, base.fit.theta[s.n_effect :]]
         with np.errstate(all="ignore"):
             bound = problem.augmented((*base.effects, bias)).bind(theta[:, None])

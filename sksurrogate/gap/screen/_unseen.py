@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts, scores
+from sksurrogate.gap.fit._pushes import PUSH_OF_STATE
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_recursion
 
@@ -17,8 +18,6 @@ __all__ = ["Unseen", "score_beside"]
 
 #: A state is not seen whose range at the start moves the outputs by less than this (root mean square over the noise).
 START_SEEN = 0.01
-#: Step of the difference, over the range of the state.
-STEP_OF_STATE = 1e-4
 
 
 class Unseen:
@@ -64,9 +63,9 @@ class Unseen:
                 continue
             ends = [
                 s.acted(s.pushed(model, start[:, None], (s.smoothed.x + offset)[:, None], offset))
-                for offset in (STEP_OF_STATE * free, -STEP_OF_STATE * free)
+                for offset in (PUSH_OF_STATE * free, -PUSH_OF_STATE * free)
             ]
-            found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP_OF_STATE))
+            found.append((ends[0] - ends[1])[:, 0] / (2.0 * PUSH_OF_STATE))
         return np.array(found).reshape(-1, *s.problem.record.y.shape)
 
 

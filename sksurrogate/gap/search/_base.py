@@ -18,10 +18,12 @@ from sksurrogate.gap.fit._evidence import C, Evidence, bar, estimate_noise, judg
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["CORRELATED", "EQUAL", "BaseSearch"]
+__all__ = ["CORRELATED", "EQUAL", "EXTRA", "BaseSearch"]
 
 #: 2 (L_best - L_rival) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
+#: What further effects, windows of time and faults of the record must beat their bar by: a mismatch of numerics can pass it alone.
+EXTRA = 10.0
 #: Fits that are compared when the time is up.
 LOOKED_AT = 6
 #: Samples of a structural error that count as one.

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.search._nested import NESTED
+from sksurrogate.gap.search._nested import richer
 
 __all__ = ["folded"]
 
@@ -45,8 +45,7 @@ def force_of(candidate: OdeCandidate, k: int, theta: np.ndarray) -> np.ndarray:
 def contains(rich: BaseEffect, simple: BaseEffect) -> bool:
     """Whether a law of a balance has the form of another one among its own."""
     laws = all(isinstance(e, BalanceEffect) and not isinstance(e, HiddenEffect) for e in (rich, simple))
-    same = (rich.location, rich.variable) == (simple.location, simple.variable)
-    return laws and same and simple.name in NESTED.get(rich.name, ())
+    return laws and rich.variable == simple.variable and richer(rich, simple)
 
 
 def together(candidate: OdeCandidate, i: int, j: int) -> np.ndarray | None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sksurrogate.effects._effect import BaseEffect
 
-__all__ = ["NESTED", "UNPOLISHED", "hardly_more", "related", "simpler"]
+__all__ = ["NESTED", "UNPOLISHED", "hardly_more", "related", "richer", "simpler"]
 
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
 HARDLY_ANY = 5e-4
@@ -37,6 +37,12 @@ def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> lis
     """The candidates of a simpler form's name that an effect may come down to."""
     same = [e for e in library if e.name == name and e.location == effect.location]
     return [e for e in same if e.variable in (effect.variable, None)]
+
+
+def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
+    """Whether an effect is a richer form of a simple one: at its place, in its variable."""
+    same = effect.location == simple.location and simple.variable in (effect.variable, None)
+    return same and simple.name in NESTED.get(effect.name, ())
 
 
 def related(one: BaseEffect, other: BaseEffect) -> bool:

@@ -11,6 +11,7 @@ from sksurrogate.effects._onset import SHARES, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._screen import Screen
+from sksurrogate.gap.search._base import EXTRA
 from sksurrogate.gap.search._stopping import grows_in_vain
 
 __all__ = ["Confined", "confined", "look_for_onsets"]
@@ -19,8 +20,6 @@ __all__ = ["Confined", "confined", "look_for_onsets"]
 MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
 #: A window is worth a fit where it explains this much more of the squared residual than the same effect always does.
 LENGTHENED = 1.05
-#: What a window must gain (twice the log likelihood) beyond the price of its parameters and of its choice: as a further effect.
-EXTRA_GAIN = 10.0
 
 
 class Confined(NamedTuple):
@@ -112,7 +111,7 @@ def look_for_onsets(search: Any) -> None:
     explained = final.left < AT_THE_NOISE
     if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.first_screen is None:
         return
-    found = confined(search.first_screen, search.problem.record.lengths, search.bar(2) + EXTRA_GAIN)[:MOST_WINDOWED]
+    found = confined(search.first_screen, search.problem.record.lengths, search.needed_gain(2))[:MOST_WINDOWED]
     if not found:
         return
     search.report("effects that begin or end within the runs")
@@ -125,7 +124,7 @@ def look_for_onsets(search: Any) -> None:
     top = search.best_polished(trial)
     stands = final.candidate
     worth = search.order([top, stands])
-    price = EXTRA_GAIN + 2.0 * np.log(len(windowed) * len(SHARES))
+    price = EXTRA + 2.0 * np.log(len(windowed) * len(SHARES))
     if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
         return
     search.library.extend(windowed)

@@ -9,13 +9,13 @@ import numpy as np
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
+from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.search._base import EQUAL
-from sksurrogate.gap.search._expander import Expander
+from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fits import mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._line_search import scanned
 from sksurrogate.gap.search._merged_pair import folded
 from sksurrogate.gap.search._onsets import look_for_onsets
-from sksurrogate.gap.search._plausible import plausible
 from sksurrogate.gap.search._restart import revived
 from sksurrogate.gap.search._stopping import is_stack
 
@@ -24,7 +24,7 @@ __all__ = ["Search"]
 #: Candidates fitted from where the others stand, with one effect of what stands taken out.
 MOST_ANEW = 6
 #: Steps a sample and sharpness of kinks that a candidate is refined with, one after the other.
-FINER = ((4, 150.0), (8, 500.0))
+FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, 500.0))
 
 
 @dataclass(eq=False)
@@ -36,8 +36,12 @@ class Search(Expander):
         return prior_cost(candidate)
 
     def plausible(self, candidate: OdeCandidate) -> bool:
-        """Whether its path shows what makes each of its effects what it is."""
-        return plausible(candidate)
+        """Whether its path shows what makes each of its effects what it is; a path that breaks shows nothing else."""
+        problem, x = candidate.problem, candidate.fit.x[: candidate.model.n_nominal]
+        if not np.isfinite(x).all():
+            return True
+        pairs = ((effect, candidate.theta_of(i)) for i, effect in enumerate(candidate.effects))
+        return all(e.plausible(tuple(theta), probe_of(problem, e, x, problem.rate)) for e, theta in pairs)
 
     def folded(self, candidate: OdeCandidate) -> OdeCandidate | None:
         """With two of its effects as one, where they are one law."""

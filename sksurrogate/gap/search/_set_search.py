@@ -19,14 +19,12 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, JUDGED_BY_SIZE, NE
 from sksurrogate.gap.fit._evidence import C, Evidence, arrived, estimate_noise, follow_null, judged_under
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.fit._rounding import names_steps
-from sksurrogate.gap.search._base import CORRELATED, EQUAL, BaseSearch
-from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, simpler
+from sksurrogate.gap.search._base import CORRELATED, EQUAL, EXTRA, BaseSearch
+from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, richer, simpler
 from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, leads_on
 
 __all__ = ["SetSearch"]
 
-#: A further effect must beat the bar by this much more: a mismatch of numerics can pass the bar alone.
-EXTRA = 10.0
 #: A further effect must remove this share of the gap's power, or lead to the noise: less is a mismatch of numerics.
 SMALLEST_SHARE = 1e-3
 #: Near the noise the screen expects of a candidate nearly what its fit gains: with less than this share of what it must gain
@@ -372,11 +370,9 @@ class SetSearch(BaseSearch[C]):
         """The richer form of an effect where it removes more of the gap and no fit has looked at it yet."""
         for i, effect in enumerate(candidate.effects):
             others = {key for j, key in enumerate(candidate.keys) if j != i}
-            richer = [e for e in self.library if effect.name in NESTED.get(e.name, ())]
-            richer = [e for e in richer if e.location == effect.location and effect.variable in (e.variable, None)]
-            richer = [e for e in richer if frozenset((*others, e.key)) not in self.fitted]
-            base = self.without(candidate, i) if richer else None
-            for other in self.ranked(self.expand(base, 2, 1, richer), base)[:1] if base is not None else ():
+            forms = [e for e in self.library if richer(e, effect) and frozenset((*others, e.key)) not in self.fitted]
+            base = self.without(candidate, i) if forms else None
+            for other in self.ranked(self.expand(base, 2, 1, forms), base)[:1] if base is not None else ():
                 fitted = self.polish(other)
                 if self.score(fitted) > self.score(candidate) + 1.0 and not self.as_good(candidate, fitted):
                     return self.enrich(fitted)

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from sksurrogate.effects._effect import BaseEffect, Probe
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores
+from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate, TrajectoryFit
+from sksurrogate.gap.screen._screen import LOST_TO_ROUNDING
 from sksurrogate.gap.search._set_search import SetSearch
 
 __all__ = ["TrajectorySearch"]
@@ -22,6 +24,7 @@ __all__ = ["TrajectorySearch"]
 BY_WHITE, BY_FORCED = 10, 6
 #: Candidates that the screen expects to gain less than this share of the bar are not fitted.
 HOPELESS = 0.15
+NO_STATES = np.zeros(0)
 
 
 @dataclass(eq=False)
@@ -159,7 +162,10 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
             (effect, start, change)
             for effect in library
             if effect.key not in taken
-            for start in (np.asarray(given, dtype=float) for given in effect.starts(_probe(self.problem, effect)))
+            for start in (
+                np.asarray(given, dtype=float)
+                for given in effect.starts(probe_of(self.problem, effect, NO_STATES, NO_STATES))
+            )
             if (change := self.change(base, effect, start)) is not None
             and np.all(np.isfinite(change))
             and np.any(change)
@@ -168,8 +174,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
             return []
         effects, values, changes = zip(*looked)
         columns = np.stack(changes)
-        white, amplitude = self._white(base, effects, columns)
-        forced = self._forced(base, effects, columns)
+        white, amplitude, forced = self.expectations(base, effects, columns)
         chosen: dict[int, None] = {}
         for gains, most in ((white, n_white), (forced, n_forced)):
             seen: set = set()
@@ -202,39 +207,30 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
             return problem.surrogate.respond(du[None])[0] if np.any(du) else None
         return problem.outputs(effects, theta) - base.fit.y
 
-    def _white(
+    def expectations(
         self, base: TrajectoryCandidate, effects: Sequence[BaseEffect], columns: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Drop of the sum of squares by every column, and its amplitude."""
-        r, J = self.problem.record.residual(base.fit.y)[None], base.fit.J.transpose(1, 0, 2)
-        white = self.problem.without_starts(np.concatenate([r, J, columns]))
-        flat = white.reshape(len(white), -1)
-        k = 1 + len(J)
-        if len(J):
-            q, _ = np.linalg.qr(flat[1:k].T)
-            flat = flat - (flat @ q) @ q.T
-        return _drop(flat[k:] @ flat[0], np.sum(flat[k:] ** 2, axis=1), effects)
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Drop of -2 log likelihood by every column for white noise, its amplitude, and the drop under the noise of the base.
 
-    def _forced(self, base: TrajectoryCandidate, effects: Sequence[BaseEffect], columns: np.ndarray) -> np.ndarray:
-        """The same under the noise of the base."""
-        r, J, precision, _ = base.columns()
-        whole = np.concatenate([r[None], J.transpose(1, 0, 2), columns])
-        rows, diagonal = base.disturbance.gram_rows(whole, self.judged[base].noise, 1 + J.shape[1])
-        return _drop(*eliminate_rows(rows, diagonal, precision, np.zeros(len(precision))), effects)[0]
+        Free where the effect is linear, within 0..3 of the start where not.
+        """
+        known = base.known_columns
+        whole, few = np.concatenate([known, columns]), len(known)
+        flat = base.without_starts(whole).reshape(len(whole), -1)
+        white = flat[:few] @ flat.T, np.einsum("kn,kn->k", flat, flat)
+        forced = base.disturbance.gram_rows(whole, self.judged[base].noise, few)
+        linear = np.array([effect.linear for effect in effects])
+        reach = np.where(linear, -np.inf, 0.0), np.where(linear, np.inf, 3.0)
+        (drop, amplitude), (under_noise, _) = (
+            scores(*_seen(*eliminate_rows(*gram, *base.held), gram[1][few:]), *reach) for gram in (white, forced)
+        )
+        return drop, amplitude, under_noise
 
 
-def _probe(problem: TrajectoryBackend, effect: BaseEffect) -> Probe:
-    """What an effect sees of the data."""
-    record, plant = problem.record, problem.plant
-
-    def signal(name: str) -> np.ndarray:
-        if name in plant.inputs:
-            return record.u[plant.inputs.index(name)]
-        return record.measured(plant.outputs.index(name))
-
-    where = signal(str(effect.location)) if effect.kind in ("input", "output") else np.zeros(record.n_samples)
-    v = signal(effect.variable) if effect.variable else where
-    return Probe(v, where, 0.0, record.dt, record.dt * int(record.lengths.max()), record.starts)
+def _seen(g: np.ndarray, h: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of which something is left beside what is known already; the others remove nothing."""
+    seen = h > LOST_TO_ROUNDING * size
+    return np.where(seen, g, 0.0), np.where(seen, h, size)
 
 
 def _fit(
@@ -250,9 +246,3 @@ def _fit(
         return problem.fit((*base.effects, effect), theta, np.concatenate([known[:n], own, known[n:]]))
     except np.linalg.LinAlgError:  # slopes beyond the arithmetic: this candidate is lost
         return None
-
-
-def _drop(g: np.ndarray, h: np.ndarray, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
-    """Drop and amplitude of every column: free where the effect is linear, within 0..3 of the start where not."""
-    linear = np.array([effect.linear for effect in effects])
-    return scores(g, h, np.where(linear, -np.inf, 0.0), np.where(linear, np.inf, 3.0))

@@ -1,0 +1,89 @@
+"""One search for every kind of access: the same run over sets of effects, the same bounds of the parameters."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects._sensor import SensorDelay
+from sksurrogate.gap.fit._build import build_problem, build_trajectory
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._set_search import SetSearch
+from sksurrogate.gap.search._trajectory_search import TrajectorySearch
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+
+def rates(t, x, u, p):
+    return (p["gain"] * u[0] - x[0],)
+
+
+def plant(shown=0.0):
+    """A lag whose output shows a share of its input at once."""
+    return ODESimulator(
+        rates,
+        states=["x"],
+        inputs=["u"],
+        outputs=["y"],
+        output=lambda t, x, u, p: (x[0] + p["shown"] * u[0],),
+        params={"gain": 1.0, "shown": shown},
+        dt=0.1,
+        x0=[0.0],
+    )
+
+
+class Outside:
+    """The same plant through ``simulate`` alone."""
+
+    inputs, outputs, dt = ("u",), ("y",), 0.1
+
+    def __init__(self, inner):
+        self.inner = inner
+
+    def simulate(self, U, x0=None, t=None):
+        return self.inner.simulate(U)
+
+
+def problems(simulator, y=None):
+    """Both backends over the same record of two runs."""
+    rng = np.random.default_rng(0)
+    U = [np.repeat(rng.uniform(-1, 1, 20), 5)[:, None] for _ in range(2)]
+    Y = [simulator.simulate(u) if y is None else y(simulator.simulate(u)) for u in U]
+    Y = [part + 0.01 * rng.normal(size=part.shape) for part in Y]
+    record = Record.from_runs(U, Y, [0.1 * np.arange(len(u)) for u in U], 0.1)
+    inside = describe(simulator)
+    ode, smoothed = build_problem(inside, PlantModel(inside), record, (), ("x",))
+    return ode, build_trajectory(describe(Outside(simulator)), record, (), ("a", "b")), smoothed
+
+
+def test_both_kinds_of_access_are_searched_by_the_same_code():
+    for name in ("one_more", "needed", "passes", "beam", "swap", "without", "ranked", "simplify", "merge"):
+        assert getattr(Search, name) is getattr(TrajectorySearch, name) is getattr(SetSearch, name)
+
+
+def test_both_kinds_of_access_bound_parameters_alike():
+    ode, trajectory, _ = problems(plant())
+    effects = [SensorDelay("y", earliest=-0.3), CATALOGUE["sensor_gain"]("y")]
+    for one, other in zip(ode.bounds(effects), trajectory.bounds(effects)):
+        assert np.array_equal(one, other)
+    assert trajectory.bounds(effects)[0][0] == -0.3  # the clock of a sensor may be ahead
+
+
+@pytest.mark.parametrize("shown", [0.0, 0.4])
+def test_an_output_that_shows_an_input_at_once_is_seen_through_either_access(shown):
+    ode, trajectory, smoothed = problems(plant(shown))
+    assert ode.fit((), np.zeros(0), smoothed.x).shown_at_once("u") == (shown != 0)
+    assert trajectory.fit((), np.zeros(0)).shown_at_once("u") == (shown != 0)
+
+
+def test_two_names_are_found_and_settled_through_either_access():
+    ode, trajectory, smoothed = problems(plant(), lambda y: 1.3 * y + 0.4)
+    library = [CATALOGUE[name]("y") for name in ("sensor_gain", "sensor_bias", "sensor_drift")]
+    for search in (Search(ode, library, smoothed.x), TrajectorySearch(trajectory, library)):
+        final = search.run()
+        assert isinstance(final, Evidence)
+        assert {effect.name for effect in final.effects} == {"sensor_gain", "sensor_bias"}
+        values = dict(zip([e.name for e in final.effects], [final.candidate.theta_of(i)[0] for i in range(2)]))
+        assert values["sensor_bias"] == pytest.approx(0.4, abs=0.01)
