@@ -13,9 +13,10 @@ from sksurrogate.gap.fit._divergence import divergence
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE, Numerics, OdeBackend
+from sksurrogate.gap.fit._pushes import gain_of_forces
 from sksurrogate.gap.fit._simulations import Simulations
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
-from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+from sksurrogate.kernels.banded import recursion_band
 from sksurrogate.kernels.output_error import free_run, run_near
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_jacobian
@@ -128,24 +129,12 @@ def _caps(problem: OdeBackend, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarr
     record, n = problem.record, len(problem.plant.states)
     nominal = replace(problem, free=()).augmented(())
     _, C = output_jacobian(nominal.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
-    band = recursion_band(smoothed.A, record.starts)
-    rng = np.random.default_rng(0)
-    force = np.empty(len(problem.balances))
-    spread = record.spread
-    for k, name in enumerate(problem.balances):
-        a = np.exp(-1 / 10.0)
-        w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=record.n_samples), record.starts)
-        b = np.zeros((n, 1, record.n_samples))
-        b[problem.plant.states.index(name), 0, 1:] = record.dt * w[:-1]
-        b[:, :, record.starts] = 0.0
-        moved = np.einsum("oit,it->ot", C, solve_recursion(band, b)[:, 0])
-        gain = float(np.max(np.std(moved, axis=1) / spread))
-        force[k] = (
-            LARGEST_DISTURBANCE / gain
-            if np.isfinite(gain) and gain > 0
-            else 10 * problem.rate[problem.plant.states.index(name)]
-        )
-    return force, LARGEST_DISTURBANCE * spread
+    places = [problem.plant.states.index(name) for name in problem.balances]
+    push = record.dt * np.eye(n)[:, places]
+    gain = gain_of_forces(recursion_band(smoothed.A, record.starts), push, C, record.starts, record.spread)
+    seen = np.isfinite(gain) & (gain > 0)
+    force = np.where(seen, LARGEST_DISTURBANCE / np.where(seen, gain, 1.0), 10 * problem.rate[places])
+    return force, LARGEST_DISTURBANCE * record.spread
 
 
 def build_trajectory(

@@ -12,8 +12,8 @@ import numpy as np
 
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
-from sksurrogate.gap.fit._pushes import a_sample_later
-from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
+from sksurrogate.gap.fit._pushes import a_sample_later, gain_of_forces
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.state_space import subspace
@@ -83,15 +83,8 @@ class LinearSurrogate:
 
     def caps(self, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces on every state and coloured sensor noise that count as a disturbance, of outputs of a ``spread`` (n_outputs,)."""
-        rng = np.random.default_rng(0)
-        a = np.exp(-0.1)
-        w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=self.n_samples), self.starts)
-        b = np.zeros((len(self.A), len(self.A), self.n_samples))
-        for i, size in enumerate(self.scale):
-            b[i, i, 1:] = size * w[:-1]
-        b[:, :, self.starts] = 0.0
-        moved = np.einsum("oi,ikt->okt", self.C, solve_recursion(self.band, b))
-        gain = np.max(np.std(moved, axis=2) / spread[:, None], axis=0)
+        C = np.broadcast_to(self.C[:, :, None], (*self.C.shape, self.n_samples))
+        gain = gain_of_forces(self.band, np.diag(self.scale), C, self.starts, spread)
         return LARGEST_DISTURBANCE / np.maximum(gain, 1e-9), LARGEST_DISTURBANCE * spread
 
 

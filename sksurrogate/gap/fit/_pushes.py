@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["PUSH_OF_INPUT", "PUSH_OF_STATE", "a_sample_later", "pushed_input"]
+from sksurrogate.kernels.banded import first_order_scan, solve_recursion
+
+__all__ = ["PUSH_OF_INPUT", "PUSH_OF_STATE", "a_sample_later", "gain_of_forces", "pushed_input"]
 
 #: Differences are taken by this share of the range of an input, or of the size of a state: inputs may act in jumps.
 PUSH_OF_INPUT, PUSH_OF_STATE = 1e-3, 1e-4
+#: Samples after which a force that counts as disturbance has forgotten.
+REMEMBERED = 10.0
 
 
 def a_sample_later(change: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -36,3 +40,29 @@ def pushed_input(u: np.ndarray, i: int) -> tuple[np.ndarray, float]:
     out = u.copy()
     out[i] += push
     return out, push
+
+
+def gain_of_forces(
+    band: np.ndarray, push: np.ndarray, C: np.ndarray, starts: np.ndarray, spread: np.ndarray
+) -> np.ndarray:
+    """Deviation that a random force of unit size causes, of the output that it moves most, (n_forces,).
+
+    Parameters
+    ----------
+    band : ndarray
+        Of the recursion of the states.
+    push : ndarray (n_states, n_forces)
+        What a unit of each force changes in the next states.
+    C : ndarray (n_outputs, n_states, n_samples)
+    starts : ndarray of int (n_runs,)
+    spread : ndarray (n_outputs,)
+        Deviation of the outputs, the unit of the answer.
+    """
+    rng, a = np.random.default_rng(0), np.exp(-1 / REMEMBERED)
+    gain = np.empty(push.shape[1])
+    for k, unit in enumerate(push.T):
+        w = first_order_scan(a, np.sqrt(1 - a * a) * rng.normal(size=C.shape[-1]), starts)
+        b = a_sample_later(unit[:, None, None] * w, starts)
+        moved = np.einsum("oit,it->ot", C, solve_recursion(band, b)[:, 0])
+        gain[k] = np.max(np.std(moved, axis=1) / spread)
+    return gain

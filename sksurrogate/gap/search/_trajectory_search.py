@@ -222,7 +222,8 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         linear = np.array([effect.linear for effect in effects])
         reach = np.where(linear, -np.inf, 0.0), np.where(linear, np.inf, 3.0)
         (drop, amplitude), (under_noise, _) = (
-            scores(*_seen(*eliminate_rows(*gram, *base.held), gram[1][few:]), *reach) for gram in (white, forced)
+            scores(*_seen(*eliminate_rows(rows, size, *base.held), size[few:]), *reach)
+            for rows, size in (white, forced)
         )
         return drop, amplitude, under_noise
 
