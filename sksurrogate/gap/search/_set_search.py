@@ -142,7 +142,8 @@ class SetSearch(BaseSearch[C]):
             if passed and not self.is_far(best):
                 best = self.stand(self.enrich(best))
             elif passed and closes_by_size(self.judged[best], self.gap_cost, self.tolerance) and len(best.effects) > 1:
-                best = self.stand(fewest_parameters(self, best))  # of one name a second may show that it was the wrong one
+                # Of one name a second may show that it was the wrong one.
+                best = self.stand(fewest_parameters(self, best))
                 if not leads_on(self, best, MOST_EFFECTS - len(best.effects)):
                     break
             better = self.one_more(best, passed)
