@@ -7,8 +7,11 @@ from sksurrogate.effects import LawEffect
 from sksurrogate.effects._formula import SHAPES, Term, _spline
 from sksurrogate.gap.fit._closed_loop import closed_loop
 from sksurrogate.gap.fit._linear_surrogate import learn
-from sksurrogate.gap.unnamed._shape import Channel, shape_of
-from sksurrogate.gap.unnamed._symbolic_laws import library, sparse_laws
+from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.gap.unnamed._formula_library import Library
+from sksurrogate.gap.unnamed._formula_search import drafts_at
+from sksurrogate.gap.unnamed._shape import shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -39,6 +42,12 @@ def channel(record, term, seed=1):
     return Channel(record, D, noise, r, 0.1 * ones[0], None, 1.0, held, z.T, ["a", "b"])
 
 
+def shape(c, changes=()):
+    """The term of a channel in the balance of x, and the formulae of its two signals."""
+    drivers = Drivers("x", "state", dict(zip(c.names, c.Z.T)), {}, changes=changes)
+    return shape_of(c, drivers, drafts_at(c, drivers))
+
+
 def test_a_signal_reaches_the_output_as_the_recursion_says(record):
     c = channel(record, lambda z: np.zeros_like(z[0]))
     signal = np.random.default_rng(2).normal(size=(1, record.n_samples))
@@ -51,7 +60,7 @@ def test_a_signal_reaches_the_output_as_the_recursion_says(record):
 def test_a_curve_follows_the_truth_within_its_bands(record):
     inside = []
     for seed in range(4):
-        found = shape_of(channel(record, lambda z: np.abs(z[0]) - 0.5, seed), "x", "state")
+        found = shape(channel(record, lambda z: np.abs(z[0]) - 0.5, seed))
         curve = found.curves[0]
         assert curve.variable == "a" and curve.explained > 0.7
         inside.append(np.mean((np.abs(curve.at) - 0.5 >= curve.low) & (np.abs(curve.at) - 0.5 <= curve.high)))
@@ -59,7 +68,7 @@ def test_a_curve_follows_the_truth_within_its_bands(record):
 
 
 def test_a_law_of_two_terms_is_found_and_ready_as_an_effect(record):
-    found = shape_of(channel(record, lambda z: 0.8 * z[0] * z[1] - 0.6 * z[1] * np.abs(z[1])), "x", "state")
+    found = shape(channel(record, lambda z: 0.8 * z[0] * z[1] - 0.6 * z[1] * np.abs(z[1])))
     law = found.effects[0]
     terms = dict(zip((term.text for term in law.terms), law.values))
     assert set(terms) == {"a*b", "b*abs(b)"}
@@ -68,7 +77,7 @@ def test_a_law_of_two_terms_is_found_and_ready_as_an_effect(record):
 
 
 def test_no_law_is_made_of_noise(record):
-    assert shape_of(channel(record, lambda z: np.zeros_like(z[0])), "x", "state").candidates == ()
+    assert shape(channel(record, lambda z: np.zeros_like(z[0]))).candidates == ()
 
 
 def test_grams_of_runs_add_up_to_the_whole(record):
@@ -78,18 +87,30 @@ def test_grams_of_runs_add_up_to_the_whole(record):
     np.testing.assert_allclose(c.D.gram_by_run(columns, c.noise)[0].sum(axis=0), whole, rtol=1e-8, atol=1e-8)
 
 
-def test_sparse_laws_find_the_columns_that_made_the_signal():
-    rng = np.random.default_rng(4)
-    columns = rng.normal(size=(4, 8, 200))
-    r = 2.0 * columns[:, 2] - 1.0 * columns[:, 5] + 0.1 * rng.normal(size=(4, 200))
-    whole = np.concatenate([r[:, None], columns], axis=1)
-    assert sparse_laws(np.einsum("rit,rjt->rij", whole, whole), np.arange(4))[0].chosen == (2, 5)
+def test_a_term_that_begins_at_a_time_is_found(record):
+    begun = record.t >= 12.0
+    found = shape(channel(record, lambda z: 0.8 * begun * z[0]), changes=[12.0])
+    assert [term.text for term in found.effects[0].terms] == ["a*(t > 12)"]
+    assert found.effects[0].values[0] == pytest.approx(0.8, abs=0.05)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_what_a_term_says_is_what_it_gives(shape):
+def test_a_formula_says_what_its_effect_says(record):
+    found = shape(channel(record, lambda z: 0.8 * z[0] * z[1]))
+    assert found.candidates[0].startswith(found.effects[0].text() + "  (explains ")
+
+
+def test_a_law_of_states_at_an_input_is_one_at_its_port_and_one_of_inputs_is_along_its_path():
+    drivers = Drivers("u", "input", {"u": np.arange(3.0), "v": np.ones(3)}, {}, along=["u"])
+    square = [Term((("square", name, 0.0, 0.0),)) for name in ("u", "v")]
+    along, at_port = (drivers.effect([term], np.array([0.1]), False) for term in square)
+    assert (along.kind, along.variable) == ("input", None)
+    assert isinstance(at_port, LawEffect) and (at_port.location, at_port.variable) == ("u", "v")
+
+
+@pytest.mark.parametrize("form", SHAPES)
+def test_what_a_term_says_is_what_it_gives(form):
     """Its text, read as a formula, has its value, off the kinks."""
-    z, name = np.linspace(-1.9, 1.9, 40), "t" if shape == "after" else "z"
+    z, name = np.linspace(-1.9, 1.9, 40), "t" if form == "after" else "z"
     known = {
         name: z,
         "max": np.maximum,
@@ -98,14 +119,14 @@ def test_what_a_term_says_is_what_it_gives(shape):
         **{f: getattr(np, f) for f in ("abs", "sign", "sqrt", "sin", "cos", "exp", "tanh", "log")},
     }
     for constant in (0.7, 1.3):
-        more = (1.4,) if "{d}" in SHAPES[shape].text else ()
-        term = Term(((shape, name, constant, 1e-9, *more),))
+        more = (1.4,) if "{d}" in SHAPES[form].text else ()
+        term = Term(((form, name, constant, 1e-9, *more),))
         with np.errstate(all="ignore"):
             written = np.broadcast_to(eval(term.text.replace("^", "**"), {}, known), z.shape)
         there = np.isfinite(written)
         assert there.sum() >= 20 and term.variables == (() if name == "t" else ("z",))
         np.testing.assert_allclose(term.value({"z": z}, z)[there], written[there], rtol=1e-6, atol=1e-8)
-    both = Term(((shape, name, 0.7, 1e-9, *more), ("size", "w", 0.0, 0.0)))
+    both = Term(((form, name, 0.7, 1e-9, *more), ("size", "w", 0.0, 0.0)))
     assert both.text == f"{Term(both.factors[:1]).text}*abs(w)"
 
 
@@ -119,9 +140,10 @@ def test_a_law_is_an_effect_that_a_simulator_takes():
     np.testing.assert_allclose(y[:, 0], 1 - np.exp(-0.1 * np.arange(50)), atol=1e-6)  # dx/dt = 1 - x
 
 
-def test_the_same_shape_on_these_data_stands_once():
-    z = np.abs(np.random.default_rng(5).normal(size=(300, 1))) + 0.5  # never negative: v |v| is v^2
-    texts = [term.text for term in library(z, ["v"], np.arange(300.0)).terms]
+def test_the_same_shape_on_these_data_stands_once(record):
+    c = channel(record, lambda z: z[0])
+    positive = np.abs(c.Z[:, 0]) + 0.5  # v |v| is v^2
+    texts = [term.text for term in Library.of(c, Drivers("x", "state", {"v": positive}, {})).terms]
     assert "v^2" in texts and "v*abs(v)" not in texts
 
 

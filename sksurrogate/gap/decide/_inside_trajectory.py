@@ -22,8 +22,7 @@ from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.gap.unnamed._latent_force import Place
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._residual_analysis import Remains
-from sksurrogate.gap.unnamed._shape import shape_of
-from sksurrogate.gap.unnamed._trajectory_channel import channel_of, equivalent_places, force_left
+from sksurrogate.gap.unnamed._trajectory_channel import channel_of, equivalent_places, force_left, missing_term
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.record import Record
 
@@ -143,7 +142,7 @@ class TrajectoryInside:
 
     def missing_term(self, location: str, kind: str) -> MissingTerm:
         """The shape of what is missing at a place."""
-        return shape_of(channel_of(self.search.fitted_null.candidate, location), location, kind)
+        return missing_term(self.search.fitted_null.candidate, location, kind)
 
     def law_beside(
         self, base: Evidence[TrajectoryCandidate], final: Evidence[TrajectoryCandidate], held: HeldOut

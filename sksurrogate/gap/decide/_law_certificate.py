@@ -20,7 +20,8 @@ from sksurrogate.gap.results._interval import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._search import Search
-from sksurrogate.gap.unnamed._formula_fit import AnyLaw, FittedLaw
+from sksurrogate.gap.unnamed._drivers import AnyLaw
+from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.physics._simulator import units_of as units_by_name
 

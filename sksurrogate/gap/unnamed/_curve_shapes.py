@@ -14,7 +14,7 @@ from sksurrogate.gap.unnamed._latent_force import past_of
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 
-__all__ = ["CERTAIN", "Curve", "in_balances", "in_inputs", "in_sensors", "shapes"]
+__all__ = ["CERTAIN", "Curve", "hats_at", "in_balances", "in_inputs", "in_sensors", "shapes"]
 
 #: Knots of a piecewise linear curve, at equal shares of the samples; of one of time, which may step; of one of an input in its
 #: place, which may be a staircase.
@@ -88,6 +88,11 @@ def hats(z: np.ndarray, n_knots: int) -> np.ndarray:
     knots = np.unique(np.quantile(z, np.linspace(0.0, 1.0, n_knots)))
     if np.ptp(z) <= 1e-9 * max(float(np.max(np.abs(z))), 1e-300):
         knots = knots[:1]
+    return hats_at(z, knots)
+
+
+def hats_at(z: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Hat functions on knots (n_knots, n_samples), constant beyond the ends."""
     return np.stack([np.interp(z, knots, hat) for hat in np.eye(len(knots))])
 
 

@@ -11,8 +11,11 @@ from sksurrogate.gap.fit._folds import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._drivers import drivers_at
+from sksurrogate.gap.unnamed._formula_search import Draft, drafts_at
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push, paths
-from sksurrogate.gap.unnamed._shape import Channel, evidence_of_law, shape_of
+from sksurrogate.gap.unnamed._shape import shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import state_jacobian
@@ -154,7 +157,9 @@ def _about(
     starts = [Noise(problem.sd.copy(), np.array([0.1 * unit]), t, 1e-2 * problem.sd, 10.0) for t in STARTS]
     noise = _fitted(D, r, starts if known is None else [known], unit, held)
     Z, names = features(problem, x)
-    return Channel(record, D, noise, r, B[:, 0], None, unit, held, Z, names, followers=followers(null, lin), x=x), lin.x
+    return Channel(
+        record, D, noise, r, B[:, 0], None, unit, held, Z, names, -np.inf, followers(null, lin), x, len(soft)
+    ), lin.x
 
 
 def followers(null: OdeCandidate, lin: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -221,10 +226,9 @@ def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
             distinct.append(place)
     again = {}
     for place in distinct[:COMPARED]:
-        channel = channels.at(place.location, place.kind)
-        value = -np.inf if channel is None else evidence_of_law(channel)
-        if np.isfinite(value):
-            again[place.log_likelihood] = value
+        drafts = channels.drafts(place.location, place.kind)
+        if drafts and np.isfinite(drafts[0].level):
+            again[place.log_likelihood] = drafts[0].level
     if len(again) < 2:
         return list(found)
     # The others stay as far below as they were.
@@ -248,7 +252,9 @@ def missing_term(channels: Channels, location: str, kind: str) -> MissingTerm:
     first = record.t[record.starts]
     table = times(record, channel.force())
     changes = [row["start"] for row in table[1:] if row["kind"] == "change"] if np.ptp(first) == 0 else []
-    return shape_of(channel, location, kind, [float(first[0] + moment) for moment in changes])
+    moments = [float(first[0] + moment) for moment in changes]
+    drivers = drivers_at(channels.null, channel, location, kind, moments)
+    return shape_of(channel, drivers, drafts_at(channel, drivers) if moments else channels.drafts(location, kind))
 
 
 def where_and_when(
@@ -285,6 +291,7 @@ class Channels:
     def __init__(self, null: OdeCandidate):
         self.null = null
         self.known: dict[tuple[str, str], Channel | None] = {}
+        self._drafts: dict[tuple[str, str], list[Draft]] = {}
 
     def at(self, location: str, kind: str) -> Channel | None:
         """That of a place; None where no signal there can be followed."""
@@ -294,6 +301,13 @@ class Channels:
             except (np.linalg.LinAlgError, FloatingPointError):  # this place is lost, not the diagnosis
                 self.known[location, kind] = None
         return self.known[location, kind]
+
+    def drafts(self, location: str, kind: str) -> list[Draft]:
+        """The formulae of most worth at a place, the best first."""
+        channel = self.at(location, kind)
+        if channel is not None and (location, kind) not in self._drafts:
+            self._drafts[location, kind] = drafts_at(channel, drivers_at(self.null, channel, location, kind))
+        return self._drafts.get((location, kind), [])
 
     @property
     def lost(self) -> list[str]:

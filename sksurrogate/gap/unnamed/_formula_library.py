@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._formula import Term
-from sksurrogate.gap.unnamed._grammar import Drivers, terms_of
-from sksurrogate.gap.unnamed._shape import Channel
+from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.gap.unnamed._grammar import terms_of
 
 __all__ = ["NO_TERMS", "Library"]
 
@@ -30,12 +31,8 @@ class Library:
     @classmethod
     def of(cls, channel: Channel, drivers: Drivers) -> Library:
         """All terms of the grammar that are finite and distinct along the path."""
-        t = channel.record.t - channel.record.t[channel.record.starts][channel.record.run_of_row]
         terms = terms_of(drivers)
-        values = np.full((len(terms), len(t)), np.nan)
-        with np.errstate(all="ignore"):
-            for k, term in enumerate(terms):
-                values[k] = drivers.value(term, t)
+        values = drivers.values(terms, channel.record)
         sizes = np.sqrt(np.mean(values**2, axis=1))
         good = np.isfinite(sizes) & (sizes > 1e-12)
         kept = np.flatnonzero(good)

@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._formula import Term
+from sksurrogate.effects._formula import Term, equation_of
+from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_library import NO_TERMS, Library
-from sksurrogate.gap.unnamed._grammar import Drivers, price_of, structure
-from sksurrogate.gap.unnamed._shape import Channel
+from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["Draft", "curve_at", "drafts_at"]
@@ -76,6 +77,16 @@ class Draft:
         """Coefficients, constants and the time constant, as the parameters of the effect."""
         constants = [c for term in self.terms for c in term.constants]
         return np.array([*self.coefficients, *constants, *([] if self.late is None else [self.late])], dtype=float)
+
+    @property
+    def coefficients_alone(self) -> np.ndarray:
+        """Coefficients and the time constant: the parameters of the effect whose other constants stand."""
+        return np.array([*self.coefficients, *([] if self.late is None else [self.late])], dtype=float)
+
+    @property
+    def text(self) -> str:
+        """The formula with its numbers."""
+        return equation_of(self.terms, [float(c) for c in self.coefficients])
 
     @property
     def structure(self) -> Any:
@@ -286,10 +297,7 @@ class _Regression:
 
     def values(self, terms: Sequence[Term], late: float | None) -> np.ndarray:
         """Terms along the path (n_terms, n_samples)."""
-        record = self.channel.record
-        t = record.t - record.t[record.starts][record.run_of_row]
-        with np.errstate(all="ignore"):
-            return np.stack([self.drivers.value(term, t) for term in terms])
+        return self.drivers.values(terms, self.channel.record)
 
     def solved(self, J: np.ndarray) -> tuple[float, np.ndarray]:
         """Nats that columns J explain beside the parameters, and their weights, the parameters first."""

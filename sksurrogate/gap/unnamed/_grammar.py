@@ -6,14 +6,14 @@ shape among all and of every driver among those at hand. Constants and coefficie
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sksurrogate.effects._formula import SHAPES, Factor, Term, signal_names, signal_of
+from sksurrogate.effects._formula import SHAPES, Factor, Term, signal_of
+from sksurrogate.gap.unnamed._drivers import Drivers, past_name
 
-__all__ = ["Drivers", "as_written", "price_of", "structure", "terms_of"]
+__all__ = ["price_of", "structure", "terms_of"]
 
 #: Width of a kink, over the spread of its driver: below what data resolve, above what an integrator notices.
 KINK = 0.005
@@ -27,74 +27,17 @@ ANGLES = (1.5, 3.0, 5.0, 8.0, 12.0, 18.0, 26.0)
 MOST_OF_PRODUCTS = 6
 #: Shapes whose product with a square is tried: a rate that depends on a temperature, an opening.
 OF_SQUARES = ("v", "activated", "exp", "saturating", "tanh")
+#: Shapes of a driver that may begin at a time.
+BEGINNING = ("v", "square", "drag")
 #: Differences of drivers are drivers too where there are no more than so many of them.
 MOST_OF_DIFFERENCES = 5
 #: A driver takes one sign where it stays on one side of zero; both where each side reaches this share of its spread.
 OTHER_SIDE = 0.2
 
 
-@dataclass(frozen=True, eq=False)
-class Drivers:
-    """Signals that may drive a law at a place.
-
-    Attributes
-    ----------
-    signals : dict of ndarray (n_samples,)
-        By name; "lag(v)" is the recent past of v.
-    late : dict of float
-        Time constants of those, whose names end with a mark behind "#".
-    ends : dict of ndarray (n_samples,), optional
-        The same at the end of each sample, where a law acts over samples.
-    own : str or None
-        Of an input or a sensor its own name: beside it one other signal may act. None in a balance, where all may.
-    """
-
-    signals: Mapping[str, np.ndarray]
-    late: Mapping[str, float]
-    ends: Mapping[str, np.ndarray] | None = None
-    own: str | None = None
-
-    def value(self, term: Term, t: np.ndarray) -> np.ndarray:
-        """A term along the path; its mean over each sample, by both ends, where it acts over samples."""
-        found = term.value(self.signals, t)
-        if self.ends is not None:
-            found = 0.5 * (found + term.value(self.ends, t))
-        return np.broadcast_to(np.asarray(found, dtype=float), t.shape)
-
-    def allows(self, terms: Sequence[Term]) -> bool:
-        """Whether an effect can hold these terms: one recent past with its own signal; at an input or sensor one signal more."""
-        names = {factor[1] for term in terms for factor in term.factors}
-        late = {name for name in names if name in self.late}
-        plain = {signal for name in names - late for signal in signal_names(name)}
-        if late and (len(late) > 1 or plain - {past_name(next(iter(late)))}):
-            return False
-        return self.own is None or len(plain - {self.own}) < 2
-
-    @property
-    def moving(self) -> list[str]:
-        """Names of those that move."""
-        return [k for k, z in self.signals.items() if np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300)]
-
-
-def past_name(name: str) -> str:
-    """The signal behind "lag(v)#0".
-
-    Examples
-    --------
-    >>> past_name("lag(v)#0")
-    'v'
-    """
-    return name.partition("#")[0][4:-1]
-
-
-def as_written(terms: Sequence[Term]) -> tuple[Term, ...]:
-    """Terms without the marks of the recent past."""
-    return tuple(Term(tuple((f[0], f[1].partition("#")[0], *f[2:]) for f in term.factors)) for term in terms)
-
-
 def structure(terms: Sequence[Term]) -> tuple[tuple[tuple[str, str], ...], ...]:
     """Shapes and drivers of a formula, without its constants."""
-    return tuple(sorted(tuple(sorted((f[0], f[1]) for f in term.factors)) for term in as_written(terms)))
+    return tuple(sorted(tuple(sorted((f[0], f[1].partition("#")[0]) for f in term.factors)) for term in terms))
 
 
 def price_of(terms: Sequence[Term], n_drivers: int) -> float:
@@ -111,7 +54,7 @@ def price_of(terms: Sequence[Term], n_drivers: int) -> float:
 
 
 def terms_of(drivers: Drivers) -> list[Term]:
-    """Terms of one driver and of two, plain ones first."""
+    """Terms of one driver and of two, plain ones first, and what begins at one of the changes."""
     names = drivers.moving
     now = [name for name in names if name not in drivers.late]
     single = {name: list(_shapes(name, drivers.signals[name])) for name in now}
@@ -144,7 +87,8 @@ def terms_of(drivers: Drivers) -> list[Term]:
             own = past_name(name)
             if own in now:
                 out.append(Term((_plain("v", name), _plain("v", own))))
-    return out
+    begins = [Term(), *(Term((_plain(shape, name),)) for name in first for shape in BEGINNING)]
+    return out + [Term((*term.factors, ("after", "t", float(c), 0.0))) for c in drivers.changes for term in begins]
 
 
 def _plain(shape: str, name: str) -> Factor:

@@ -8,13 +8,17 @@ import numpy as np
 
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
+from sksurrogate.gap.results._missing_term import MissingTerm
+from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._disturbance_channel import STARTS
+from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, repeatable
-from sksurrogate.gap.unnamed._shape import Channel
+from sksurrogate.gap.unnamed._shape import shape_of
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-__all__ = ["channel_of", "equivalent_places", "force_left"]
+__all__ = ["channel_of", "equivalent_places", "force_left", "missing_term"]
 
 
 def variables(problem: TrajectoryBackend, y: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -82,3 +86,10 @@ def force_left(found: Evidence[TrajectoryCandidate], seed: int) -> tuple[LatentF
     rate = np.std(np.diff(problem.nominal, axis=1), axis=1) / np.maximum(np.std(problem.nominal, axis=1), 1e-300)
     size = size / max(float(np.max(rate)), 1e-3)
     return LatentForce(y, w, found.noise, size, problem.surrogate.A, channel.r), law
+
+
+def missing_term(candidate: TrajectoryCandidate, location: str, kind: str) -> MissingTerm:
+    """The shape of what is missing at an input or output, on top of a candidate."""
+    channel = channel_of(candidate, location)
+    drivers = Drivers(location, kind, dict(zip(channel.names, channel.Z.T)), {}, along=candidate.problem.plant.inputs)
+    return shape_of(channel, drivers, drafts_at(channel, drivers))

@@ -1,0 +1,114 @@
+"""One place of a plant at which a free signal enters, and its way to the outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.gap.fit._pushes import a_sample_later
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.noise_fit import fit_noise
+from sksurrogate.kernels.record import Record
+
+__all__ = ["Channel"]
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """How a signal that enters at one place reaches the outputs.
+
+    Attributes
+    ----------
+    record : Record
+    D : Disturbance
+        With the one force at the place (for a sensor: a force that is held at nothing).
+    noise : Noise
+        With the force, or the coloured sensor noise, that explains the gap.
+    r : ndarray (n_outputs, n_samples)
+        Measured less simulated, about the path.
+    push : ndarray (n_states, n_samples) or None
+        States after one sample of a unit signal; None for a sensor.
+    sensor : int or None
+    unit : float
+        Size of the force that counts as one.
+    held : ndarray of bool
+        Noise parameters that stay.
+    Z : ndarray (n_samples, n_variables)
+    names : list of str
+    log_likelihood : float
+        Of the residual with the free signal.
+    followers : (ndarray (n_outputs, n_theta, n_samples), ndarray (n_theta,), ndarray (n_theta,)), optional
+        Sensitivities of the parameters that follow, and what holds them: precision and pull.
+    x : ndarray (n_states, n_samples), optional
+        The path.
+    n_moved : int
+        Balances that the signal moves.
+    """
+
+    record: Record
+    D: Disturbance
+    noise: Noise
+    r: np.ndarray
+    push: np.ndarray | None
+    sensor: int | None
+    unit: float
+    held: np.ndarray
+    Z: np.ndarray
+    names: list[str]
+    log_likelihood: float = -np.inf
+    followers: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    x: np.ndarray | None = None
+    n_moved: int = 1
+
+    @property
+    def known(self) -> np.ndarray:
+        """Sensitivities of the parameters that follow (n_outputs, n_theta, n_samples)."""
+        return np.zeros((len(self.r), 0, self.r.shape[1])) if self.followers is None else self.followers[0]
+
+    @property
+    def precision(self) -> np.ndarray:
+        """What holds them (n_theta,)."""
+        return np.zeros(0) if self.followers is None else self.followers[1]
+
+    @property
+    def pull(self) -> np.ndarray:
+        """What pulls them (n_theta,)."""
+        return np.zeros(0) if self.followers is None else self.followers[2]
+
+    def respond(self, signal: np.ndarray) -> np.ndarray:
+        """Outputs (n_outputs, n_columns, n_samples) that signals (n_columns, n_samples) cause."""
+        m = len(self.r)
+        out = np.zeros((m, *signal.shape))
+        if self.push is None:
+            out[self.sensor] = signal
+            return out
+        A, C = self.D.A.transpose(1, 2, 0), self.D.C.transpose(1, 2, 0)
+        band = recursion_band(A, self.record.starts)
+        for a in range(0, len(signal), 32):
+            b = a_sample_later(self.push[:, None, :] * signal[None, a : a + 32], self.record.starts)
+            out[:, a : a + 32] = np.einsum("oit,ikt->okt", C, solve_recursion(band, b))
+        return out
+
+    def force(self, r: np.ndarray | None = None) -> np.ndarray:
+        """The smoothed signal at the place, (n_samples,)."""
+        _, force, coloured = self.D.states(self.r if r is None else r, self.noise)
+        return coloured[self.sensor] if self.sensor is not None else force[0]
+
+    def settled(self, J: np.ndarray) -> Noise:
+        """The noise that is left beside columns J (n_outputs, n_columns, n_samples)."""
+        try:
+            return fit_noise(
+                self.D,
+                self.r,
+                self.noise,
+                np.array([self.unit]),
+                J,
+                np.full(J.shape[1], 1e-12),
+                np.zeros(J.shape[1]),
+                held=self.held,
+                max_iterations=6,
+            )[0]
+        except np.linalg.LinAlgError:
+            return self.noise

@@ -1,0 +1,137 @@
+"""Signals that may drive a law at a place, and the effect that a formula of them is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sksurrogate.effects._formula import Term, signal_names
+from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect, law_effect
+from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._law_shapes import at_end
+from sksurrogate.kernels.banded import first_order_scan
+from sksurrogate.kernels.record import Record
+
+__all__ = ["AnyLaw", "Drivers", "drivers_at"]
+
+AnyLaw = LawEffect | MemoryLawEffect | InputLawEffect | SensorLawEffect
+#: Time constants of the recent past, in samples, and the share of the longest run up to which they are tried.
+LATE, LATEST = (3.0, 10.0, 30.0, 100.0), 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Drivers:
+    """Signals that may drive a law at a place.
+
+    Attributes
+    ----------
+    location, kind : str
+        The place: a state (its balance), an input or an output (its sensor).
+    signals : dict of ndarray (n_samples,)
+        By name; "lag(v)" is the recent past of v.
+    late : dict of float
+        Time constants of those, whose names end with a mark behind "#".
+    ends : dict of ndarray (n_samples,), optional
+        The same at the end of each sample, where a law acts over samples.
+    along : sequence of str
+        At an input: names of the inputs. A law of these acts along the path of the input, one of states at its port.
+    changes : sequence of float
+        Times at which a law may begin.
+    """
+
+    location: str
+    kind: str
+    signals: Mapping[str, np.ndarray]
+    late: Mapping[str, float]
+    ends: Mapping[str, np.ndarray] | None = None
+    along: Sequence[str] = ()
+    changes: Sequence[float] = ()
+
+    def values(self, terms: Sequence[Term], record: Record) -> np.ndarray:
+        """Terms along the path (n_terms, n_samples); their means over each sample, by both ends, where they act over samples."""
+        out = np.empty((len(terms), record.n_samples))
+        with np.errstate(all="ignore"):
+            for k, term in enumerate(terms):
+                out[k] = term.value(self.signals, record.t)
+                if self.ends is not None:
+                    out[k] = 0.5 * (out[k] + term.value(self.ends, record.t))
+        return out
+
+    def allows(self, terms: Sequence[Term]) -> bool:
+        """Whether an effect can hold these terms: one recent past with its own signal; along a path one signal more."""
+        names = {factor[1] for term in terms for factor in term.factors}
+        late = {name for name in names if name in self.late}
+        plain = {signal for name in names - late for signal in signal_names(name)} - {"t"}
+        if late and (len(late) > 1 or plain - {past_name(next(iter(late)))}):
+            return False
+        return self.kind == "state" or self.at_port(plain) or len(plain - {self.location}) < 2
+
+    def at_port(self, names: set[str]) -> bool:
+        """Whether a law of some signals acts at the port of an input: it has a state among them."""
+        return self.kind == "input" and bool(names - set(self.along) - {f"lag({self.location})"})
+
+    def effect(self, terms: Sequence[Term], values: np.ndarray, free: bool) -> AnyLaw:
+        """A formula as an effect: coefficients, constants where they are ``free``, the time constant of a recent past."""
+        terms = tuple(Term(tuple((f[0], f[1].partition("#")[0], *f[2:]) for f in term.factors)) for term in terms)
+        names = {name for term in terms for name in term.variables}
+        numbers = tuple(map(float, values))
+        if self.at_port(names):
+            return LawEffect(self.location, "*".join(sorted(names)), terms, numbers, free)
+        return law_effect(self.kind, self.location, terms, numbers, free)
+
+    @property
+    def moving(self) -> list[str]:
+        """Names of those that move."""
+        return [k for k, z in self.signals.items() if np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300)]
+
+
+def past_name(name: str) -> str:
+    """The signal behind "lag(v)#0".
+
+    Examples
+    --------
+    >>> past_name("lag(v)#0")
+    'v'
+    """
+    return name.partition("#")[0][4:-1]
+
+
+def drivers_at(
+    base: OdeCandidate, channel: Channel, location: str, kind: str, changes: Sequence[float] = ()
+) -> Drivers:
+    """Signals that may drive a law at a place: states and inputs in a balance, outputs at a sensor.
+
+    At an input these are inputs, and states where no single balance stands for its port.
+    """
+    problem = base.problem
+    plant, record = problem.plant, channel.record
+    assert channel.x is not None
+    if kind == "output":
+        return Drivers(location, kind, dict(zip(plant.outputs, base.fit.y)), {}, changes=changes)
+    states, inputs = dict(zip(plant.states, channel.x)), dict(zip(plant.inputs, record.u))
+    if kind == "input":
+        states = states if channel.n_moved > 1 else {}
+        signals, past = {**inputs, **states}, _past(record, {location: inputs[location]})
+        held = {*inputs, *past}
+    else:
+        signals = {**states, **inputs}
+        past, held = _past(record, signals), set(plant.inputs) if plant.hold == "zoh" else set()
+    now = {**signals, **{name: z for name, (z, _) in past.items()}}
+    ends = {name: z if name in held else at_end(record, z[None])[0] for name, z in now.items()} if states else None
+    return Drivers(location, kind, now, {name: c for name, (_, c) in past.items()}, ends, plant.inputs, changes)
+
+
+def _past(record: Record, signals: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, float]]:
+    """First-order filters of signals, settled at the start of every run, with their time constants."""
+    out = {}
+    longest = LATEST * float(record.lengths.max())
+    for name, z in signals.items():
+        first = z[record.starts][record.run_of_row]
+        for k, samples in enumerate(c for c in LATE if c <= longest):
+            a = float(np.exp(-1.0 / samples))
+            moved = first_order_scan(a, (z - first)[None], record.starts)[0]
+            out[f"lag({name})#{k}"] = first + (1.0 - a) * moved, samples * record.dt
+    return out
