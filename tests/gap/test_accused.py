@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from sksurrogate.gap.unnamed._latent_force import Place
-from sksurrogate.gap.unnamed._law_rival import LawRival
+from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._location import likely_place, place_of_law
 
 #: Log likelihoods of the balance and the input; R2 of the force from the input alone and from everything; who did it.
@@ -48,6 +48,6 @@ PLACES = [Place("x", "state", 0.0), Place("u", "input", 0.0), Place("v", "state"
     ],
 )
 def test_a_law_that_tells_the_gap_tells_its_place(location, kind, variable, place):
-    law = LawRival(location, kind, variable, gain=50.0, parameters=1.0)
+    law = LawBeside(0.0, 20.0, location, kind, variable, 1.0, 0.1, (0, 0, None), gain=50.0)
     assert place_of_law(law, PLACES, ["u"]) == place
     assert place_of_law(replace(law, gain=5.0), PLACES, ["u"]) is None

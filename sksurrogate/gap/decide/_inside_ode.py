@@ -32,7 +32,6 @@ from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term,
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._free_curve import FreeCurve, free_curve
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._law_rival import LawRival, law_rival
 from sksurrogate.gap.unnamed._location import force_predictability, likely_place, place_of_law
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, Remains, law_left
 from sksurrogate.kernels.record import Record
@@ -87,8 +86,8 @@ class OdeInside:
         The likeliest on top of what stands.
     beside : LawBeside or None
         The likeliest law without a name beside what stands.
-    laws : dict
-        The likeliest law without a name in the place of all names (True), and of nothing.
+    instead : LawBeside or None
+        The likeliest law in the place of all names, once it was asked for.
     """
 
     #: Whether what needs no name is asked while names are looked for; which effects were compared.
@@ -101,7 +100,7 @@ class OdeInside:
         self.tolerance, self.excluded = tolerance, frozenset(excluded)
         self.curve: FreeCurve | None = None
         self.beside: LawBeside | None = None
-        self.laws: dict[bool, LawRival | None] = {}
+        self.instead: LawBeside | None = None
 
     @property
     def scale(self) -> np.ndarray:
@@ -152,16 +151,7 @@ class OdeInside:
 
     def weigh_none(self) -> None:
         """The law beside no effect at all."""
-        self.beside = law_beside_none(self.search, self.tolerance)
-
-    def law(self, final: Evidence[OdeCandidate], of_names: bool) -> LawRival | None:
-        """One law without a name, in the place of all names or of nothing."""
-        search, named = self.search, bool(final.effects) and of_names
-        if named not in self.laws and self.complete:
-            candidate, x = (final, final.candidate.fit.x) if named else (search.fitted_null, search.x)
-            x = x[: len(search.problem.plant.states)]
-            self.laws[named] = law_rival(candidate, x, len(search.library), search.second)
-        return self.laws.get(named)
+        self.beside = self.instead = law_beside_none(self.search, self.tolerance)
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
         """The force on top of what stands, whether it is a law, and the places of the gap."""
@@ -174,7 +164,7 @@ class OdeInside:
         assert self.remains is not None
         latent, law = law_left(null, self.seed)
         self.remains = replace(self.remains, latent=latent, law=law)
-        self.curve, self.laws = free_curve(null), {}
+        self.curve, self.beside = free_curve(null), None
 
     # ---- the verdict ------------------------------------------------------------------------------------------------
     def over_noise(self, final: Evidence[OdeCandidate], retuned: bool) -> float:
@@ -208,9 +198,9 @@ class OdeInside:
         problem, rounding, remains = self.search.problem, self.rounding(final), self.remains
         if rounding is not None and final.left < NEARLY_WHITE:
             return rounding.sensor, "output"
-        place = place_of_law(
-            self.law(final, final.left < NEAR), remains.places if remains else [], problem.plant.inputs
-        )
+        if self.instead is None and self.complete:
+            self.instead = law_beside_none(self.search, self.tolerance)
+        place = place_of_law(self.instead, remains.places if remains else [], problem.plant.inputs)
         if place:
             return place
         curve = self.curve

@@ -24,7 +24,7 @@ from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_start
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding
 from sksurrogate.gap.unnamed._curve_shapes import Curve
-from sksurrogate.gap.unnamed._law_rival import TURNS, in_all_places, linear_along
+from sksurrogate.gap.unnamed._law_places import in_all_places, linear_along
 from sksurrogate.gap.unnamed._law_shapes import Form, Law
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -41,6 +41,8 @@ SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
 RANK = 1e-9
 #: Laws whose columns are computed at once.
 LAWS_IN_BLOCK = 12
+#: Turns of noise and law.
+TURNS = 2
 #: Step of the parameters of an effect, over their size, for its regressors.
 DIFFERENCE_OF_PARAMETER = 1e-4
 
@@ -60,6 +62,8 @@ class LawBeside:
         Posterior mean and standard deviation of the RMS that it moves the outputs by, over the gap's.
     seed : (int, int, Noise)
         Which law and form it is among all, and the noise beside it.
+    gain : float
+        Twice the nats by which the set is likelier beside a law of any size than without one; its choice is paid.
     """
 
     small: float
@@ -70,6 +74,7 @@ class LawBeside:
     size: float
     spread: float
     seed: tuple[int, int, Noise]
+    gain: float = 0.0
 
     @property
     def total(self) -> float:
@@ -378,8 +383,8 @@ class _Fit:
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size, spread = float(one.size * weight), float(one.spread)
-        seed = one.k, one.f, one.noise
-        return LawBeside(small, float(one.large), curve.location, kind, curve.variable, size, spread, seed)
+        seed, gain = (one.k, one.f, one.noise), 2.0 * (_of_any_size(one) - alone)
+        return LawBeside(small, float(one.large), curve.location, kind, curve.variable, size, spread, seed, gain)
 
 
 def _of_any_size(one: _Found) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, forest
-from sksurrogate.gap.unnamed._law_rival import LawRival
+from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 
 __all__ = ["force_predictability", "likely_place", "place_of_law"]
@@ -54,7 +54,7 @@ def likely_place(found: Sequence[Place], predictability: Callable[[str, str], tu
     return best.location, best.kind
 
 
-def place_of_law(law: LawRival | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
+def place_of_law(law: LawBeside | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
     """Location and kind of a law that is certain; of one of an input in the balance that it pushes, the input."""
     if law is None or law.gain < CERTAIN:
         return None
