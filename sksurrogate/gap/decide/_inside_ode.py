@@ -12,7 +12,7 @@ from sksurrogate.gap.decide._features import DecisionFeatures, left_over
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
-from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, stands
+from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, law_beside_set, stands
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
 from sksurrogate.gap.decide._rules import GRID_SHARE
 from sksurrogate.gap.fit._build import build_problem
@@ -30,7 +30,6 @@ from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
-from sksurrogate.gap.unnamed._free_curve import FreeCurve, free_curve
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._location import force_predictability, likely_place, place_of_law
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, Remains, law_left
@@ -82,8 +81,6 @@ class OdeInside:
         False after an interrupt: nothing that takes long is asked any more.
     remains : Remains or None
         What is left beside the names, once it was asked for.
-    curve : FreeCurve or None
-        The likeliest on top of what stands.
     beside : LawBeside or None
         The likeliest law without a name beside what stands.
     instead : LawBeside or None
@@ -98,7 +95,6 @@ class OdeInside:
         self.remains: Remains | None = None
         self.remaining: Remaining | None = None
         self.tolerance, self.excluded = tolerance, frozenset(excluded)
-        self.curve: FreeCurve | None = None
         self.beside: LawBeside | None = None
         self.instead: LawBeside | None = None
 
@@ -112,10 +108,10 @@ class OdeInside:
         """Largest white noise of the sensors."""
         return MOST_NOISE * self.search.problem.sd
 
-    @property
-    def law_gain(self) -> float:
-        """Of the likeliest free curve on top of what is named, twice the log likelihood beyond its cost."""
-        return self.curve.gain if self.curve is not None else 0.0
+    def law_gain(self, final: Evidence[OdeCandidate]) -> float:
+        """Of the likeliest law beside what is named, twice the nats."""
+        law = law_beside_set(self.search, final, self.tolerance)
+        return law.gain if law is not None else 0.0
 
     def begin(self) -> None:
         """The places of the gap are made once for one null."""
@@ -130,15 +126,11 @@ class OdeInside:
         """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
         search = self.search
         self.remaining = Remaining(search.later, search.fitted_null, self.channels, final, self.seed)
-        self.curve = free_curve(final)
-        few = 0 < len(final.effects) < STACK
-        if not (few and final.left < NEAR and self.curve is not None and self.curve.gain > CERTAIN):
+        if not (0 < len(final.effects) < STACK and final.left < NEAR and self.law_gain(final) > CERTAIN):
             return
         other = search.further(final.candidate)
-        curve = free_curve(search.judged[other]) if other is not None else None
-        if other is not None and curve is not None and curve.gain < CERTAIN:
+        if other is not None and self.law_gain(search.judged[other]) < CERTAIN:
             search.stand(other)
-            self.curve = curve
 
     def weigh(self, final: Evidence[OdeCandidate]) -> Posterior:
         """What stands beside a law without a name, and how probable each of its effects is against one in its place."""
@@ -164,7 +156,7 @@ class OdeInside:
         assert self.remains is not None
         latent, law = law_left(null, self.seed)
         self.remains = replace(self.remains, latent=latent, law=law)
-        self.curve, self.beside = free_curve(null), None
+        self.beside = None
 
     # ---- the verdict ------------------------------------------------------------------------------------------------
     def over_noise(self, final: Evidence[OdeCandidate], retuned: bool) -> float:
@@ -173,13 +165,13 @@ class OdeInside:
         return left_over(final, self.remains.latent, self.most_noise, retuned)
 
     def features(self, common: DecisionFeatures, final: Evidence[OdeCandidate], shrink: Shrink) -> DecisionFeatures:
-        """What the verdict is decided on, with the law beside the names, the free curve and the grid of readings."""
-        rounding, curve = self.rounding(final), self.curve
+        """What the verdict is decided on, with the law beside the names and the grid of readings."""
+        rounding, law = self.rounding(final), self.beside
         return replace(
             common,
-            lawful=self.beside.size if self.beside is not None else 0.0,
-            curve=curve.gain if curve is not None else -np.inf,
-            curve_moved=curve.deviation if curve is not None else 0.0,
+            lawful=law.size if law is not None else 0.0,
+            curve=law.gain if law is not None else -np.inf,
+            curve_moved=law.deviation if law is not None else 0.0,
             rounding=rounding.share if rounding is not None else 0.0,
         )
 
@@ -194,7 +186,7 @@ class OdeInside:
 
     # ---- where ------------------------------------------------------------------------------------------------------
     def likely_place(self, final: Evidence[OdeCandidate]) -> tuple[str | None, str | None]:
-        """A sensor that rounds, the place of a certain law, an input with a curve of its own, the place of a free force."""
+        """A sensor that rounds, the place of a certain law, the place of a free force."""
         problem, rounding, remains = self.search.problem, self.rounding(final), self.remains
         if rounding is not None and final.left < NEARLY_WHITE:
             return rounding.sensor, "output"
@@ -203,9 +195,6 @@ class OdeInside:
         place = place_of_law(self.instead, remains.places if remains else [], problem.plant.inputs)
         if place:
             return place
-        curve = self.curve
-        if curve is not None and not final.effects and curve.gain > CERTAIN and curve.location in problem.plant.inputs:
-            return curve.location, "input"
         if remains is None or not remains.places:
             return None, None
         return likely_place(remains.places, lambda b, u: force_predictability(problem, remains.gap, b, u, self.seed))

@@ -66,8 +66,7 @@ class TrajectoryInside:
         """Largest white noise of the sensors: what the fit finds."""
         return np.full(len(self.search.problem.sd), np.inf)
 
-    @property
-    def law_gain(self) -> float:
+    def law_gain(self, final: Evidence[TrajectoryCandidate]) -> float:
         """No law inside can be judged."""
         return 0.0
 

@@ -18,7 +18,7 @@ from sksurrogate.gap.search._stopping import closes_by_size
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["Posterior", "law_beside_none", "stands", "weigh"]
+__all__ = ["Posterior", "law_beside_none", "law_beside_set", "stands", "weigh"]
 
 #: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
 UNNAMED = 0.02
@@ -238,6 +238,13 @@ def _judged(
 def gap_over_noise(search: Search) -> float:
     """RMS of the gap of the simulator over the noise."""
     return float(np.sqrt(max(search.gap_cost / search.n_values - 1.0, 1e-6)))
+
+
+def law_beside_set(search: Search, final: Evidence, tolerance: float) -> LawBeside | None:
+    """The law beside what is named."""
+    if not final.effects:
+        return law_beside_none(search, tolerance)
+    return _judged(search, final, final.candidate, tolerance, along=False)
 
 
 def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -101,7 +102,7 @@ class RecordBook:
         known[fault.key] = known[fault.key].and_also(fault) if fault.key in known else fault
         return replace(self, faults=tuple(known.values()), earlier=self, left=left)
 
-    def looked_at(self, search: BaseSearch[Any], rows: np.ndarray, law_gain: float) -> RecordBook:
+    def looked_at(self, search: BaseSearch[Any], rows: np.ndarray, law_gain: Callable[[Any], float]) -> RecordBook:
         """With the likeliest fault on top of what was named, or of nothing; itself where none is the reason of what is left.
 
         Parameters
@@ -110,8 +111,8 @@ class RecordBook:
             After it has named effects.
         rows : ndarray of int
             Rows of the record that it saw.
-        law_gain : float
-            What a free curve gains on top of what was named, twice the log likelihood: a fault must gain more.
+        law_gain : callable (Evidence) -> float
+            What a law gains beside what was named, twice the log likelihood: a fault must gain more.
         """
         final = search.final or search.fitted_null
         if self.earlier is not None and final.left > self.left:
@@ -126,7 +127,7 @@ class RecordBook:
             hum = tone_left(near, self.raw.run_of_row[rows])
             return self if hum is None else self.with_fault(hum, np.inf)
         found = fault_left(_bases(search, final), self.raw.run_of_row[rows], search)
-        if found is None or found.score < search.score(final.candidate) + 0.5 * max(law_gain, 0.0):
+        if found is None or found.score < search.score(final.candidate) + 0.5 * max(law_gain(final), 0.0):
             return self
         again = not isinstance(found.fault, NoisyInput) or found.fault.taken_out
         return replace(self.with_fault(found.fault, final.left), changed=again)

@@ -64,6 +64,8 @@ class LawBeside:
         Which law and form it is among all, and the noise beside it.
     gain : float
         Twice the nats by which the set is likelier beside a law of any size than without one; its choice is paid.
+    deviation : float
+        RMS that the law moves an output by over the deviation of that output, the largest; initial states and parameters follow.
     """
 
     small: float
@@ -75,6 +77,7 @@ class LawBeside:
     spread: float
     seed: tuple[int, int, Noise]
     gain: float = 0.0
+    deviation: float = 0.0
 
     @property
     def total(self) -> float:
@@ -253,10 +256,12 @@ class _Fit:
         return J.reshape(self.J.shape[1], self.r.size), J_x
 
     def metric(self, F: np.ndarray) -> np.ndarray:
-        """Mean square over the noise that weights of functions F move the outputs by, as a quadratic form (n, n).
+        """Mean square over the noise that weights of functions F move the outputs by, as a quadratic form (n, n)."""
+        moved = self.projected(F)
+        return moved @ moved.T / self.problem.record.n_values
 
-        Initial states and parameters follow.
-        """
+    def projected(self, F: np.ndarray) -> np.ndarray:
+        """What functions F move the outputs by, over the noise, once initial states and parameters have followed, (n, ...)."""
         J, J_x = self._known
         record = self.problem.record
         shown = record.seen(F.transpose(1, 0, 2)) / self.problem.sd[:, None]
@@ -266,7 +271,7 @@ class _Fit:
             moved = moved - (moved @ q) @ q.T
         unidentifiable = np.sum(moved**2, axis=1) <= RANK * np.sum(shown**2, axis=(1, 2))
         moved[unidentifiable] = 0.0  # initial states and parameters do all that the function does: rounding is left
-        return moved @ moved.T / record.n_values
+        return moved
 
     def roots_of(self, k: int, F: np.ndarray) -> list[list[np.ndarray]]:
         """Of every form of law k, whose functions move the outputs by F; they are made once."""
@@ -384,7 +389,13 @@ class _Fit:
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size, spread = float(one.size * weight), float(one.spread)
         seed, gain = (one.k, one.f, one.noise), 2.0 * (_of_any_size(one) - alone)
-        return LawBeside(small, float(one.large), curve.location, kind, curve.variable, size, spread, seed, gain)
+        own = one.theta[self.J.shape[1] :]
+        F = np.einsum("okt,k->ot", curve.moved()[:, self.candidates[one.k][1].forms[one.f].functions], own)
+        moved = self.problem.record.rms(self.projected(F[:, None]).reshape(F.shape)) * self.problem.sd
+        deviation = float(np.max(moved / self.problem.record.spread))
+        return LawBeside(
+            small, float(one.large), curve.location, kind, curve.variable, size, spread, seed, gain, deviation
+        )
 
 
 def _of_any_size(one: _Found) -> float:

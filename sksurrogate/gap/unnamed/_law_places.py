@@ -44,16 +44,16 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
     for b, name in enumerate(problem.balances):
         for law in acting:
             moves = partial(moved, D.B[:, :, b].T, law.functions)
-            yield Curve(name, law.variable, len(law.functions), moves), law, "state"
+            yield Curve(name, law.variable, moves), law, "state"
     for i, name in enumerate(plant.inputs):
         push, shown = channel(base, i)
         own = [law for law in raw if law.variable.removesuffix(AND_ITS_PAST) == name]
         for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown, law.shown)
-            yield Curve(name, law.variable, len(law.functions), moves), law, "input"
+            yield Curve(name, law.variable, moves), law, "input"
     readings = base.fit.y
     of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]
     for o, name in enumerate(plant.outputs):
         for law in [*of_readings, *staircases(readings[o], name)]:
             moves = partial(reading, len(plant.outputs), o, law.functions)
-            yield Curve(name, law.variable, len(law.functions), moves), law, "output"
+            yield Curve(name, law.variable, moves), law, "output"
