@@ -14,7 +14,7 @@ Kennedy, O'Hagan, *Bayesian calibration of computer models*, J. R. Statist. Soc.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -22,9 +22,10 @@ import numpy as np
 
 from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, scaled
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding
 from sksurrogate.gap.unnamed._curve_shapes import Curve
-from sksurrogate.gap.unnamed._law_places import in_all_places, linear_along
+from sksurrogate.gap.unnamed._law_places import in_all_places
 from sksurrogate.gap.unnamed._law_shapes import Form, Law
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -43,8 +44,6 @@ RANK = 1e-9
 LAWS_IN_BLOCK = 12
 #: Turns of noise and law.
 TURNS = 2
-#: Step of the parameters of an effect, over their size, for its regressors.
-DIFFERENCE_OF_PARAMETER = 1e-4
 
 
 @dataclass(frozen=True)
@@ -147,35 +146,6 @@ def law_beside(
         return None
     alone = max(fit.alone(noise) for noise in noises)
     return fit.result(best, alone)
-
-
-def as_regressors(
-    candidate: OdeCandidate, x: np.ndarray
-) -> tuple[OdeCandidate, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The simulator without effects, linear about a path; the residual of a set, its sensitivities and what holds its parameters,
-    as that simulator carries what the effects do along the path."""
-    problem, n = candidate.problem, candidate.n_parameters
-    theta = candidate.fit.theta
-    none = problem.candidate((), replace(candidate.fit, theta=theta[n:], linearised=None), problem.augmented(()))
-    none = linear_along(none, x)
-    now, alone = x[:, None], none.model.bind(theta[n:, None])
-    after, shown = alone(now), alone.outputs(now)
-
-    def moved(values: np.ndarray) -> np.ndarray:
-        """What the effects move the outputs by, for every column of parameters: (n_outputs, n_columns, n_samples)."""
-        path = np.repeat(now, values.shape[1], axis=1)
-        bound = candidate.model.bind(values)
-        return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
-
-    _, J, precision, pull = none.columns()
-    steps = DIFFERENCE_OF_PARAMETER * problem.units(candidate.effects, theta)[:n]
-    values = np.repeat(theta[:, None], 1 + n, axis=1)
-    values[np.arange(n), 1 + np.arange(n)] += steps
-    found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))
-    own = (found[:, 1:] - found[:, :1]) / steps[:, None] if n else found[:, :0]
-    held = np.r_[np.where(theta[:n] != 0, np.abs(theta[:n]), np.inf) ** -2.0, precision]
-    r = problem.record.seen(problem.record.y - none.fit.y - found[:, 0])
-    return none, r, np.concatenate([own, J], axis=1), held, np.r_[np.zeros(n), pull]
 
 
 class _Found(NamedTuple):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,17 +10,8 @@ import numpy as np
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST, Law, laws, of_time, over_sample, staircases, surfaces
-from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
 
-__all__ = ["in_all_places", "linear_along"]
-
-
-def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
-    """A candidate as its free run is to first order about a path of the plant's states."""
-    model, theta = candidate.model, candidate.fit.theta
-    x = settle_hidden(model, theta, x)
-    lin = linearise(model, theta, x, candidate.problem.units(candidate.effects, theta))
-    return replace(candidate, fit=Fit(theta, x, lin.y, np.inf, 0, True, lin))
+__all__ = ["in_all_places"]
 
 
 def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:

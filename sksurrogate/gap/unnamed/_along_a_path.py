@@ -1,0 +1,52 @@
+"""A set of effects to first order about a path of the plant's states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
+
+__all__ = ["as_regressors", "linear_along"]
+
+#: Step of the parameters of an effect, over their size, for its regressors.
+DIFFERENCE_OF_PARAMETER = 1e-4
+
+
+def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
+    """A candidate as its free run is to first order about a path of the plant's states."""
+    model, theta = candidate.model, candidate.fit.theta
+    x = settle_hidden(model, theta, x)
+    lin = linearise(model, theta, x, candidate.problem.units(candidate.effects, theta))
+    return replace(candidate, fit=Fit(theta, x, lin.y, np.inf, 0, True, lin))
+
+
+def as_regressors(
+    candidate: OdeCandidate, x: np.ndarray
+) -> tuple[OdeCandidate, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The simulator without effects, linear about a path; the residual of a set, its sensitivities and what holds its parameters,
+    as that simulator carries what the effects do along the path."""
+    problem, n = candidate.problem, candidate.n_parameters
+    theta = candidate.fit.theta
+    none = problem.candidate((), replace(candidate.fit, theta=theta[n:], linearised=None), problem.augmented(()))
+    none = linear_along(none, x)
+    now, alone = x[:, None], none.model.bind(theta[n:, None])
+    after, shown = alone(now), alone.outputs(now)
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        """What the effects move the outputs by, for every column of parameters: (n_outputs, n_columns, n_samples)."""
+        path = np.repeat(now, values.shape[1], axis=1)
+        bound = candidate.model.bind(values)
+        return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
+
+    _, J, precision, pull = none.columns()
+    steps = DIFFERENCE_OF_PARAMETER * problem.units(candidate.effects, theta)[:n]
+    values = np.repeat(theta[:, None], 1 + n, axis=1)
+    values[np.arange(n), 1 + np.arange(n)] += steps
+    found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))
+    own = (found[:, 1:] - found[:, :1]) / steps[:, None] if n else found[:, :0]
+    held = np.r_[np.where(theta[:n] != 0, np.abs(theta[:n]), np.inf) ** -2.0, precision]
+    r = problem.record.seen(problem.record.y - none.fit.y - found[:, 0])
+    return none, r, np.concatenate([own, J], axis=1), held, np.r_[np.zeros(n), pull]
