@@ -31,7 +31,7 @@ OF_SQUARES = ("v", "activated", "exp", "saturating", "tanh")
 BEGINNING = ("v", "square", "drag")
 #: Differences of drivers are drivers too where there are no more than so many of them.
 MOST_OF_DIFFERENCES = 5
-#: A driver takes one sign where it stays on one side of zero; both where each side reaches this share of its spread.
+#: A driver takes both signs where each side of zero reaches this share of its spread, else one: what it reaches beyond is noise.
 OTHER_SIDE = 0.2
 
 
@@ -103,7 +103,7 @@ def _shapes(name: str, z: np.ndarray) -> Iterator[Factor]:
         return
     width = KINK * spread
     both = bool(z.min() < -OTHER_SIDE * spread and z.max() > OTHER_SIDE * spread)
-    positive = bool(z.min() > 0.0)
+    positive, away = bool(z.max() > 0.0 and z.min() > -OTHER_SIDE * spread), bool(z.min() > 0.0)
     middle = float(np.median(np.abs(z)))
     yield from (_plain(shape, name) for shape in ("v", "square", "cube"))
     if both:
@@ -121,7 +121,7 @@ def _shapes(name: str, z: np.ndarray) -> Iterator[Factor]:
         yield _plain("flow", name)
         yield from (("saturating", name, k * middle, 0.0) for k in HALVES)
         yield from (("hill", name, k * middle, 0.0, n) for k in HALVES for n in (2.0, 4.0))
-        if z.max() > 1.3 * z.min():  # over less of a range these are straight lines
+        if away and z.max() > 1.3 * z.min():  # over less of a range these are straight lines
             yield _plain("inverse", name)
             yield from (("inhibited", name, k * middle, 0.0) for k in HALVES)
             yield from (("activated", name, k * middle, 0.0) for k in (1.0, 3.0, 8.0))
