@@ -42,7 +42,7 @@ class DecisionFeatures:
     law : float
         R2 on runs left out of the force that is left, by states and inputs; the largest of all balances.
     curve, curve_moved : float
-        Gain of the likeliest free curve on top of what is named, and what it moves an output by, over its deviation.
+        Gain of the likeliest law beside what is named, and what it moves an output by, over its deviation.
     rounding : float
         Error of a rounding that nothing names, over the deviation of the output.
     n_samples : int

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._formula import Term, equation_of
+from sksurrogate.gap.fit._normal_equations import inverse, solve
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_library import NO_TERMS, Library
@@ -266,10 +267,9 @@ class _Regression:
         explained, cross = 0.0, np.zeros_like(A)
         rest, left = self.rows[0].copy(), self.diagonal.copy()
         if len(A):
-            scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-            inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-11, hermitian=True) / np.outer(scale, scale)
-            explained = 0.5 * float(g @ inverse @ g)
-            cross = inverse @ A
+            solution = inverse(H)
+            explained = 0.5 * float(g @ solution @ g)
+            cross = solution @ A
             rest, left = rest - g @ cross, left - np.einsum("ak,ak->k", A, cross)
         gain = np.where(left > OWN * self.diagonal, 0.5 * rest**2 / np.maximum(left, 1e-300), -np.inf)
         gain[list(chosen)] = -np.inf
@@ -309,8 +309,7 @@ class _Regression:
         H, g = G[1:, 1:].copy(), G[1:, 0].copy()
         H[:p, :p] += np.diag(self.channel.precision)
         g[:p] += self.channel.pull
-        scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-        theta = np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-11)[0] / scale
+        theta = solve(H, g)
         return 0.5 * float(g @ theta), theta
 
     def judged(self, draft: Draft) -> Draft:

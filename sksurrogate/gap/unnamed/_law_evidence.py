@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, scaled
+from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, solve
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding
@@ -303,8 +303,7 @@ class _Fit:
         if k == 1:
             return base
         H, g = G[1:k, 1:k] + np.diag(self.precision), G[1:k, 0] + self.pull
-        normal, scale = scaled(H, 1e-150)
-        return base + 0.5 * float(g / scale @ np.linalg.lstsq(normal, g / scale, rcond=UNSEEN)[0])
+        return base + 0.5 * float(g @ solve(H, g))
 
     def alone(self, noise: Noise) -> float:
         """Without a law, under one noise."""

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sksurrogate.gap.fit._normal_equations import solve
 from sksurrogate.gap.results._interval import BAND
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.unnamed._channel import Channel
@@ -47,7 +48,10 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
     curves = []
     for name, z in zip(channel.names, channel.Z.T):
         if np.std(z) > 1e-12 * max(np.abs(z).max(), 1e-300):
-            curves.append(_curve(channel, name, z, whole, fold))
+            try:
+                curves.append(_curve(channel, name, z, whole, fold))
+            except np.linalg.LinAlgError:  # what a curve of this signal does to the outputs is not finite
+                continue
     curves.sort(key=lambda curve: -curve.explained)
     listed = []
     for draft in [draft for draft in drafts if draft.worth > 0.0][: 2 * MOST_LAWS]:
@@ -103,7 +107,7 @@ def _explained(channel: Channel, phi: np.ndarray, J: np.ndarray, whole: np.ndarr
     for k in np.unique(fold):
         train = total - grams[fold == k].sum(axis=0) if len(np.unique(fold)) > 1 else total
         H = train[1:, 1:] + 1e-6 * np.trace(train[1:, 1:]) / len(phi) * np.eye(len(phi))
-        c = np.linalg.lstsq(H, train[1:, 0], rcond=1e-10)[0]
+        c = solve(H, train[1:, 0])
         rows = fold_of_row == k
         r[:, rows] -= np.einsum("k,okt->ot", c, J[:, :, rows])
     left = channel.force(r)
