@@ -11,6 +11,7 @@ from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_library import Library
 from sksurrogate.gap.unnamed._formula_search import drafts_at
+from sksurrogate.gap.unnamed._grammar import terms_of
 from sksurrogate.gap.unnamed._shape import shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -201,3 +202,10 @@ def test_a_stand_in_of_a_linear_simulator_answers_as_it_does(record):
     want = simulate(record.u + du) - simulate(record.u)
     got = stand_in.respond(du[None])[0]
     assert np.sqrt(np.mean((got - want) ** 2)) < 0.02 * np.std(want)
+
+
+def test_a_signal_that_noise_takes_below_zero_is_positive():
+    z = np.abs(np.random.default_rng(12).normal(size=1000))
+    for low, positive in ((0.1, True), (0.5, False)):
+        terms = terms_of(Drivers("x", "state", {"v": z - low * z.std()}, {}))
+        assert ("saturating" in {factor[0] for term in terms for factor in term.factors}) == positive
