@@ -57,7 +57,7 @@ def lost_candidates(said: Sequence[str]) -> list[str]:
 
     Examples
     --------
-    >>> lost_candidates(["ValueError: the level is negative"])[0][-35:]
+    >>> lost_candidates(["ValueError: the level is negative"])[0][-34:]
     'ValueError: the level is negative.'
     """
     if not said:
