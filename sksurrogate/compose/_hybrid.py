@@ -15,11 +15,10 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 from sksurrogate._checks import checked
 from sksurrogate._columns import by_name
 from sksurrogate._domain import Domain
-from sksurrogate.compose._correction_report import CorrectionReport, keep_supported, reach, surrogate_alone
-from sksurrogate.compose._hybrid_forms import correction_of
+from sksurrogate.compose._correction_report import reach
+from sksurrogate.compose._hybrid_forms import CorrectionSettings, chosen_form
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
 from sksurrogate.compose._hybrid_output import Free
-from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.exceptions import SimulationDiverged
 from sksurrogate.export import Graph, to_casadi, to_onnx
 from sksurrogate.physics._simulator import describe
@@ -46,11 +45,12 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         For "dynamics" and "input": features are the states (measured or not) and inputs ("input": the inputs alone), the
         target is the term; transformers with a linear model are fitted through the free run, any other regressor to the
         term that a smoother finds along the runs. Default: monomials, degree chosen on runs left out.
-    form : {"output", "static", "series", "dynamics", "input"}, default="output"
+    form : {"output", "static", "series", "dynamics", "input", "auto"}, default="output"
         "output": past deviations are features, as in the paper. "static": only inputs (with their lags) and the
         simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
         "dynamics": a term of states and inputs is added to dx/dt (or the next states of a step). "input": a term of the
-        inputs is added to them. The last two need a simulator with ``rhs`` or ``step``.
+        inputs is added to them. The last two need a simulator with ``rhs`` or ``step``. "auto": the one of "output", "static"
+        and, where the simulator allows them, "dynamics" and "input", whose free runs have the smallest error on runs left out.
     loss : {"one_step", "shooting"}, optional
         Whether the correction is fitted one step ahead or through its own free run ("shooting": residuals whose slopes
         are known; a ValueError says so for others). Default: "shooting" for the default residual and, inside the
@@ -75,6 +75,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     ----------
     simulator_ : simulator or None
     residual_ : fitted regressor
+    form_ : str
+        The form, chosen with "auto".
     n_initial_ : int
         Rows of ``y0`` that ``predict`` takes.
     free_run_rmse_ : float
@@ -119,7 +121,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     _parameter_constraints = {
         "simulator": "no_validation",
         "residual": "no_validation",
-        "form": [StrOptions({"output", "static", "series", "dynamics", "input"})],
+        "form": [StrOptions({"output", "static", "series", "dynamics", "input", "auto"})],
         "loss": [StrOptions({"one_step", "shooting"}), None],
         "states": ["array-like", None],
         "n_lags": [Interval(Integral, 1, None, closed="left")],
@@ -341,26 +343,17 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         self.region_ = Domain.of(np.hstack([np.concatenate(inputs), np.concatenate(measured)]), reach(self.fade))
         names = runs.output_names or getattr(self.simulator_, "outputs", None)
         names = names or [f"output {j}" for j in range(measured[0].shape[1])]
-        self.correction_, self.report_ = self._fit_form(inputs, measured, names, before)
+        wanted = CorrectionSettings(
+            self.residual, self.loss, self.n_lags, self.states, self.fade, self.shrinkage, self.random_state
+        )
+        start = before, getattr(self, "form_", None)
+        found = chosen_form(self.form, wanted, self.simulator_, inputs, measured, names, start)
+        self.form_, self.correction_, self.report_ = found
         self.residual_, self.shrinkage_ = self.correction_.fitted, self.report_.shrinkage
         self.n_initial_ = self.correction_.n_lags
         self.free_run_rmse_ = float(np.sqrt(np.mean(self.correction_.rmse**2)))
         self.left_out_rmse_ = np.fmax(self.report_.rmse, self.correction_.rmse)
         return self
-
-    def _fit_form(
-        self, inputs: list, measured: list, names: Sequence[str], before: Any
-    ) -> tuple[Any, CorrectionReport]:
-        """The correction, and the share of it that left-out runs support."""
-        correction = correction_of(
-            self.simulator_, self.residual, self.form, self.loss, self.n_lags, self.states, reach(self.fade),
-            self.shrinkage, self.random_state,
-        ).fit(inputs, measured, before)  # fmt: skip
-        if self.simulator_ is None:
-            nets = self.form == "output" and (self.residual is None or isinstance(self.residual, FreeRunResidual))
-            return correction, surrogate_alone(correction, inputs, measured, judged=not nets)
-        fade = None if self.fade == "evidence" else reach(self.fade)
-        return correction, keep_supported(correction, inputs, measured, names, fade)
 
     def _calibrated(self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]) -> Any:
         """The simulator; an estimator of one is fitted first."""

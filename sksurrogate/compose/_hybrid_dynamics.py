@@ -67,10 +67,10 @@ class DynamicsCorrection:
         return self.judge(inputs, measured)
 
     def _choose_substeps(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> None:
-        """As many substeps as the training runs ask for, also with inputs that move twice as far."""
+        """As many substeps as the training runs ask for."""
         plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
         starts = [self._start(plant, y[:1]) for y in measured]
-        self.n_sub = training_substeps(plant, self._rate(), inputs, starts, larger=2.0)
+        self.n_sub = training_substeps(plant, self._rate(), inputs, starts)
 
     def _fit_term(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any) -> None:
         """Basis and coefficients."""
@@ -94,9 +94,13 @@ class DynamicsCorrection:
         judges = everything[1::4] if len(everything) >= 4 else everything
         pupils = [r for r in everything if r not in judges] or everything
         errors = []
+        self.n_sub = None if whole[1].stiff else whole[1].n_sub
         for basis in bases:
             self._learn(*whole, basis, pupils, None)
-            errors.append(self._error([inputs[r] for r in judges], [measured[r] for r in judges]))
+            errors.append(
+                self._error([inputs[r] for r in judges], [measured[r] for r in judges], self.n_sub is not None)
+            )
+        self.n_sub = None
         return int(np.argmin(errors))
 
     def taught_on(
@@ -118,7 +122,7 @@ class DynamicsCorrection:
         runs, whole = [], self.factor
         for self.factor in factors:
             try:
-                runs.append(self.run(U, [part[:1] for part in y]).y)
+                runs.append(self.run(U, [part[:1] for part in y], quick=self.n_sub is not None).y)
             except (SimulationDiverged, FloatingPointError):
                 runs.append([np.full(part.shape, np.inf) for part in y])
         self.factor = whole
@@ -157,8 +161,13 @@ class DynamicsCorrection:
         self.reach = np.sqrt(np.mean(np.concatenate([a - y for a, y in zip(alone, measured)]) ** 2, axis=0))
         return self
 
-    def run(self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True) -> Free:
-        """Free runs from the first row (None: the simulator's own start), each with its own number of samples."""
+    def run(
+        self, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray | None], spread: bool = True, quick: bool = False
+    ) -> Free:
+        """Free runs from the first row (None: the simulator's own start), each with its own number of samples.
+
+        ``quick``: not finite where Runge-Kutta does not follow; else an integrator for stiff plants tries, at any price.
+        """
         plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
         lengths = np.array([len(U) for U in inputs])
         outputs: list[Any] = [None] * len(inputs)
@@ -167,7 +176,7 @@ class DynamicsCorrection:
             chosen = [int(r) for r in np.flatnonzero(lengths == length)]
             U = np.stack([inputs[r] for r in chosen])
             X0 = np.stack([self._start(plant, first[r]) for r in chosen])
-            X = self._rolled(plant, U, X0)
+            X = self._rolled(plant, U, X0, quick)
             t = plant.dt * np.arange(length)
             Y = self._inner.output(t, X.transpose(2, 0, 1), U.transpose(2, 0, 1)).transpose(1, 2, 0)
             z = U if self.form == "input" else np.concatenate([X, U], axis=2)
@@ -207,11 +216,12 @@ class DynamicsCorrection:
         """The simulator on columns of states."""
         return self.terms.plant.inner
 
-    def _rolled(self, plant: Plant, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
+    def _rolled(self, plant: Plant, U: np.ndarray, X0: np.ndarray, quick: bool = False) -> np.ndarray:
         """States of free runs of equal length, (n_runs, n_samples, n_states)."""
         rate, t = self._rate(), plant.dt * np.arange(U.shape[1])
         if plant.access == "rhs":
             method = str(getattr(self.simulator, "method", "auto")).replace("exact", "auto")  # terms are not linear
+            method = "RK4" if quick and method == "auto" else method
             order = 0 if plant.hold == "zoh" else 1
             return free_run(rate, U, X0, t, order=order, method=method, states=plant.states, n_sub=self.n_sub)
         X = np.empty((*U.shape[:2], X0.shape[1]))
@@ -310,9 +320,9 @@ class DynamicsCorrection:
             theta = theta + np.linalg.solve(normal, J.T @ error - self.shrinkage * noise * theta)
         return theta
 
-    def _error(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> float:
+    def _error(self, inputs: list[np.ndarray], measured: list[np.ndarray], quick: bool = False) -> float:
         """Mean square error of the free run from the first measured row."""
-        free = self.run(inputs, [y[:1] for y in measured])
+        free = self.run(inputs, [y[:1] for y in measured], quick=quick)
         error = float(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2))
         return error if np.isfinite(error) else np.inf
 

@@ -43,21 +43,17 @@ def plant_path(
     return model, guess, noise
 
 
-def training_substeps(
-    plant: Plant, rate: Any, inputs: Sequence[np.ndarray], starts: Sequence[Any], larger: float = 1.0
-) -> int | None:
-    """Substeps a sample that a right-hand side asks for along runs; None where it is stiff, or no right-hand side.
-
-    ``larger``: the runs also with inputs that move by this multiple.
-    """
+def training_substeps(plant: Plant, rate: Any, inputs: Sequence[np.ndarray], starts: Sequence[Any]) -> int | None:
+    """Substeps a sample that a right-hand side asks for along runs; None where it is stiff, or no right-hand side."""
     if plant.access != "rhs" or not plant.states:
         return None
-    wanted: list[int] = []
-    for U, start in zip(inputs, starts):
-        both = np.stack([U, U.mean(axis=0) + larger * (U - U.mean(axis=0))] if len(U) and larger != 1.0 else [U])
-        x0 = np.repeat((plant.x0 if start is None else np.asarray(start))[None], len(both), axis=0)
-        found = substeps(rate, both, x0, plant.dt * np.arange(len(U)), 0 if plant.hold == "zoh" else 1)
+    x0 = [plant.x0 if start is None else np.asarray(start) for start in starts]
+    lengths, wanted = np.array([len(U) for U in inputs]), 0
+    for length in np.unique(lengths):  # runs of one length at once
+        chosen = np.flatnonzero(lengths == length)
+        U, X0 = np.stack([inputs[r] for r in chosen]), np.stack([x0[r] for r in chosen])
+        found = substeps(rate, U, X0, plant.dt * np.arange(length), 0 if plant.hold == "zoh" else 1)
         if found is None:
             return None
-        wanted.append(found)
-    return max(wanted, default=None)
+        wanted = max(wanted, found)
+    return wanted or None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.kernels.state_evidence import fit_state_evidence
 from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import StateFit, fit_output_error, simulate, start_states, subspace
 
@@ -18,6 +19,8 @@ PIECE_LENGTHS = (8, 24, 72)
 #: Share of the penalty there: a linear model is enough for short pieces, and weights that the penalty has taken to zero
 #: in both layers stay there.
 LIGHT = 1e-2
+#: Penalty beside the mean squared error from which the evidence begins.
+FIRST_PENALTY = 1e-4
 
 
 def fit_linear(
@@ -60,12 +63,13 @@ def fit_networks(
     U: list[np.ndarray],
     Y: list[np.ndarray],
     *,
-    alpha: float,
+    alpha: float | str,
     max_iter: int,
     n_starts: int,
     rng: np.random.RandomState,
-) -> StateFit:
-    """Networks of random first layers and last layers at zero, added to the linear model."""
+) -> tuple[StateFit, float]:
+    """Networks of random first layers and last layers at zero, added to the linear model; the fit and its penalty."""
+    first = FIRST_PENALTY if isinstance(alpha, str) else float(alpha)
     plain = StateModel(model.n_states, model.n_inputs, model.n_outputs, (), model.feedthrough)
     rows, outputs, starts = np.concatenate(U), np.concatenate(Y), first_rows(U)
     # states of unit variance, so that the random layers see them as they see the inputs
@@ -86,8 +90,11 @@ def fit_networks(
             part[: len(flat)] = flat
             theta.append(part)
         started = np.concatenate(theta), linear.x / spread
-        fits.append(_grow(model, *started, rows, outputs, starts, linear.cost, alpha, max_iter))
-    return min(fits, key=lambda fit: fit.cost)
+        fits.append(_grow(model, *started, rows, outputs, starts, linear.cost, first, max_iter))
+    best = min(fits, key=lambda fit: fit.cost)
+    if not isinstance(alpha, str) or not np.isfinite(best.cost):
+        return best, first
+    return fit_state_evidence(model, best, rows, outputs, starts, first, _Stays(model, rows, starts))
 
 
 def _grow(

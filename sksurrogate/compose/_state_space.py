@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.compose._state_fit import cut_pieces, first_rows, fit_linear, fit_networks
 from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.state_evidence import run_variance, weigh_states
 from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import StateFit, simulate, start_states
 from sksurrogate.runs import Runs
@@ -55,8 +56,9 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         Of the networks in f and in g; empty: linear.
     feedthrough : bool, default=False
         Whether the current input enters y[t] at once.
-    alpha : float, default=1e-4
-        Penalty on the networks' weights beside the mean squared error, in units of standardised data.
+    alpha : float or "evidence", default="evidence"
+        Penalty on the networks' weights beside the mean squared error, in units of standardised data. "evidence": penalty and
+        noise by MacKay's evidence, initial states integrated out; steps to models that run away from elsewhere are not taken.
     refine : bool, default=True
         Whether a linear model is refined by output error; False: the subspace model.
     horizon : int, optional
@@ -85,6 +87,10 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         Initial states of the training runs.
     free_run_rmse_ : float
         On the training runs from the fitted initial states.
+    noise_ : ndarray (n_outputs,)
+        Standard deviation of what the free runs leave, in units of y.
+    alpha_ : float
+        The penalty; 0 for a linear model.
     n_initial_ : int
     n_iter_ : int
     n_features_in_ : int
@@ -113,7 +119,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     u_mean_: np.ndarray
     u_spread_: np.ndarray
     __metadata_request__fit = {"groups": True}
-    __metadata_request__predict = {"groups": True, "y0": True}
+    __metadata_request__predict = {"groups": True, "y0": True, "return_std": True}
     __metadata_request__score = {"groups": True}
 
     def __init__(
@@ -122,7 +128,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         *,
         hidden_layer_sizes: tuple[int, ...] = (),
         feedthrough: bool = False,
-        alpha: float = 1e-4,
+        alpha: float | str = "evidence",
         refine: bool = True,
         horizon: int | None = None,
         n_initial: int | None = None,
@@ -163,8 +169,8 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         for name, value in counts.items():
             if not (isinstance(value, (int, np.integer)) and value >= 1):
                 raise ValueError(f"{name}={value!r} must be an int of at least 1.")
-        if not (isinstance(self.alpha, Real) and self.alpha >= 0):
-            raise ValueError(f"alpha={self.alpha!r} must be a number of at least 0.")
+        if not (self.alpha == "evidence" or (isinstance(self.alpha, Real) and self.alpha >= 0)):
+            raise ValueError(f'alpha={self.alpha!r} must be "evidence" or a number of at least 0.')
         self.n_initial_ = int(self.n_initial or 2 * self.n_states + 2)
         runs = self._resolve(X, y, groups, reset=True, min_rows=2)
         inputs = np.concatenate([run.X for run in runs])
@@ -175,11 +181,12 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         networks = np.size(self.hidden_layer_sizes) > 0
         linear = fit_linear(U, Y, self.n_states, self.feedthrough, self.max_iter, self.refine or networks)
         fit, model = linear, StateModel(self.n_states, U[0].shape[1], Y[0].shape[1], (), self.feedthrough)
+        self.alpha_ = 0.0
         hidden = tuple(int(n) for n in np.atleast_1d(np.asarray(self.hidden_layer_sizes, dtype=int)))
         if hidden:
             model = StateModel(self.n_states, U[0].shape[1], Y[0].shape[1], hidden, self.feedthrough)
             rng = check_random_state(self.random_state)
-            fit = fit_networks(
+            fit, self.alpha_ = fit_networks(
                 model, linear, U, Y, alpha=self.alpha, max_iter=self.max_iter, n_starts=self.n_starts, rng=rng
             )
         self._store(model, fit, runs, U, Y)
@@ -188,7 +195,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         self._watch_training_runs(runs, self._outputs(self._start(U, first), U), STEADY_STATES)
         return self
 
-    def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
+    def predict(self, X: Any, y0: Any = None, groups: Any = None, return_std: bool = False) -> Any:
         """Free run.
 
         Parameters
@@ -197,11 +204,13 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         y0 : array-like (n_initial, n_outputs) or (n_runs, n_initial, n_outputs), optional
             Outputs at the first rows of each run, from which its initial state is estimated; without it ``init`` decides.
         groups : array-like (n_samples,), optional
+        return_std : bool, default=False
+            Also the standard deviation of a new measurement: noise, weights, and the initial state.
 
         Returns
         -------
         ndarray (n_samples,) or (n_samples, n_outputs)
-            The first rows are ``y0`` where it is given.
+            The first rows are ``y0`` where it is given; with ``return_std`` a pair of arrays.
 
         Raises
         ------
@@ -226,7 +235,10 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         if given is not None:
             for r, part in enumerate(out):
                 part[: self.n_initial_] = first[r][: len(part)]
-        return self._shaped(runs, out)
+        if not return_std:
+            return self._shaped(runs, out)
+        n_seen = 0 if given is None else self.n_initial_
+        return self._shaped(runs, out), self._shaped(runs, [self._deviation(x, u, n_seen) for x, u in zip(x0, U)])
 
     def matrices(self) -> StateMatrices:
         """The linear model in units of u and y: ``x' = A x + B u + b``, ``y = C x + D u + c``.
@@ -304,6 +316,16 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         spread = np.reshape(spread, (n, n)) + 1e-6 * np.eye(n)
         self.x_precision_ = max(power, 1e-10) * np.linalg.inv(4.0 * spread)
         self.free_run_rmse_ = float(np.sqrt(np.mean((error * self.y_spread_) ** 2)))
+        self._evidence = weigh_states(
+            model, fit, np.concatenate(U), np.concatenate(Y), first_rows(U), max(self.alpha_, np.finfo(float).tiny)
+        )
+        self.noise_ = np.sqrt(self._evidence.noise) * self.y_spread_
+
+    def _deviation(self, x0: np.ndarray, U: np.ndarray, n_seen: int) -> np.ndarray:
+        """Standard deviation of new measurements along one free run, (n_steps, n_outputs), in units of y."""
+        x = simulate(self.model_, self.theta_, x0[None], U, np.zeros(1, int))
+        variance = run_variance(self.model_, self.theta_, x, U, self._evidence, self.x_precision_, n_seen)
+        return np.sqrt(variance) * self.y_spread_
 
     def _start(self, U: list[np.ndarray], first: np.ndarray) -> np.ndarray:
         """Initial states from first rows (n_runs, n_initial, n_outputs), shorter runs from what they have."""

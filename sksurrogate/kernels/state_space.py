@@ -15,7 +15,7 @@ import numpy as np
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.state_model import StateModel
 
-__all__ = ["StateFit", "fit_output_error", "simulate", "start_states", "subspace"]
+__all__ = ["OutputErrorLoss", "StateFit", "fit_output_error", "simulate", "start_states", "state_slopes", "subspace"]
 
 #: Rows whose sensitivities are held at once.
 SENSITIVITY_ROWS = 20_000
@@ -82,6 +82,22 @@ def _abreast(model: StateModel, theta: np.ndarray, x0: np.ndarray, U: np.ndarray
             out[rows] = x
             x = step(parts, np.concatenate([x, U[rows]], axis=1))
     return out
+
+
+def state_slopes(
+    model: StateModel, theta: np.ndarray, x: np.ndarray, U: np.ndarray, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Outputs of free runs, and their slopes by theta (n_samples, n_outputs, n_theta) and by a run's initial state (..., n_states)."""
+    n, nf = model.n_states, model.f.size
+    _, by_z, by_f = model.f.jacobians(theta[:nf], np.concatenate([x, U], axis=1))
+    rhs = np.zeros((n, nf + n, len(x)))
+    rhs[:, :nf, 1:] = by_f[:-1].transpose(1, 2, 0)
+    rhs[:, :, starts] = 0.0
+    rhs[:, nf:, starts] = np.eye(n)[:, :, None]
+    S = solve_recursion(recursion_band(by_z[:, :, :n].transpose(1, 2, 0), starts), rhs).transpose(2, 0, 1)
+    value, by_x, by_g = model.g.jacobians(theta[nf:], model.seen(x, U))
+    moved = by_x[:, :, :n] @ S
+    return value, np.concatenate([moved[:, :, :nf], by_g], axis=2), moved[:, :, nf:]
 
 
 def start_states(
@@ -226,7 +242,7 @@ class StateFit:
     n_iter: int
 
 
-class _Objective:
+class OutputErrorLoss:
     """Mean squared output error of the free run, and its normal equations with the initial states eliminated."""
 
     def __init__(self, model: StateModel, U: np.ndarray, Y: np.ndarray, starts: np.ndarray, alpha: float):
@@ -256,7 +272,7 @@ class _Objective:
 
     def normal(self, theta: np.ndarray, x0: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
         """H (n, n), its gradient, and per run the coupling to x0, the block of x0 and its gradient."""
-        model, n, nf = self.model, self.model.n_states, self.model.f.size
+        model, n = self.model, self.model.n_states
         size, R = len(theta), len(self.starts)
         H, gradient = np.diag(self.penalty), self.penalty * theta
         couple, own, own_gradient = np.zeros((R, size, n)), np.zeros((R, n, n)), self.tie * x0
@@ -264,18 +280,9 @@ class _Objective:
         edges = np.r_[self.starts, len(self.U)]
         for a, b in self.blocks():
             rows, first = slice(edges[a], edges[b]), self.starts[a:b] - edges[a]
-            u, now = self.U[rows], x[rows]
-            _, by_z, by_f = model.f.jacobians(theta[:nf], np.concatenate([now, u], axis=1))
-            rhs = np.zeros((n, nf + n, len(now)))
-            rhs[:, :nf, 1:] = by_f[:-1].transpose(1, 2, 0)
-            rhs[:, :, first] = 0.0
-            rhs[:, nf:, first] = np.eye(n)[:, :, None]
-            S = solve_recursion(recursion_band(by_z[:, :, :n].transpose(1, 2, 0), first), rhs).transpose(2, 0, 1)
-            value, by_x, by_g = model.g.jacobians(theta[nf:], model.seen(now, u))
-            moved = by_x[:, :, :n] @ S
-            J = np.concatenate([moved[:, :, :nf], by_g], axis=2)
+            value, J, Jx = state_slopes(model, theta, x[rows], self.U[rows], first)
             known = self.known[rows]
-            J, Jx = np.where(known[:, :, None], J, 0.0), np.where(known[:, :, None], moved[:, :, nf:], 0.0)
+            J, Jx = np.where(known[:, :, None], J, 0.0), np.where(known[:, :, None], Jx, 0.0)
             e = np.where(known, value - np.where(known, self.Y[rows], 0.0), 0.0)
             flat = J.reshape(-1, size)
             H += self.scale * flat.T @ flat
@@ -335,7 +342,7 @@ def fit_output_error(
     -------
     StateFit
     """
-    objective = _Objective(model, U, Y, starts, alpha)
+    objective = OutputErrorLoss(model, U, Y, starts, alpha)
     cost, x = objective.cost(theta, x0, None)
     damping, done, slow = 1e-3, 0, 0
     while done < max_iter and np.isfinite(cost):

@@ -67,8 +67,8 @@ def free_run(
     many : bool, default=False
         Whether many points cost little more than one: then long runs are closed by Newton's method, window by window.
     n_sub : int, optional
-        With "auto" and "RK4": this many substeps a sample, unless the run leaves the finite numbers with them; None: as
-        many as the local error asks for.
+        With "auto" and "RK4": this many substeps a sample ("auto": unless the run leaves the finite numbers with them);
+        None: as many as the local error asks for.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def free_run(
             windows = many and len(t) > LONG_RUN
             if n_sub is not None:
                 X = _explicit(derivative, U, X0, t, order, windows, n_sub)[0]
-                if np.all(np.isfinite(X)):
+                if method == "RK4" or np.all(np.isfinite(X)):
                     return X
             X, n_sub = _explicit(derivative, U, X0, t, order, windows)
             if method == "RK4" or (n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X))):

@@ -6,7 +6,7 @@ from sklearn.linear_model import LinearRegression
 
 from sksurrogate.compose import HybridRegressor
 from sksurrogate.datasets import linear_reactor, make_reactor_runs
-from sksurrogate.physics import CallableSimulator
+from sksurrogate.physics import CallableSimulator, ODESimulator
 
 
 def half(U):
@@ -33,3 +33,30 @@ def test_forms_without_a_past_do_not_need_the_first_outputs(form):
 def test_an_unknown_form_speaks():
     with pytest.raises(ValueError, match=r"'form' parameter of HybridRegressor must be.*Got 'nope'"):
         HybridRegressor(linear_reactor(), form="nope").fit(np.ones((20, 1)), np.ones(20))
+
+
+def pushed(t, x, u, p):
+    return x[1], u[0] + p["bent"] * u[0] ** 2 - x[0] - 0.4 * x[1]
+
+
+def spring(bent):
+    return ODESimulator(pushed, states=["q", "v"], inputs=["f"], outputs=["q"], params={"bent": bent}, dt=0.1)
+
+
+def test_the_form_is_chosen_on_what_is_left_out():
+    rng = np.random.default_rng(0)
+    U = np.repeat(rng.normal(size=(4, 16, 1)), 5, axis=1)
+    q = np.stack([spring(0.3).simulate(u)[:, 0] + 0.01 * rng.normal(size=80) for u in U])
+    X, y, groups = U[:3].reshape(-1, 1), q[:3].ravel(), np.repeat([0, 1, 2], 80)
+    auto, fixed = (HybridRegressor(spring(0.0), form=form).fit(X, y, groups=groups) for form in ("auto", "output"))
+    assert auto.form_ == "input" and auto.report_.rmse < fixed.report_.rmse
+    errors = [np.std(model.predict(U[3], y0=q[3][: model.n_initial_, None]) - q[3]) for model in (auto, fixed)]
+    assert errors[0] < 0.02 and errors[0] < errors[1]  # twice the noise
+
+
+def test_a_simulator_of_trajectories_alone_has_no_form_inside():
+    rng = np.random.default_rng(0)
+    X, groups = rng.normal(size=(300, 1)), np.repeat([0, 1, 2], 100)
+    hybrid = HybridRegressor(CallableSimulator(half), LinearRegression(), "auto").fit(X, X[:, 0] + 0.3, groups=groups)
+    assert hybrid.form_ in ("output", "static")
+    assert HybridRegressor(None, LinearRegression(), "auto").fit(X, X[:, 0] + 0.3, groups=groups).form_ == "output"

@@ -158,7 +158,7 @@ def test_what_is_wrong_is_said():
     X, y, groups, _ = planted()
     with pytest.raises(ValueError, match="n_states=0 must be an int"):
         StateSpaceRegressor(0).fit(X, y)
-    with pytest.raises(ValueError, match="alpha=None must be a number"):
+    with pytest.raises(ValueError, match='alpha=None must be "evidence" or a number'):
         StateSpaceRegressor(2, alpha=None).fit(X, y)
     model = StateSpaceRegressor(2).fit(X, y, groups=groups)
     with pytest.raises(DataError, match=r"expected \(6, 1\)"):

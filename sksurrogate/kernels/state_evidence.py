@@ -1,0 +1,98 @@
+"""The penalty of a state-space fit by the evidence, and how sure its free runs are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sksurrogate.kernels.evidence import Evidence, correlation_length, weigh
+from sksurrogate.kernels.shooting_evidence import LARGEST_LOG_CHANGE, PENALTY_ROUNDS, PENALTY_SETTLED
+from sksurrogate.kernels.state_model import StateModel
+from sksurrogate.kernels.state_space import OutputErrorLoss, StateFit, fit_output_error, state_slopes
+
+__all__ = ["fit_state_evidence", "run_variance", "weigh_states"]
+
+#: Steps of Levenberg-Marquardt between which the penalty is weighed again.
+STEPS_BETWEEN = 10
+#: Prior standard deviation of the affine part, whose coefficients are of order one in standardised units: it holds what the
+#: outputs do not see (other coordinates of the state), and nothing else.
+AFFINE_PRIOR = 100.0
+
+
+def weigh_states(
+    model: StateModel, fit: StateFit, U: np.ndarray, Y: np.ndarray, starts: np.ndarray, alpha: float
+) -> Evidence:
+    """The evidence at a fit, initial states integrated out; the first group is the networks' weights, the second the affine part.
+
+    Parameters
+    ----------
+    model, fit, U, Y, starts, alpha
+        As for :func:`fit_output_error`; ``alpha`` is the penalty beside the mean squared error.
+    """
+    loss = OutputErrorLoss(model, U, Y, starts, alpha)
+    H, _, couple, own, _ = loss.normal(fit.theta, fit.x0, fit.x)
+    reduced = H - np.einsum("rin,rnm,rjm->ij", couple, np.linalg.inv(own), couple) - np.diag(loss.penalty)
+    error = np.where(loss.known, model.output(fit.theta, fit.x, U) - np.where(loss.known, Y, 0.0), 0.0)
+    count, squares = int(loss.known.sum()), float(np.sum(error**2))
+    lengths = np.diff(np.r_[starts, len(U)])
+    padded = np.zeros((len(starts), int(lengths.max()), Y.shape[1]))
+    for r, (a, length) in enumerate(zip(starts, lengths)):
+        padded[r, :length] = error[a : a + length]
+    groups = np.where(model.penalised > 0, 0, 1)
+    penalty = np.array([alpha * count, squares / count / AFFINE_PRIOR**2])
+    return weigh(count * reduced, fit.theta, groups, penalty, squares, count - fit.x0.size, correlation_length(padded))
+
+
+def fit_state_evidence(
+    model: StateModel,
+    fit: StateFit,
+    U: np.ndarray,
+    Y: np.ndarray,
+    starts: np.ndarray,
+    alpha: float,
+    holds: Callable[[np.ndarray, np.ndarray], bool],
+) -> tuple[StateFit, float]:
+    """Follow the minimum from ``alpha`` to the penalty of the largest evidence; the fit and its penalty.
+
+    Steps to models that ``holds`` refuses are not taken.
+    """
+    steps = fit.n_iter
+    for _ in range(PENALTY_ROUNDS):
+        wanted = float(weigh_states(model, fit, U, Y, starts, alpha).penalty[0]) / max(int(np.isfinite(Y).sum()), 1)
+        change = float(np.clip(np.log(wanted / alpha), -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE))
+        if abs(change) < PENALTY_SETTLED:
+            break
+        alpha *= float(np.exp(change))
+        fit = fit_output_error(
+            model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=STEPS_BETWEEN, tol=1e-4, holds=holds
+        )
+        steps += fit.n_iter
+    return StateFit(fit.theta, fit.x0, fit.x, fit.cost, steps), alpha
+
+
+def run_variance(
+    model: StateModel,
+    theta: np.ndarray,
+    x: np.ndarray,
+    U: np.ndarray,
+    evidence: Evidence,
+    precision: np.ndarray,
+    n_seen: int,
+) -> np.ndarray:
+    """Variance of new measurements along one free run, (n_samples, n_outputs): noise, parameters, and the initial state.
+
+    Parameters
+    ----------
+    x : ndarray (n_samples, n_states)
+        The run.
+    precision : ndarray (n_states, n_states)
+        Of the initial state before anything is measured, in units of the squared output error.
+    n_seen : int
+        Rows from which the initial state was estimated.
+    """
+    _, J, Jx = state_slopes(model, theta, x, U, np.zeros(1, int))
+    first = Jx[:n_seen].reshape(-1, Jx.shape[2])
+    start = evidence.noise * np.linalg.inv(first.T @ first + precision)
+    by_weights = np.einsum("top,pq,toq->to", J, evidence.covariance, J)
+    return evidence.noise + by_weights + np.einsum("tox,xy,toy->to", Jx, start, Jx)
