@@ -50,7 +50,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
         "dynamics": a term of states and inputs is added to dx/dt (or the next states of a step). "input": a term of the
         inputs is added to them. The last two need a simulator with ``rhs`` or ``step``. "auto": the one of "output", "static"
-        and, where the simulator allows them, "dynamics" and "input", whose free runs have the smallest error on runs left out.
+        and, where the simulator allows them, "dynamics" and "input", whose free runs have the smallest error on runs left out;
+        "output" with fewer than three runs.
     loss : {"one_step", "shooting"}, optional
         Whether the correction is fitted one step ahead or through its own free run ("shooting": residuals whose slopes
         are known; a ValueError says so for others). Default: "shooting" for the default residual and, inside the

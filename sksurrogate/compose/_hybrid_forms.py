@@ -12,6 +12,7 @@ from sksurrogate.compose._correction_report import CorrectionReport, keep_suppor
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection, ends_linear
 from sksurrogate.compose._hybrid_force import ForceCorrection
 from sksurrogate.compose._hybrid_output import OutputCorrection
+from sksurrogate.compose._left_out import RUN_FOLDS
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.physics._simulator import Plant, describe
@@ -74,7 +75,9 @@ def chosen_form(
     if simulator is not None:
         plant = describe(simulator, n_inputs=inputs[0].shape[1], n_outputs=measured[0].shape[1])
     size, found = np.maximum(np.std(np.concatenate(measured), axis=0), 1e-300), []
-    for one in _possible(plant, settings.residual):
+    # blocks of one or two runs do not speak of other runs, and a term inside the plant reaches farther than one on outputs
+    several = len(inputs) >= RUN_FOLDS
+    for one in _possible(plant, settings.residual) if several else ["output"]:
         before = start[0] if one == start[1] else None
         try:
             correction, report = _fitted(one, settings, simulator, inputs, measured, names, before)

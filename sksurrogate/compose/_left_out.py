@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Fold", "LeftOut", "Piece", "folds_of"]
+__all__ = ["RUN_FOLDS", "Fold", "LeftOut", "Piece", "folds_of"]
 
 #: Fits beside the one of all runs: folds of runs; blocks where there are fewer runs than three.
 RUN_FOLDS, BLOCK_FOLDS = 3, 4
