@@ -10,7 +10,7 @@ from sksurrogate.compose._state_fit import _Stays
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.state_model import Block, StateModel
-from sksurrogate.kernels.state_space import _abreast, _Objective, fit_output_error, simulate, subspace
+from sksurrogate.kernels.state_space import OutputErrorLoss, _abreast, fit_output_error, simulate, subspace
 
 ORDER = "row order matters to a model of runs"
 EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subset_invariance": ORDER}
@@ -63,7 +63,7 @@ def test_the_gradient_of_the_objective_is_that_of_differences(feedthrough):
     theta = 0.4 * rng.normal(size=model.f.size + model.g.size)
     U, Y, starts, x0 = rng.normal(size=(25, 1)), rng.normal(size=(25, 2)), np.array([0, 10]), rng.normal(size=(2, 2))
     Y[3] = np.nan
-    objective = _Objective(model, U, Y, starts, 0.1)
+    objective = OutputErrorLoss(model, U, Y, starts, 0.1)
     _, gradient, _, _, own = objective.normal(theta, x0, simulate(model, theta, x0, U, starts))
     cost = lambda theta, x0: objective.cost(theta, x0, None)[0]  # noqa: E731
     for i in range(len(theta)):
