@@ -50,7 +50,7 @@ def training_substeps(plant: Plant, rate: Any, inputs: Sequence[np.ndarray], sta
     x0 = [plant.x0 if start is None else np.asarray(start) for start in starts]
     lengths, wanted = np.array([len(U) for U in inputs]), 0
     for length in np.unique(lengths):  # runs of one length at once
-        chosen = np.flatnonzero(lengths == length)
+        chosen = [int(r) for r in np.flatnonzero(lengths == length)]
         U, X0 = np.stack([inputs[r] for r in chosen]), np.stack([x0[r] for r in chosen])
         found = substeps(rate, U, X0, plant.dt * np.arange(length), 0 if plant.hold == "zoh" else 1)
         if found is None:
