@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ class Linearised:
     A : ndarray (n_states, n_states, n_samples)
     band : ndarray
         Band of the recursion.
+
+    What a fit keeps has no Z and no band: they are several times as large as the rest.
     """
 
     x: np.ndarray
@@ -43,6 +45,11 @@ class Linearised:
     J_x: np.ndarray
     A: np.ndarray
     band: np.ndarray
+
+    def kept(self) -> Linearised:
+        """Without Z and band."""
+        none = np.empty(0)
+        return replace(self, Z_theta=none, Z_x=none, band=none)
 
 
 def linearise(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, unit: np.ndarray) -> Linearised:

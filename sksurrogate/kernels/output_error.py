@@ -378,4 +378,4 @@ class _OutputError:
             if fell < 1e-5 * cost + 0.002:
                 done = True
                 break
-        return Fit(theta, x, y, cost, steps, done, lin)
+        return Fit(theta, x, y, cost, steps, done, None if lin is None else lin.kept())

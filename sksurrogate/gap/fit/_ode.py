@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._pushes import pushed_input
+from sksurrogate.gap.fit._recent import recent_property
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.output_error import Fit, Linearised, linearise, output_error, settle_hidden
 from sksurrogate.kernels.record import Record
@@ -33,6 +33,8 @@ QUIET_OUTPUT, QUIET_FORCE = 0.05, 1e-3
 REACH = 1.0
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)
+#: Candidates that keep their linearisation and noise model: as many as one round compares.
+MOST_KEPT = 32
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class OdeCandidate(BaseCandidate):
     problem: OdeBackend
     model: AugmentedModel
 
-    @cached_property
+    @recent_property(MOST_KEPT)
     def linearised(self) -> Linearised:
         """Sensitivities at the solution."""
         if self.fit.linearised is not None:
@@ -77,7 +79,7 @@ class OdeCandidate(BaseCandidate):
         with np.errstate(all="ignore"):
             return linearise(self.model, self.fit.theta, self.fit.x, unit)
 
-    @cached_property
+    @recent_property(MOST_KEPT)
     def disturbance(self) -> Disturbance:
         """Noise model along the free run."""
         problem, fit = self.problem, self.fit

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sksurrogate.gap.fit._normal_equations import eliminate_rows, inverse, project_starts
 from sksurrogate.gap.screen._screen import Screen, Start, grown, grows
 
 __all__ = ["best_pairs"]
@@ -33,42 +34,70 @@ def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
     if len(keys) < 2 or screen.columns is None:
         return []
-    drop, a, b = _joint(screen)
-    owner = np.array([keys.index(start.effect.key) for start in screen.starts])
+    columns, place = _Columns.of(screen), {key: i for i, key in enumerate(keys)}
+    owner = np.array([place[start.effect.key] for start in screen.starts])
+    of_key = [np.flatnonzero(owner == i) for i in range(len(keys))]
     best = np.full((len(keys), len(keys)), -np.inf)
-    np.maximum.at(best, (owner[:, None], owner[None, :]), drop)
-    rows, columns = np.triu_indices(len(keys), 1)
-    order = np.argsort(-best[rows, columns], kind="stable")
+    for i, mine in enumerate(of_key):
+        np.maximum.at(best[i], owner, columns.with_all(mine)[0].max(axis=0))
+    first, second = np.triu_indices(len(keys), 1)
+    order = np.argsort(-best[first, second], kind="stable")
     used = np.zeros(len(keys), int)
     out: list[tuple[Start, Start]] = []
-    for i, j in zip(rows[order], columns[order]):
+    for i, j in zip(first[order], second[order]):
         if len(out) == most or not np.isfinite(best[i, j]):
             break
         if max(used[i], used[j]) >= MOST_WITH_ONE:
             continue
         used[[i, j]] += 1
-        mine, other = np.flatnonzero(owner == i), np.flatnonzero(owner == j)
-        p, q = np.unravel_index(np.argmax(drop[np.ix_(mine, other)]), (len(mine), len(other)))
-        k, m = mine[p], other[q]
-        out.append((_at(screen, k, a[k, m]), _at(screen, m, b[k, m])))
+        mine, other = of_key[i], of_key[j]
+        drop, a, b = (values[:, other] for values in columns.with_all(mine))
+        p, q = np.unravel_index(np.argmax(drop), drop.shape)
+        out.append((_at(screen, mine[p], a[p, q]), _at(screen, other[q], b[p, q])))
     return out
 
 
-def _joint(screen: Screen) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Drop of every pair of columns and their amplitudes, each (n_starts, n_starts)."""
-    G = screen.gram()
-    g, H = G[0, 1:], G[1:, 1:]
-    h = np.maximum(np.diag(H), 1e-300)
-    low, high = screen.low, screen.high
-    with np.errstate(all="ignore"):
-        cosine = H / np.sqrt(np.outer(h, h))
-        det = np.outer(h, h) * np.maximum(1.0 - cosine**2, 1e-12)
-        a = np.clip((g[:, None] * h[None, :] - H * g[None, :]) / det, low[:, None], high[:, None])
-        b = np.clip((g[None, :] - H * a) / h[None, :], low[None, :], high[None, :])
-        a = np.clip((g[:, None] - H * b) / h[:, None], low[:, None], high[:, None])
-        drop = 2 * (a * g[:, None] + b * g[None, :]) - a**2 * h[:, None] - 2 * a * b * H - b**2 * h[None, :]
-    drop = np.where((np.abs(cosine) < COLLINEAR) & np.isfinite(drop), drop, -np.inf)
-    return drop, a, b
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Columns of a screen over the noise, initial states projected out (n_starts, n_values); fitted parameters are taken out of products.
+
+    Products of all columns at once would be the square of their number.
+    """
+
+    flat: np.ndarray
+    cross: np.ndarray
+    known: np.ndarray
+    g: np.ndarray
+    h: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, screen: Screen) -> _Columns:
+        """The columns that a screen has kept."""
+        assert screen.columns is not None
+        few = len(screen.known)
+        stack = np.concatenate([screen.known.astype(np.float32), screen.columns])
+        flat = project_starts(stack, screen.J_x.astype(np.float32), screen.record_starts).reshape(len(stack), -1)
+        rows = (flat[:few] @ flat.T).astype(float)
+        diagonal = np.einsum("kn,kn->k", flat, flat, dtype=float)
+        g, h = eliminate_rows(rows, diagonal, screen.precision, screen.pull)
+        known = inverse(rows[1:, 1:few] + np.diag(screen.precision)) if few > 1 else np.zeros((0, 0))
+        return cls(flat[few:], rows[1:, few:], known, g, np.maximum(h, 1e-300), screen.low, screen.high)
+
+    def with_all(self, some: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Drop of some columns beside every column, and the amplitudes of both, each (n_some, n_starts)."""
+        H = (self.flat[some] @ self.flat.T).astype(float) - self.cross[:, some].T @ self.known @ self.cross
+        low, high = (side[:, None] for side in (self.low[some], self.high[some]))
+        g, h = self.g[some][:, None], self.h[some][:, None]
+        with np.errstate(all="ignore"):
+            cosine = H / np.sqrt(h * self.h)
+            det = h * self.h * np.maximum(1.0 - cosine**2, 1e-12)
+            a = np.clip((g * self.h - H * self.g) / det, low, high)
+            b = np.clip((self.g - H * a) / self.h, self.low, self.high)
+            a = np.clip((g - H * b) / h, low, high)
+            drop = 2 * (a * g + b * self.g) - a**2 * h - 2 * a * b * H - b**2 * self.h
+        return np.where((np.abs(cosine) < COLLINEAR) & np.isfinite(drop), drop, -np.inf), a, b
 
 
 def _at(screen: Screen, k: int, amplitude: float) -> Start:

@@ -111,13 +111,6 @@ class Screen:
     high: np.ndarray
     left_by: np.ndarray
 
-    def gram(self) -> np.ndarray:
-        """Of the residual and the columns, initial states and fitted parameters projected out, (1 + n_starts, 1 + n_starts)."""
-        assert self.columns is not None
-        stack = np.concatenate([self.known.astype(np.float32), self.columns])
-        flat = project_starts(stack, self.J_x.astype(np.float32), self.record_starts).reshape(len(stack), -1)
-        return eliminate((flat @ flat.T).astype(float), len(self.precision), self.precision, self.pull)
-
 
 def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes that stand for an effect: free where it is linear, within 0.5..2 of the start where not.

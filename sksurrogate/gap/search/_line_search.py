@@ -7,7 +7,7 @@ import numpy as np
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._quantization import alike
-from sksurrogate.kernels.banded import solve_recursion
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
 
 __all__ = ["promising", "scanned"]
 
@@ -53,7 +53,7 @@ def promising(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
         x = np.repeat(fit.x[:, None], columns.shape[1], axis=1)
         after = bound(x)
         b = a_sample_later(after - after[:, :1], record.starts)
-        y = bound.outputs(x + solve_recursion(lin.band, b))
+        y = bound.outputs(x + solve_recursion(recursion_band(lin.A, record.starts), b))
     others = np.delete(np.arange(len(fit.theta)), place)
     left = (record.y[:, None] - y).transpose(1, 0, 2)
     whole = np.concatenate([left, lin.J_theta[:, others].transpose(1, 0, 2)])
