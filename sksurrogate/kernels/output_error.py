@@ -352,7 +352,7 @@ class _OutputError:
                 break
             arrow = self.arrow(lin, theta)
             enough = (1e-4 * cost + 0.01) * (_STRICTER if again else 1.0)
-            accepted = False
+            accepted, raised = False, False
             for _ in range(1 if again else self.tries):
                 dt, dx, drop = self.step(arrow, theta, damping)
                 if drop < enough:
@@ -363,7 +363,7 @@ class _OutputError:
                 if new_cost < cost:
                     accepted = True
                     break
-                damping = min(damping * 10, 1e6)
+                damping, raised = min(damping * 10, 1e6), True
             if again and not (accepted or done):
                 lin, again = None, False
                 continue
@@ -372,7 +372,8 @@ class _OutputError:
             again = self.near > 0 and self.share_of(new_theta - theta, new_x - x, new_theta) < self.near
             fell = cost - new_cost
             theta, x, y, cost, lin = new_theta, new_x, new_y, new_cost, lin if again else None
-            damping = max(damping / 10, 1e-9)
+            if not raised:  # a damping that has just failed fails again as a rule
+                damping = max(damping / 10, 1e-9)
             if cost - 3 * fell > 3 * best:
                 break
             if fell < 1e-5 * cost + 0.002:

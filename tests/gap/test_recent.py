@@ -1,0 +1,75 @@
+"""Large values are kept by the latest few alone; pairs in blocks are pairs at once."""
+
+import gc
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.fit._normal_equations import eliminate, project_starts
+from sksurrogate.gap.fit._recent import recent_property
+from sksurrogate.gap.screen._pairs import _Columns, best_pairs
+from sksurrogate.gap.screen._screen import Screen, Start
+
+
+@dataclass(frozen=True)
+class Holder:
+    n: int
+
+    @recent_property(2)
+    def row(self):
+        return np.full(3, self.n)
+
+
+def test_the_latest_few_keep_their_value_and_others_make_it_again():
+    holders = [Holder(n) for n in range(4)]
+    rows = [holder.row for holder in holders]
+    assert ["row" in vars(holder) for holder in holders] == [False, False, True, True]
+    assert holders[3].row is rows[3] and np.array_equal(holders[0].row, rows[0])
+    assert "row" not in vars(holders[2])
+
+
+def test_holders_are_not_kept_alive():
+    holder = Holder(1)
+    ref = weakref.ref(holder)
+    _ = holder.row
+    del holder
+    gc.collect()
+    assert ref() is None
+
+
+def screen_of(seed=0, n=30, n_samples=60):
+    """A screen with columns of several starting values of each effect, initial states and a fitted parameter."""
+    rng = np.random.default_rng(seed)
+    names = ["constant_bias", "linear_loss", "coulomb_friction", "quadratic_drag", "cubic_stiffness", "gravity_tilt"]
+    effects = [CATALOGUE[name]("x", None if name == "constant_bias" else "x") for name in names]
+    columns = rng.normal(size=(n, 1, n_samples)).astype(np.float32)
+    starts = [Start(effects[k % len(effects)], np.ones(1), 0.0, 0.0, 0.0, np.zeros((1, n_samples))) for k in range(n)]
+    known = rng.normal(size=(2, 1, n_samples))
+    known[0] += columns[3] - 2.0 * columns[10]
+    open_ends = np.full(n, -np.inf), np.full(n, np.inf)
+    J_x = rng.normal(size=(1, 2, n_samples))
+    rest = np.array([0.1]), np.array([0.02]), np.array([0, 25])
+    return Screen(starts, [np.ones(1)] * n, columns, known, J_x, *rest, *open_ends, np.zeros(4))
+
+
+def test_products_of_columns_are_those_of_the_whole_gram():
+    screen = screen_of()
+    stack = np.concatenate([screen.known, screen.columns.astype(float)])
+    flat = project_starts(stack, screen.J_x, screen.record_starts).reshape(len(stack), -1)
+    G = eliminate(flat @ flat.T, 1, screen.precision, screen.pull)
+    g, H = G[0, 1:], G[1:, 1:]
+    drop = _Columns.of(screen).with_all(np.array([3, 7]))[0]
+    for k, row in zip((3, 7), drop):
+        for m in range(len(g)):
+            if m != k:
+                both = [k, m]
+                assert row[m] == pytest.approx(g[both] @ np.linalg.solve(H[np.ix_(both, both)], g[both]), rel=1e-4)
+
+
+def test_the_pair_that_makes_the_residual_is_the_best():
+    first, second = best_pairs(screen_of(), 3)[0]
+    assert {first.effect.name, second.effect.name} == {"quadratic_drag", "cubic_stiffness"}
+    assert sorted(round(float(start.theta[0]), 1) for start in (first, second)) != [1.0, 1.0]
