@@ -16,10 +16,12 @@ from sksurrogate.compose._network import describe_network
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.integrate import rk4
+from sksurrogate.kernels.signals import hold
+from sksurrogate.kernels.windows import run_in_windows
 from sksurrogate.linear import SparseRegressor
 from sksurrogate.linear._base import BaseBlockedRegressor
 from sksurrogate.linear._equation import equation
-from sksurrogate.physics._free_run import hold_inputs
+from sksurrogate.physics._free_run import LONG_RUN, hold_inputs
 from sksurrogate.runs import Runs
 
 __all__ = ["DerivativeRegressor"]
@@ -358,13 +360,16 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         far = 1e7 * (self.y_spread_ + np.abs(self.y_mean_))[:, None]
 
         def slopes(t: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-            lost = ~(np.abs(x - self.y_mean_[:, None]) <= far).all(axis=0)
-            points = np.concatenate([np.where(lost, self.y_mean_[:, None], x), u]).T
+            flat, acting = x.reshape(len(x), -1), np.broadcast_to(u, (len(u), *x.shape[1:])).reshape(len(u), -1)
+            lost = ~(np.abs(flat - self.y_mean_[:, None]) <= far).all(axis=0)
+            points = np.concatenate([np.where(lost, self.y_mean_[:, None], flat), acting]).T
             values = self.estimator_.predict(points) if net is None else net(points)
             f = np.asarray(values, dtype=float).reshape(len(points), -1).T
-            return np.where(lost, np.nan, f) if lost.any() else f
+            return (np.where(lost, np.nan, f) if lost.any() else f).reshape(x.shape)
 
         longest = max(len(U) for U in inputs)
+        if longest > LONG_RUN:
+            return self._in_windows(slopes, inputs, times, first, n_sub)
         U = np.stack([lengthened(u, longest) for u in inputs])
         mean, half = hold_inputs(U, n_sub, order)
         widths = np.stack([lengthened(np.diff(t, append=t[-1] + 1.0), longest) for t in times], axis=1) / n_sub
@@ -376,6 +381,27 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
                 ends = None if half is None else half[..., k]
                 x = rk4(slopes, np.zeros(len(inputs)), x, mean[..., k], ends, widths[k])  # type: ignore[arg-type]
         return [out[: len(u), :, r] for r, u in enumerate(inputs)]
+
+    def _in_windows(
+        self, slopes: Any, inputs: list[np.ndarray], times: list[np.ndarray], first: np.ndarray, n_sub: int
+    ) -> list[np.ndarray]:
+        """Long free runs by Newton's method over many samples at a time."""
+        order, lengths = int(self.hold != "zoh"), np.array([len(U) for U in inputs])
+        starts = np.r_[0, np.cumsum(lengths[:-1])]
+        mean, half = np.zeros((n_sub, 0, 1, int(lengths.sum()))), None
+        signals = [hold(column, n_sub, order, starts) for column in np.concatenate(inputs).T]
+        if signals:
+            mean = np.stack([signal.mean for signal in signals], axis=1)
+            half = np.stack([signal.half for signal in signals if signal.half is not None], axis=1) if order else None
+        widths = np.concatenate([np.diff(t, append=t[-1] + 1.0) for t in times]) / n_sub
+
+        def step(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+            ends = None if half is None else half[..., rows]
+            return rk4(slopes, np.zeros(len(rows)), x, mean[..., rows], ends, widths[rows])
+
+        with np.errstate(all="ignore"):
+            x = run_in_windows(step, np.asarray(first, dtype=float).T, starts, lengths, self.y_spread_)
+        return [x[:, a : a + n].T for a, n in zip(starts, lengths)]
 
     def _adaptive(self, U: np.ndarray, t: np.ndarray, start: np.ndarray, order: int) -> np.ndarray:
         """One run by scipy, sample by sample of held input or as a whole."""

@@ -191,3 +191,16 @@ def test_a_model_of_steps_is_not_integrated_ever_finer():
     trees = DerivativeRegressor(DecisionTreeRegressor(min_samples_leaf=3), dt=0.02).fit(X, y, groups=groups)
     assert trees.n_sub_ == 1
     assert trees.score(X, y, groups=groups) > 0.9
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_long_runs_window_by_window_are_those_of_the_loop(hold, monkeypatch):
+    rng = np.random.default_rng(0)
+    X, y = rng.uniform(-1, 1, (90, 1)), rng.normal(size=(90, 1))
+    dydt = X - y - 0.5 * y**3
+    model = DerivativeRegressor(make_pipeline(PolynomialFeatures(3), LinearRegression()), dt=0.2, hold=hold)
+    model.fit(X, y, dydt=dydt)
+    groups, first = np.repeat([0, 1], [60, 30]), np.array([[[0.5]], [[-1.0]]])
+    loop = model.predict(X, y0=first, groups=groups)
+    monkeypatch.setattr("sksurrogate.compose._derivative.LONG_RUN", 10)
+    assert np.allclose(model.predict(X, y0=first, groups=groups), loop, rtol=1e-9, atol=1e-11)
