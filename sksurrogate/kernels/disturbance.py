@@ -11,7 +11,7 @@ Kristensen, Madsen, Jorgensen, *Parameter estimation in stochastic grey-box mode
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -247,6 +247,10 @@ class Disturbance:
 
     def gram_each(self, r: np.ndarray, blocks: Iterable[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
         """The matrix of :meth:`gram` of columns r with each block of further columns beside them, from one factor."""
+        return self.grams_beside(r, noise)(blocks)
+
+    def grams_beside(self, r: np.ndarray, noise: Noise) -> Callable[[Iterable[np.ndarray]], Iterator[np.ndarray]]:
+        """:meth:`gram_each` of any blocks: the factor and what belongs to columns r alone are computed once."""
         steps = self._steps(self.factor(noise), noise)
 
         def product(a: tuple[np.ndarray, ...], b: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -254,13 +258,17 @@ class Disturbance:
 
         known = self._abreast(steps, self.at_measured(r), noise)
         K = product(known, known)
-        for some in _together(blocks, MOST_ABREAST):
-            whole = self._abreast(steps, self.at_measured(np.concatenate(some, axis=1)), noise)
-            cross, b = product(known, whole), 0
-            for block in some:
-                a, b = b, b + block.shape[1]
-                own = whole[0][:, a:b], whole[1][:, a:b]
-                yield np.block([[K, cross[:, a:b]], [cross[:, a:b].T, product(own, own)]])
+
+        def each(blocks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+            for some in _together(blocks, MOST_ABREAST):
+                whole = self._abreast(steps, self.at_measured(np.concatenate(some, axis=1)), noise)
+                cross, b = product(known, whole), 0
+                for block in some:
+                    a, b = b, b + block.shape[1]
+                    own = whole[0][:, a:b], whole[1][:, a:b]
+                    yield np.block([[K, cross[:, a:b]], [cross[:, a:b].T, product(own, own)]])
+
+        return each
 
     def _steps(self, factor: np.ndarray, noise: Noise) -> np.ndarray:
         """The recursion of ``L^-1 H' R^-1/2``."""

@@ -134,18 +134,17 @@ def law_beside(
         return None
     fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance)
     try:
-        picks = {fit.likeliest(noise) for noise in noises}
+        picks = set(fit.likeliest(noises))
         found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
         for k, f, noise in seeds:
             found += [fit.refined(k, form, noise) for form in fit.relatives(k, f)]
         best = max(found, key=_of_any_size)
-        again = fit.likeliest(best.noise)  # beside the noise that a law leaves another may be likelier
+        again = fit.likeliest([best.noise])[0]  # beside the noise that a law leaves another may be likelier
         if again not in picks:
             best = max([best, fit.refined(*again, best.noise)], key=_of_any_size)
     except np.linalg.LinAlgError:
         return None
-    alone = max(fit.alone(noise) for noise in noises)
-    return fit.result(best, alone)
+    return fit.result(best, max(fit.alone(noise) for noise in noises))
 
 
 class _Found(NamedTuple):
@@ -198,23 +197,27 @@ class _Fit:
         uniform = np.where(above, 1.0 / np.sum(above), 0.0)
         return np.stack([half_normal, uniform])
 
-    def likeliest(self, noise: Noise) -> tuple[int, int]:
-        """Law and form of most evidence under one noise."""
+    def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
+        """Law and form of most evidence under each noise; what the laws move the outputs by is computed once for all."""
         known = np.concatenate([self.r[:, None], self.J], axis=1)
-        k = np.arange(1 + self.J.shape[1])
-        best, at = -np.inf, (0, 0)
+        grams = [self.D.grams_beside(known, noise) for noise in noises]
+        best, at = [-np.inf] * len(noises), [(0, 0)] * len(noises)
         for a in range(0, len(self.candidates), LAWS_IN_BLOCK):
             check_time()
-            part = self.candidates[a : a + LAWS_IN_BLOCK]
-            moved = [curve.moved() for curve, _, _ in part]
-            for i, G in enumerate(self.D.gram_each(known, moved, noise)):
-                for f, (form, roots) in enumerate(zip(part[i][1].forms, self.roots_of(a + i, moved[i]))):
-                    own = np.r_[k, len(k) + form.functions]
-                    value = self.sized(G[np.ix_(own, own)], roots)[0]
-                    top = float(np.logaddexp(*value))
-                    if top > best + 1e-9:
-                        best, at = top, (a + i, f)
+            moved = [curve.moved() for curve, _, _ in self.candidates[a : a + LAWS_IN_BLOCK]]
+            for n, beside in enumerate(grams):
+                for k, G in enumerate(beside(moved), start=a):
+                    for f, top in enumerate(self.evidence_of_forms(k, moved[k - a], G)):
+                        if top > best[n] + 1e-9:
+                            best[n], at[n] = top, (k, f)
         return at
+
+    def evidence_of_forms(self, k: int, moved: np.ndarray, G: np.ndarray) -> list[float]:
+        """Of every form of law k, from the Gram of what is known and of its functions."""
+        known, forms = np.arange(1 + self.J.shape[1]), self.candidates[k][1].forms
+        places = [np.r_[known, len(known) + form.functions] for form in forms]
+        sized = [self.sized(G[np.ix_(own, own)], roots)[0] for own, roots in zip(places, self.roots_of(k, moved))]
+        return [float(np.logaddexp(*value)) for value in sized]
 
     @cached_property
     def _known(self) -> tuple[np.ndarray, np.ndarray]:
