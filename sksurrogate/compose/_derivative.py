@@ -12,12 +12,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.compose._lagged import fitted
+from sksurrogate.compose._long_runs import long_runs
 from sksurrogate.compose._network import describe_network
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.integrate import rk4
-from sksurrogate.kernels.signals import hold
-from sksurrogate.kernels.windows import run_in_windows
 from sksurrogate.linear import SparseRegressor
 from sksurrogate.linear._base import BaseBlockedRegressor
 from sksurrogate.linear._equation import equation
@@ -369,7 +368,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
 
         longest = max(len(U) for U in inputs)
         if longest > LONG_RUN:
-            return self._in_windows(slopes, inputs, times, first, n_sub)
+            return long_runs(slopes, inputs, times, first, order, n_sub, self.y_spread_)
         U = np.stack([lengthened(u, longest) for u in inputs])
         mean, half = hold_inputs(U, n_sub, order)
         widths = np.stack([lengthened(np.diff(t, append=t[-1] + 1.0), longest) for t in times], axis=1) / n_sub
@@ -381,27 +380,6 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
                 ends = None if half is None else half[..., k]
                 x = rk4(slopes, np.zeros(len(inputs)), x, mean[..., k], ends, widths[k])  # type: ignore[arg-type]
         return [out[: len(u), :, r] for r, u in enumerate(inputs)]
-
-    def _in_windows(
-        self, slopes: Any, inputs: list[np.ndarray], times: list[np.ndarray], first: np.ndarray, n_sub: int
-    ) -> list[np.ndarray]:
-        """Long free runs by Newton's method over many samples at a time."""
-        order, lengths = int(self.hold != "zoh"), np.array([len(U) for U in inputs])
-        starts = np.r_[0, np.cumsum(lengths[:-1])]
-        mean, half = np.zeros((n_sub, 0, 1, int(lengths.sum()))), None
-        signals = [hold(column, n_sub, order, starts) for column in np.concatenate(inputs).T]
-        if signals:
-            mean = np.stack([signal.mean for signal in signals], axis=1)
-            half = np.stack([signal.half for signal in signals if signal.half is not None], axis=1) if order else None
-        widths = np.concatenate([np.diff(t, append=t[-1] + 1.0) for t in times]) / n_sub
-
-        def step(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
-            ends = None if half is None else half[..., rows]
-            return rk4(slopes, np.zeros(len(rows)), x, mean[..., rows], ends, widths[rows])
-
-        with np.errstate(all="ignore"):
-            x = run_in_windows(step, np.asarray(first, dtype=float).T, starts, lengths, self.y_spread_)
-        return [x[:, a : a + n].T for a, n in zip(starts, lengths)]
 
     def _adaptive(self, U: np.ndarray, t: np.ndarray, start: np.ndarray, order: int) -> np.ndarray:
         """One run by scipy, sample by sample of held input or as a whole."""

@@ -1,0 +1,59 @@
+"""Long free runs of fitted derivatives by Newton's method over many samples at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sksurrogate.kernels.integrate import Derivative, rk4
+from sksurrogate.kernels.signals import hold
+from sksurrogate.kernels.windows import run_in_windows
+
+__all__ = ["long_runs"]
+
+
+def long_runs(
+    slopes: Derivative,
+    inputs: Sequence[np.ndarray],
+    times: Sequence[np.ndarray],
+    first: np.ndarray,
+    order: int,
+    n_sub: int,
+    size: np.ndarray,
+) -> list[np.ndarray]:
+    """Free runs of any lengths, window by window.
+
+    Parameters
+    ----------
+    slopes : callable (t, x, u) -> dx/dt on arrays (n, *s)
+    inputs, times : sequence of ndarray (n_samples, n_inputs) and (n_samples,)
+    first : ndarray (n_runs, n_states)
+    order : {0, 1}
+        Hold.
+    n_sub : int
+        Substeps a sample.
+    size : ndarray (n_states,)
+        Size of every state.
+
+    Returns
+    -------
+    list of ndarray (n_samples, n_states)
+        nan from where a run has diverged.
+    """
+    lengths = np.array([len(U) for U in inputs])
+    starts = np.r_[0, np.cumsum(lengths[:-1])]
+    mean, half = np.zeros((n_sub, 0, 1, int(lengths.sum()))), None
+    signals = [hold(column, n_sub, order, starts) for column in np.concatenate(inputs).T]
+    if signals:
+        mean = np.stack([signal.mean for signal in signals], axis=1)
+        half = np.stack([signal.half for signal in signals if signal.half is not None], axis=1) if order else None
+    widths = np.concatenate([np.diff(t, append=t[-1] + 1.0) for t in times]) / n_sub
+
+    def step(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        ends = None if half is None else half[..., rows]
+        return rk4(slopes, np.zeros(len(rows)), x, mean[..., rows], ends, widths[rows])
+
+    with np.errstate(all="ignore"):
+        x = run_in_windows(step, np.asarray(first, dtype=float).T, starts, lengths, size)
+    return [x[:, a : a + n].T for a, n in zip(starts, lengths)]
