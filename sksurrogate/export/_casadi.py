@@ -74,6 +74,12 @@ def _rule(ca: Any, node: Node, args: list[Any]) -> Any:
         return 0.5 + 0.5 * ca.tanh(0.5 * args[0])
     if node.op == "relu":
         return ca.fmax(args[0], 0.0)
+    if node.op == "round":  # halves to the even number, as numpy rounds
+        return args[0] - ca.remainder(args[0], 1.0)
+    if node.op == "ge":
+        return args[0] >= args[1]
+    if node.op == "choose":
+        return ca.if_else(args[0], args[1], args[2])
     known = {"max": "fmax", "min": "fmin", "abs": "fabs"}
     if node.op in ("add", "sub", "mul", "div", "pow"):
         a, b = args

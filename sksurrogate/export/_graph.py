@@ -28,6 +28,7 @@ UNARY: dict[str, tuple[Callable[..., Any], Callable[[Any, Any], Any]]] = {
     "sqrt": (np.sqrt, lambda x, y: 0.5 / y),
     "abs": (np.abs, lambda x, y: np.sign(x)),
     "sign": (np.sign, lambda x, y: 0.0 * x),
+    "round": (np.round, lambda x, y: 0.0 * x),
 }
 
 #: name -> (value, slopes by both from x, y and value)
@@ -39,6 +40,7 @@ BINARY: dict[str, tuple[Callable[..., Any], Callable[[Any, Any, Any], tuple[Any,
     "pow": (np.power, lambda a, b, y: (b * np.power(a, b - 1.0), 0.0)),
     "max": (np.maximum, lambda a, b, y: ((a >= b) * 1.0, (a < b) * 1.0)),
     "min": (np.minimum, lambda a, b, y: ((a <= b) * 1.0, (a > b) * 1.0)),
+    "ge": (lambda a, b: (a >= b) * 1.0, lambda a, b, y: (0.0, 0.0)),
 }
 
 
@@ -49,8 +51,9 @@ class Node:
     Attributes
     ----------
     op : str
-        "input", "constant", "affine" (``x W + b``), "concat", "take" (components), "peak" (largest component), or a name
-        in ``UNARY`` or ``BINARY``; the exponent of "pow" is a constant.
+        "input", "constant", "affine" (``x W + b``), "concat", "take" (components), "peak" (largest component), "choose" (one
+        component that is 0 or not, then two vectors: the first where it is not 0), or a name in ``UNARY`` or ``BINARY``; the
+        exponent of "pow" is a constant.
     args : tuple of int
     size : int
         Components.
@@ -144,6 +147,10 @@ class Graph:
         """x held within [low, high]."""
         return self.binary("min", self.binary("max", x, self.constant(low)), self.constant(high))
 
+    def choose(self, condition: int, yes: int, no: int) -> int:
+        """``yes`` where the condition is not 0, else ``no``; what is not chosen need not be finite."""
+        return self._add("choose", (condition, yes, no), max(self.nodes[yes].size, self.nodes[no].size))
+
     def peak(self, x: int) -> int:
         """The largest component."""
         return self._add("peak", (x,), 1)
@@ -181,6 +188,8 @@ class Graph:
                 return args[0][:, node.data[0]]
             if node.op == "peak":
                 return args[0].max(axis=1, keepdims=True)
+            if node.op == "choose":
+                return np.where(args[0] != 0, args[1], args[2])
             return UNARY[node.op][0](*args) if node.op in UNARY else BINARY[node.op][0](*args)
 
         return self.fold(leaf, rule), flat
@@ -235,6 +244,8 @@ class Graph:
             which = x[0].argmax(axis=1)
             base = np.broadcast_to(args[0], (len(x[0]), *args[0].shape[1:]))
             return base[np.arange(len(x[0])), which][:, None]
+        if node.op == "choose":
+            return np.where((x[0] != 0)[:, :, None], args[1], args[2])
         if node.op in UNARY:
             gate: Any = UNARY[node.op][1]
             return np.asarray(gate(x[0], y))[:, :, None] * args[0]

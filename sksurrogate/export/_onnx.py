@@ -17,7 +17,7 @@ __all__ = ["to_onnx"]
 _OPERATORS = {
     "tanh": "Tanh", "logistic": "Sigmoid", "relu": "Relu", "exp": "Exp", "log": "Log", "sin": "Sin", "cos": "Cos",
     "tan": "Tan", "sqrt": "Sqrt", "abs": "Abs", "sign": "Sign", "add": "Add", "sub": "Sub", "mul": "Mul", "div": "Div",
-    "pow": "Pow", "max": "Max", "min": "Min",
+    "pow": "Pow", "max": "Max", "min": "Min", "round": "Round",
 }  # fmt: skip
 
 
@@ -127,5 +127,11 @@ class _Writer:
             self.node("Gather", [args[0], self.fixed(f"{label}_i", node.data[0].astype(np.int64))], label, axis=1)
         elif node.op == "peak":
             self.node("ReduceMax", args, label, axes=[1], keepdims=1)
+        elif node.op == "ge":
+            self.node("GreaterOrEqual", args, f"{label}_b")
+            self.node("Cast", [f"{label}_b"], label, to=self.onnx.helper.np_dtype_to_tensor_dtype(self.dtype))
+        elif node.op == "choose":
+            self.node("Cast", args[:1], f"{label}_b", to=self.onnx.TensorProto.BOOL)
+            self.node("Where", [f"{label}_b", *args[1:]], label)
         else:
             self.node(_OPERATORS[node.op], args, label)

@@ -25,8 +25,10 @@ class Symbol:
         return self.graph.constant(float(value))
 
     def _with(self, op: str, other: Any, swapped: bool = False) -> Any:
-        if isinstance(other, np.ndarray) and other.ndim:
-            return NotImplemented
+        if isinstance(other, np.ndarray):
+            if other.ndim:
+                return NotImplemented
+            other = other.item()
         a, b = self.node, self._other(other)
         return Symbol(self.graph, self.graph.binary(op, *((b, a) if swapped else (a, b))))
 
@@ -73,11 +75,29 @@ class Symbol:
 
     def __bool__(self) -> bool:
         raise TypeError(
-            "the simulator's functions branch on values, which no graph can hold: write the branch with np.minimum, "
+            "the simulator's functions branch on values, which no graph can hold: write the branch with np.where, np.minimum, "
             "np.maximum, np.abs or np.tanh, or export the surrogate alone."
         )
 
-    __lt__ = __le__ = __gt__ = __ge__ = lambda self, other: self.__bool__()  # type: ignore[assignment]
+    def __ge__(self, other: Any) -> Any:
+        return self._with("ge", other)
+
+    def __le__(self, other: Any) -> Any:
+        return self._with("ge", other, True)
+
+    def __gt__(self, other: Any) -> Any:
+        return 1.0 - (self <= other)
+
+    def __lt__(self, other: Any) -> Any:
+        return 1.0 - (self >= other)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        """``np.where`` and ``np.clip`` of components; other functions see them as objects."""
+        if function is np.where and len(args) == 3:
+            return _chosen(self.graph, *args)
+        if function is np.clip:
+            return np.minimum(np.maximum(args[0], args[1]), args[2])
+        return function(*map(_as_objects, args), **{key: _as_objects(value) for key, value in kwargs.items()})
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **_: Any) -> Any:
         """numpy's elementwise functions on single components; arrays of components go through numpy's object loops."""
@@ -85,12 +105,14 @@ class Symbol:
             loop = [np.asarray(v, dtype=object) if not isinstance(v, Symbol) else _boxed(v) for v in inputs]
             return ufunc(*loop)
         name = {"multiply": "mul", "divide": "div", "true_divide": "div", "subtract": "sub", "power": "pow",
-                "maximum": "max", "minimum": "min", "absolute": "abs", "fabs": "abs", "float_power": "pow"}.get(
-            ufunc.__name__, ufunc.__name__
-        )  # fmt: skip
+                "maximum": "max", "minimum": "min", "absolute": "abs", "fabs": "abs", "float_power": "pow",
+                "greater_equal": "ge", "less_equal": "le"}.get(ufunc.__name__, ufunc.__name__)  # fmt: skip
         one = next(v for v in inputs if isinstance(v, Symbol))
         if name == "negative":
             return -one
+        if name in ("greater", "less", "le"):
+            a, b = inputs if name != "less" else inputs[::-1]
+            return 1.0 - np.less_equal(a, b) if name != "le" else np.greater_equal(b, a)
         if name == "square":
             return one * one
         if name == "pow":
@@ -140,11 +162,30 @@ class Symbol:
         """Sign."""
         return self._unary("sign")
 
+    def rint(self) -> Symbol:
+        """The nearest whole number, halves to the even one."""
+        return self._unary("round")
+
+
+def _chosen(graph: Graph, condition: Any, yes: Any, no: Any) -> Any:
+    """``np.where`` of single components."""
+    if not isinstance(condition, Symbol):
+        return np.where(condition, _as_objects(yes), _as_objects(no)).item()
+    nodes = [v.node if isinstance(v, Symbol) else graph.constant(float(v)) for v in (condition, yes, no)]
+    return Symbol(graph, graph.choose(*nodes))
+
 
 def _boxed(value: Symbol) -> np.ndarray:
     box = np.empty((), dtype=object)
     box[()] = value
     return box
+
+
+def _as_objects(value: Any) -> Any:
+    """Symbols, also within lists and tuples, as arrays that numpy passes on."""
+    if isinstance(value, Symbol):
+        return _boxed(value)
+    return type(value)(map(_as_objects, value)) if type(value) in (list, tuple) else value
 
 
 def symbols(graph: Graph, node: int) -> np.ndarray:

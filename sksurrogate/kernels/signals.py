@@ -12,12 +12,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sksurrogate.kernels.banded import first_order_scan
 
-__all__ = ["Signal", "delay", "hold", "lag", "play", "pointwise", "rate_limit"]
+__all__ = [
+    "Signal",
+    "delay",
+    "delay_in_substeps",
+    "delayed_piece",
+    "hold",
+    "lag",
+    "lag_piece",
+    "play",
+    "pointwise",
+    "ramp_piece",
+    "rate_limit",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,24 +135,14 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Sig
     first = _first_of_run(starts * n_sub, n)
 
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        whole = max(size, 0.0) / h
-        m = int(min(np.floor(whole), n))
-        phi = min(whole - m, 1.0) if m < n else 0.0
+        m, phi = delay_in_substeps(size, h, n)
         before = (mean - half)[first]
         late, later = np.arange(n) - m, np.arange(n) - m - 1
         in2, in1 = late >= first, later >= first
         late, later = np.maximum(late, first), np.maximum(later, first)
         a2, b2 = np.where(in2, mean[late], before), np.where(in2, half[late], 0.0)
         a1, b1 = np.where(in1, mean[later], before), np.where(in1, half[later], 0.0)
-        cube = (2 * phi - 1) ** 3
-        new_mean = phi * (a1 + b1 * (1 - phi)) + (1 - phi) * (a2 - b2 * phi)
-        new_half = 3 * (
-            (a1 + 2 * (1 - phi) * b1 - a2 + 2 * phi * b2) * (phi * phi - phi)
-            + b1 * (cube + 1) / 6
-            + b2 * (1 - cube) / 6
-        )
-        begin = a1 + b1 * (1 - 2 * phi) if phi > 0 else a2 - b2
-        return new_mean, new_half, begin
+        return delayed_piece((a1, b1), (a2, b2), phi)
 
     return _over_columns(one, signal, time)
 
@@ -154,19 +157,25 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray)
 
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         k = max(size / h, 1e-15)  # time constant in substeps
-        p, q = mean - half, 2 * half
-        decay = np.exp(-1.0 / k)
-        rise = -np.expm1(-1.0 / k)  # 1 - decay
-        b = p * rise + q * (1 - k * rise)
-        b[firsts] += decay * p[firsts]
+        decay, first = float(np.exp(-1.0 / k)), (mean - half)[firsts]
+        b, _, _ = lag_piece(mean, half, 0.0, k)
+        b[firsts] += decay * first
         ends = first_order_scan(decay, b, firsts)
-        w0 = np.r_[p[0], ends[:-1]]
-        w0[firsts] = p[firsts]
-        d = w0 - p + q * k
-        moment = 2 * k * k * rise - k * (1 + decay) if k < 100 else -1 / (6 * k) + 1 / (12 * k**2) - 1 / (40 * k**3)
-        return p + q / 2 - q * k + d * k * rise, half + 3 * d * moment, w0
+        w0 = np.r_[first[0], ends[:-1]]
+        w0[firsts] = first
+        return *lag_piece(mean, half, w0, k)[1:], w0
 
     return _over_columns(one, signal, time_constant)
+
+
+def lag_piece(mean: Any, half: Any, w0: Any, k: float) -> tuple[Any, Any, Any]:
+    """A first-order lag over a substep, from ``w0``: its end, and mean and half rise that keep two moments; ``k`` in substeps."""
+    p, q = mean - half, 2 * half
+    decay, rise = np.exp(-1.0 / k), -np.expm1(-1.0 / k)  # rise = 1 - decay
+    d = w0 - p + q * k
+    moment = 2 * k * k * rise - k * (1 + decay) if k < 100 else -1 / (6 * k) + 1 / (12 * k**2) - 1 / (40 * k**3)
+    end = decay * w0 + p * rise + q * (1 - k * rise)
+    return end, p + q / 2 - q * k + d * k * rise, half + 3 * d * moment
 
 
 def _first_of_run(starts: np.ndarray, n: int) -> np.ndarray:
@@ -228,14 +237,41 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray) 
         alive = rows < bounds[1:]
         before[:, rows[alive]] = w[:, alive]
         w[:, alive] += np.clip(target[:, rows[alive]] - w[:, alive], -r, r)
-    d = before - target
-    met = np.abs(d) <= r
-    steep = np.where(met, 0.0, r)  # an infinite limit is always met
-    f = np.minimum(np.abs(d) / np.maximum(r, 1e-300), 1.0)
-    mean = np.where(met, target + d * f / 2, before - np.sign(d) * steep / 2)
-    half = np.where(met, d * (f * f - 1.5 * f), -np.sign(d) * steep / 2)
+    mean, half = ramp_piece(before, target, r)
     if signal.half is not None:  # where it follows from end to end, it is the input
         u, rise = np.broadcast_to(_by_time(signal.mean), mean.shape), np.broadcast_to(_by_time(signal.half), mean.shape)
+        met = np.abs(before - target) <= r
         follows = met & (np.abs(before - (u - rise)) <= 1e-12 * (np.abs(u) + np.abs(rise)))
         mean, half = np.where(follows, u, mean), np.where(follows, rise, half)
     return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub), before[:, ::n_sub])
+
+
+def ramp_piece(before: Any, target: Any, reach: Any) -> tuple[Any, Any]:
+    """Mean and half rise over a substep of a ramp from ``before`` to a held ``target`` that goes at most ``reach`` far."""
+    d = before - target
+    met = np.abs(d) <= reach
+    steep = np.where(met, 0.0, reach)  # an infinite limit is always met
+    f = np.minimum(np.abs(d) / np.maximum(reach, 1e-300), 1.0)
+    mean = np.where(met, target + d * f / 2, before - np.sign(d) * steep / 2)
+    return mean, np.where(met, d * (f * f - 1.5 * f), -np.sign(d) * steep / 2)
+
+
+def delayed_piece(later: tuple[Any, Any], late: tuple[Any, Any], phi: float) -> tuple[Any, Any, Any]:
+    """A substep of a signal that is late by a share ``phi`` of a substep: mean, half rise and first value.
+
+    ``later`` and ``late`` are (mean, half rise) of the substeps that end and begin within it.
+    """
+    (a1, b1), (a2, b2) = later, late
+    cube = (2 * phi - 1) ** 3
+    mean = phi * (a1 + b1 * (1 - phi)) + (1 - phi) * (a2 - b2 * phi)
+    half = 3 * (
+        (a1 + 2 * (1 - phi) * b1 - a2 + 2 * phi * b2) * (phi * phi - phi) + b1 * (cube + 1) / 6 + b2 * (1 - cube) / 6
+    )
+    return mean, half, a1 + b1 * (1 - 2 * phi) if phi > 0 else a2 - b2
+
+
+def delay_in_substeps(time: float, h: float, most: int) -> tuple[int, float]:
+    """A delay as whole substeps, at most so many, and the share of one."""
+    whole = max(time, 0.0) / h
+    m = int(min(np.floor(whole), most))
+    return m, min(whole - m, 1.0) if m < most else 0.0
