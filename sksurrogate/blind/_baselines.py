@@ -89,7 +89,7 @@ def sparse_regression(question: Question) -> dict[str, Any]:
     simulator = question.simulator
     states, inputs = list(simulator.states), list(simulator.inputs)
     if list(simulator.outputs) != states:
-        raise ValueError("sparse regression wants every state measured")
+        raise ValueError("sparse regression needs every state measured")
     X, R = _derivative_gaps(question, ps)
     spread = X.std(axis=0) + 1e-12
     library = ps.PolynomialLibrary(degree=3, include_bias=True).fit(X[:, : len(states) + len(inputs)] / spread)

@@ -283,7 +283,7 @@ class BoundModel:
             return nominal
         dx = nominal
         if self.a.n_states > n:
-            dx = np.empty((self.a.n_states, *nominal.shape[1:]))
+            dx = np.empty((self.a.n_states, *nominal.shape[1:]), dtype=nominal.dtype)
             dx[:n] = nominal
         dx = self.rates_of_effects(t, x, u, dx)
         states = self.a.plant.states

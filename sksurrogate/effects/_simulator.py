@@ -13,9 +13,12 @@ from sksurrogate._columns import by_name
 from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
+from sksurrogate.effects._leaving import graph_of, sampled_of, small_signal_of
 from sksurrogate.effects._model import AugmentedModel, BoundModel
+from sksurrogate.effects._small_signal import SampledPoint
 from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.export._graph import Graph
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._model import PlantModel
@@ -279,6 +282,55 @@ class AugmentedSimulator(BaseSimulator):
                 name = str(effect.location)
                 acting[name] = effect.value(acting[name], t, _values(effect, given), 0.0)
         return acting
+
+    # ---- where it goes to -------------------------------------------------------------------------------------------
+    def to_graph(self, n_sub: int = 4) -> Graph:
+        """The simulator with its effects as ``x_next, y = f(x, u)`` over a sample, for CasADi, C and ONNX.
+
+        The state holds the states of the simulator, then those of laws, actuators and sensors with a memory, then the time
+        where something depends on it: ``graph.states`` names them, :meth:`start_state` gives them at the start of a run.
+        The formulae are those of :meth:`simulate` in ``n_sub`` substeps of Runge-Kutta's method.
+        """
+        return graph_of(self._parts(), n_sub, self.scale, self.sharpness)
+
+    def start_state(self, x0: Any = None, u0: Any = None, n_sub: int = 4) -> np.ndarray:
+        """All states of :meth:`to_graph` at the start of a run.
+
+        Parameters
+        ----------
+        x0 : array-like (n_states,), optional
+            States of the simulator; its own initial states by default.
+        u0 : array-like (n_inputs,), optional
+            First row of the inputs; 0 by default.
+        n_sub : int, default=4
+            As in :meth:`to_graph`.
+
+        Returns
+        -------
+        ndarray (n_all_states,)
+        """
+        parts = self._parts()
+        x = parts[0].x0 if x0 is None else np.asarray(x0, dtype=float).ravel()
+        u = np.zeros(len(parts[0].inputs)) if u0 is None else np.asarray(u0, dtype=float).ravel()
+        started = SampledPoint(sampled_of(parts, n_sub, self.scale, self.sharpness)).complete(x, u)
+        timed = len(self.to_graph(n_sub).states or ()) - len(started)
+        return np.append(started, np.zeros(timed))
+
+    def small_signal(self, pade: int = 2) -> Any:
+        """What :func:`~sksurrogate.physics.linearise` reads: the simulator with the states of its effects, delays by Pade."""
+        return small_signal_of(self._parts(), pade, self.scale, self.sharpness)
+
+    def to_control(self) -> Any:
+        """``control.NonlinearIOSystem``: continuous without memories and limits, else from sample to sample, with all states."""
+        if _has_rhs(self):
+            return super().to_control()
+        return BaseSimulator.to_control(SampledPoint(sampled_of(self._parts(), 16, self.scale, self.sharpness)))  # type: ignore[arg-type]
+
+    def _parts(self) -> tuple[Plant, list[BaseEffect], np.ndarray]:
+        """The plant, and the effects at work with their parameters."""
+        names = list(self.inputs or ())
+        _, plant, effects, theta = self._read(np.zeros((1, 1, len(names))))
+        return plant, effects, theta
 
     # ---- helpers ----------------------------------------------------------------------------------------------------
     def _read(self, U: Any) -> tuple[np.ndarray, Plant, list[BaseEffect], np.ndarray]:

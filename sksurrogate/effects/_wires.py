@@ -93,7 +93,7 @@ def entering(
     """What enters at the ports (n_inputs or n_ports, *shape): the inputs ``u`` with laws (port, force) added."""
     n = len(plant.inputs)
     rows = n if all(port < n for port, _ in forces) else len(plant.ports)
-    out = np.zeros((rows, *shape))
+    out = np.zeros((rows, *shape), dtype=u.dtype if u.dtype == object else float)
     out[:n] = u
     for port, force in forces:
         out[port] += force

@@ -122,7 +122,7 @@ def add_estimator(graph: Graph, model: Any, x: int) -> int:
         if coef.shape[1] == graph.nodes[x].size and _is_affine(model, coef):
             return graph.affine(x, coef.T, np.ravel(model.intercept_))
     raise SurrogateError(
-        f"{kind} cannot be exported: it is none of the models that are written as fixed formulas here. Linear models, PLS, "
+        f"{kind} cannot be exported: its prediction is not a fixed formula. Linear models, PLS, "
         "MLPRegressor, FNNRegressor, scalers, PCA, PolynomialFeatures, the feature maps of sksurrogate.features, NonlinearBasisRegressor and pipelines "
         "of them can; for CasADi or ONNX of other models see skl2onnx, or fit one of these to its predictions."
     )

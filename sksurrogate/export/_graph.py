@@ -79,6 +79,10 @@ class Graph:
         For recursive models: a state to start from.
     dt : float or None
         Sample time of recursive models.
+    states : list of str or None
+        Names of the components of "x", where the model names them.
+    signals : pair of list of str or None
+        Names of the components of "u" and of "y".
 
     Examples
     --------
@@ -98,6 +102,8 @@ class Graph:
     outputs: dict[str, int] = field(default_factory=dict)
     initial: np.ndarray | None = None
     dt: float | None = None
+    states: list[str] | None = None
+    signals: tuple[list[str], list[str]] | None = None
 
     # ---- building ---------------------------------------------------------------------------------------------------
     def _add(self, op: str, args: tuple[int, ...], size: int, *data: Any) -> int:
@@ -155,7 +161,28 @@ class Graph:
         """The largest component."""
         return self._add("peak", (x,), 1)
 
+    def embed(self, other: Graph, **given: int) -> dict[str, int]:
+        """Another graph behind nodes of this one; its outputs by name."""
+
+        def leaf(node: Node) -> int:
+            return given[node.data[0]] if node.op == "input" else self.constant(node.data[0])
+
+        found = other.fold(leaf, lambda node, args: self._add(node.op, tuple(args), node.size, *node.data))
+        return {name: found[i] for name, i in other.outputs.items()}
+
     # ---- reading ----------------------------------------------------------------------------------------------------
+    def depends(self, nodes: set[int], source: int) -> bool:
+        """Whether one of the nodes is computed from ``source``."""
+        seen, waiting = set(), list(nodes)
+        while waiting:
+            here = waiting.pop()
+            if here == source:
+                return True
+            if here not in seen:
+                seen.add(here)
+                waiting.extend(self.nodes[here].args)
+        return False
+
     def fold(self, leaf: Callable[[Node], Any], rule: Callable[[Node, list[Any]], Any]) -> list[Any]:
         """Every node's value in another algebra: ``leaf`` for inputs and constants, ``rule`` for the rest."""
         found: list[Any] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,8 @@ class Linearisation:
         The point; f is 0 at a steady state of a right-hand side.
     dt : float
         0 for a right-hand side (continuous time), the sample time for a step.
+    states, inputs, outputs : tuple of str
+        Names.
 
     Examples
     --------
@@ -47,19 +49,27 @@ class Linearisation:
     y0: np.ndarray
     f: np.ndarray
     dt: float
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     def to_control(self) -> Any:
-        """The deviation model as ``control.StateSpace``."""
-        return require("control", "control").ss(self.A, self.B, self.C, self.D, self.dt)
+        """The deviation model as ``control.StateSpace`` with the names of the signals."""
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        given = {key: [name.replace(".", "_") for name in value] for key, value in names.items() if value}
+        return require("control", "control").ss(self.A, self.B, self.C, self.D, self.dt, **given)
 
 
-def _point(simulator: Any) -> tuple[Any, PlantModel]:
-    plant = describe(simulator)
+def _point(simulator: Any, pade: int = 2) -> tuple[Any, PlantModel, Callable[..., np.ndarray]]:
+    """Plant and model; and what adds the states of effects, at rest, to those of the simulator."""
+    effects = callable(getattr(simulator, "small_signal", None))
+    whole = simulator.small_signal(pade) if effects else simulator
+    plant = describe(whole)
     if plant.access == "trajectory":
         raise SimulatorError(
             f"{type(simulator).__name__} gives trajectories only: a linearisation needs rhs or step, and states."
         )
-    return plant, PlantModel(plant)
+    return plant, PlantModel(plant), whole.complete if effects else lambda x, u: x
 
 
 def _value(plant: Any, model: PlantModel, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
@@ -78,15 +88,20 @@ def _values(given: Any, argument: str, names: Sequence[str], what: str) -> np.nd
     return values
 
 
-def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation:
+def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0, *, pade: int = 2) -> Linearisation:
     """Linearise a simulator with a right-hand side or a step, by central differences of it.
 
     Parameters
     ----------
     simulator : simulator with ``rhs`` or ``step``
+        An :class:`~sksurrogate.effects.AugmentedSimulator` has further states: those of laws, actuators and sensors with a
+        memory.
     x0 : array-like (n_states,)
+        States of the simulator, those of effects then being at rest; or all states.
     u0 : array-like (n_inputs,)
     t : float, default=0.0
+    pade : int, default=2
+        Order of Pade's approximation of a delay among the effects.
 
     Returns
     -------
@@ -95,7 +110,7 @@ def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation
     Raises
     ------
     SimulatorError
-        The simulator gives trajectories only, or x0 or u0 has the wrong length.
+        The simulator gives trajectories only, x0 or u0 has the wrong length, or an effect has no slope.
 
     Examples
     --------
@@ -105,8 +120,11 @@ def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation
     >>> linearise(make_reactor(), x, [0.15]).A.shape
     (1, 1)
     """
-    plant, model = _point(simulator)
-    x, u = _values(x0, "x0", plant.states, "states"), _values(u0, "u0", plant.inputs, "inputs")
+    plant, model, complete = _point(simulator, pade)
+    u = _values(u0, "u0", plant.inputs, "inputs")
+    own = plant.states if np.size(x0) != len(plant.x0) else plant.states[: len(plant.x0)]
+    x = _values(x0, "x0", own, "states")
+    x = complete(x, u) if len(x) == len(plant.x0) else x
     n, z = len(x), np.r_[x, u]
     h = 6e-6 * np.maximum(np.abs(z), 1e-2)
     columns = np.concatenate([z[:, None] + np.diag(h), z[:, None] - np.diag(h), z[:, None]], axis=1)
@@ -117,7 +135,9 @@ def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0) -> Linearisation
 
     J, f = slopes(_value(plant, model, columns[:n], columns[n:], t))
     G, y = slopes(np.asarray(model.output(np.full(columns.shape[1], t), columns[:n], columns[n:])))
-    return Linearisation(J[:, :n], J[:, n:], G[:, :n], G[:, n:], x, u, y, f, 0.0 if plant.access == "rhs" else plant.dt)
+    dt = 0.0 if plant.access == "rhs" else plant.dt
+    names = plant.states, plant.inputs, plant.outputs
+    return Linearisation(J[:, :n], J[:, n:], G[:, :n], G[:, n:], x, u, y, f, dt, *names)
 
 
 def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
@@ -133,6 +153,7 @@ def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
     Returns
     -------
     ndarray (n_states,)
+        States of the simulator; those that effects add are at rest.
 
     Raises
     ------
@@ -147,12 +168,12 @@ def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
     >>> bool(abs(make_reactor().rhs(0.0, x, [0.15], make_reactor().params)[0]) < 1e-8)
     True
     """
-    plant, model = _point(simulator)
-    u = _values(u0, "u0", plant.inputs, "inputs")[:, None]
-    start = plant.x0 if x0 is None else _values(x0, "x0", plant.states, "states")
+    plant, model, complete = _point(simulator)
+    u, n = _values(u0, "u0", plant.inputs, "inputs")[:, None], len(plant.x0)
+    start = plant.x0 if x0 is None else _values(x0, "x0", plant.states[:n], "states")
 
     def moves(x: np.ndarray) -> np.ndarray:
-        value = _value(plant, model, x[:, None], u, 0.0)[:, 0]
+        value = _value(plant, model, complete(x, u[:, 0])[:, None], u, 0.0)[:n, 0]
         return value if plant.access == "rhs" else value - x
 
     found = root(moves, start, tol=1e-12)

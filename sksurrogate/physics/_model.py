@@ -12,7 +12,7 @@ from sksurrogate.physics._foreign import REFUSALS
 from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PlantModel"]
+__all__ = ["PlantModel", "wired"]
 
 
 class PlantModel:
@@ -30,14 +30,14 @@ class PlantModel:
 
     def __init__(self, plant: Plant):
         self.plant = plant
-        wired = _wired(plant)
+        ported = wired(plant)
         #: All that the user's functions raised at points that they refused.
         self.said: dict[str, None] = {}
         refusals = REFUSALS if plant.input_range is None else (Exception,)
 
         def pointwise(what: str, names: Sequence[str]) -> PointwiseFunction:
             return PointwiseFunction(
-                wired(getattr(plant.simulator, what)), len(names), what, names, refusals, self.said
+                ported(getattr(plant.simulator, what)), len(names), what, names, refusals, self.said
             )
 
         self._rhs = pointwise("rhs", plant.states) if plant.access == "rhs" else None
@@ -138,12 +138,12 @@ class _WithForces:
     def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
         if len(u) == self.n_inputs:
             return self.function(t, x, u, p, *extra)
-        forces = np.zeros((self.n_offered, *np.shape(u)[1:]))
+        forces = np.zeros((self.n_offered, *np.shape(u)[1:]), dtype=u.dtype)
         forces[self.places] = u[self.n_inputs :]
         return self.function(t, x, u[: self.n_inputs], p, *extra, forces)
 
 
-def _wired(plant: Plant) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def wired(plant: Plant) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """What lets a function of the simulator take forces at further ports; nothing where there are none."""
     further = plant.further_ports
     if not further:

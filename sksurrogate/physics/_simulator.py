@@ -64,7 +64,7 @@ class BaseSimulator(BaseEstimator):
         plant = describe(self)
         if plant.access == "trajectory":
             raise SimulatorError(
-                f"{type(self).__name__} gives trajectories only: python-control wants a simulator with rhs or step."
+                f"{type(self).__name__} gives trajectories only: python-control needs a simulator with rhs or step."
             )
         places, output = plant.output_states, getattr(self, "output", None)
 
