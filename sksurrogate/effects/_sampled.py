@@ -21,9 +21,7 @@ from sksurrogate.physics._simulator import Plant
 __all__ = ["SampledForm", "names_of_memory", "point_model"]
 
 
-def point_model(
-    plant: Plant, effects: Sequence[BaseEffect], n_sub: int, scale: Any, sharpness: float
-) -> PointModel:
+def point_model(plant: Plant, effects: Sequence[BaseEffect], n_sub: int, scale: Any, sharpness: float) -> PointModel:
     """The augmented model at single points; kinks are sharp where the sizes of the states are not known."""
     n = len(plant.inputs)
     record = Record.from_runs(
@@ -76,7 +74,9 @@ class SampledForm:
         symbols: bool = False,
     ):
         if plant.hold != "zoh":
-            raise SimulatorError(f'hold="{plant.hold}" has no state-space form: a step needs its input held, hold="zoh".')
+            raise SimulatorError(
+                f'hold="{plant.hold}" has no state-space form: a step needs its input held, hold="zoh".'
+            )
         n_sub = SUBSTEPS_OF_SHARP if plant.access == "step" else n_sub
         whole = point_model(plant, effects, n_sub, scale, sharpness)
         self.plant, self.n_sub = plant, n_sub
@@ -88,7 +88,7 @@ class SampledForm:
                 self.states += names_of_memory(effect, effect.n_hidden)
         self.actuators: list[tuple[int, int | None, InputInSample, slice]] = []
         self.sensors: list[tuple[int, SensorInSample, slice]] = []
-        acting = sorted(enumerate(effects), key=lambda item: item[1].order)
+        acting = sorted(enumerate(effects), key=lambda item: (item[1].kind == "output", item[1].order))
         ramps = dict.fromkeys(range(len(plant.inputs)), False)
         for i, effect in acting:
             values = whole.parameters_of(i, theta)

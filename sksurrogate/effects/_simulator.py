@@ -18,6 +18,7 @@ from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.effects._small_signal import SampledPoint
 from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.export._describe import SUBSTEPS
 from sksurrogate.export._graph import Graph
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._free_run import raise_if_diverged
@@ -73,7 +74,8 @@ class AugmentedSimulator(BaseSimulator):
     ``x0`` holds the states of the simulator; the effects' own states start at rest, filters at their first input.
     Simulators that only give trajectories take effects on inputs (as means over a sample), sensors and parameters.
     Effects at their null value leave the simulator as it is. ``rhs`` and ``output`` exist where no effect has a memory,
-    acts on an input or is a limit: then everything that needs a right-hand side can use the simulator.
+    acts on an input or is a limit: then everything that needs a right-hand side can use the simulator. ``to_graph``,
+    ``to_casadi``, ``to_c``, ``linearise`` and ``to_control`` take all effects: memories become states.
 
     Examples
     --------
@@ -284,16 +286,16 @@ class AugmentedSimulator(BaseSimulator):
         return acting
 
     # ---- where it goes to -------------------------------------------------------------------------------------------
-    def to_graph(self, n_sub: int = 4) -> Graph:
+    def to_graph(self, n_sub: int | None = None) -> Graph:
         """The simulator with its effects as ``x_next, y = f(x, u)`` over a sample, for CasADi, C and ONNX.
 
         The state holds the states of the simulator, then those of laws, actuators and sensors with a memory, then the time
         where something depends on it: ``graph.states`` names them, :meth:`start_state` gives them at the start of a run.
-        The formulae are those of :meth:`simulate` in ``n_sub`` substeps of Runge-Kutta's method.
+        The formulae are those of :meth:`simulate` in ``n_sub`` (default: 4) substeps of Runge-Kutta's method.
         """
-        return graph_of(self._parts(), n_sub, self.scale, self.sharpness)
+        return graph_of(self._parts(), n_sub or SUBSTEPS, self.scale, self.sharpness)
 
-    def start_state(self, x0: Any = None, u0: Any = None, n_sub: int = 4) -> np.ndarray:
+    def start_state(self, x0: Any = None, u0: Any = None, n_sub: int | None = None) -> np.ndarray:
         """All states of :meth:`to_graph` at the start of a run.
 
         Parameters
@@ -302,7 +304,7 @@ class AugmentedSimulator(BaseSimulator):
             States of the simulator; its own initial states by default.
         u0 : array-like (n_inputs,), optional
             First row of the inputs; 0 by default.
-        n_sub : int, default=4
+        n_sub : int, optional
             As in :meth:`to_graph`.
 
         Returns
@@ -312,7 +314,7 @@ class AugmentedSimulator(BaseSimulator):
         parts = self._parts()
         x = parts[0].x0 if x0 is None else np.asarray(x0, dtype=float).ravel()
         u = np.zeros(len(parts[0].inputs)) if u0 is None else np.asarray(u0, dtype=float).ravel()
-        started = SampledPoint(sampled_of(parts, n_sub, self.scale, self.sharpness)).complete(x, u)
+        started = SampledPoint(sampled_of(parts, n_sub or SUBSTEPS, self.scale, self.sharpness)).complete(x, u)
         timed = len(self.to_graph(n_sub).states or ()) - len(started)
         return np.append(started, np.zeros(timed))
 

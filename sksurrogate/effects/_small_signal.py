@@ -125,7 +125,7 @@ class SmallSignal:
         for effect in effects:
             names += names_of_memory(effect, effect.n_hidden) if isinstance(effect, HiddenEffect) else []
         self.acting: list[tuple[BaseEffect, list[float], Any, slice]] = []
-        for i, effect in sorted(enumerate(effects), key=lambda item: item[1].order):
+        for i, effect in sorted(enumerate(effects), key=lambda item: (item[1].kind == "output", item[1].order)):
             if not isinstance(effect, InputEffect | SensorEffect):
                 continue
             values, kind = whole.parameters_of(i, theta), unwindowed(effect)

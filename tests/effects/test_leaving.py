@@ -115,7 +115,9 @@ def test_several_effects_run_as_they_are_simulated(names, run):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["coulomb_friction", "input_lag", "input_dead_zone", "sensor_bias", "hidden_relaxation"])
+@pytest.mark.parametrize(
+    "name", ["coulomb_friction", "input_lag", "input_dead_zone", "sensor_bias", "hidden_relaxation"]
+)
 def test_an_effect_with_an_onset_runs_as_it_is_simulated(name):
     plain = _with(ODE, name)
     late = starting(plain.effects[0])
@@ -174,7 +176,9 @@ def test_pade_has_gain_one_and_the_phase_of_the_delay(order):
     A, B, C, D = pade_of(0.3, order)
     for w in (0.0, 0.5, 1.0):
         value = C @ np.linalg.solve(1j * w * np.eye(order) - A, B) + D
-        assert abs(value) == pytest.approx(1.0) and np.angle(value) == pytest.approx(-0.3 * w, abs={1: 3e-3, 2: 1e-5, 4: 1e-9}[order])
+        assert abs(value) == pytest.approx(1.0) and np.angle(value) == pytest.approx(
+            -0.3 * w, abs={1: 3e-3, 2: 1e-5, 4: 1e-9}[order]
+        )
 
 
 @pytest.mark.parametrize("simulator", [ODE, STEP], ids=["ode", "step"])
@@ -190,7 +194,7 @@ def test_every_effect_is_linearised_or_refused_with_its_reason(name, simulator):
 
 
 def test_a_state_at_its_limit_has_no_slope():
-    with pytest.raises(SimulatorError, match="'q' is at its limit 0.3"):
+    with pytest.raises(SimulatorError, match=r"'q' is at its limit 0\.3"):
         linearise(_with(ODE, "state_saturation"), [0.3, 0.0, 0.0], [0.0, 0.0])
 
 
@@ -204,7 +208,11 @@ def test_python_control_runs_it_with_the_names_of_its_signals():
     found = control.input_output_response(system, 0.05 * np.arange(len(U)), U.T, start).outputs
     np.testing.assert_allclose(found.T, model.simulate(U, x0=X0), atol=1e-4)
     local = linearise(model, [0.1, 0.01, 0.0], [0.0, 0.0]).to_control()
-    assert local.input_labels == ["u", "w"] and local.state_labels[-3:] == ["sensor_lag_q", "input_delay_u_0", "input_delay_u_1"]
+    assert local.input_labels == ["u", "w"] and local.state_labels[-3:] == [
+        "input_delay_u_0",
+        "input_delay_u_1",
+        "sensor_lag_q",
+    ]
 
 
 def test_a_discrete_state_space_is_exact_for_a_delay_of_whole_samples():
@@ -224,7 +232,9 @@ def test_what_has_no_state_space_form_says_why():
     ahead = AugmentedSimulator(ODE, [CATALOGUE["sensor_delay"]("q", earliest=-1.0)], [(-0.1,)])
     with pytest.raises(SimulatorError, match="shows what is to come"):
         ahead.to_graph()
-    branching = ODESimulator(lambda t, x, u, p: [u[0] if x[0] > 0 else -x[0]], states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+    branching = ODESimulator(
+        lambda t, x, u, p: [u[0] if x[0] > 0 else -x[0]], states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1
+    )
     with pytest.raises(SurrogateError, match="branch on values"):
         AugmentedSimulator(branching, [CATALOGUE["input_lag"]("u")], [(0.1,)]).to_graph()
 

@@ -27,3 +27,11 @@ def test_the_page_of_the_catalogue_is_up_to_date():
     written = runpy.run_path(str(docs / "_scripts" / "effects_page.py"))["page"]()
     assert (docs / "effects.md").read_text() == written
     assert all(f"| `{name}` |" in written for name in CATALOGUE)
+
+
+def test_the_table_of_exports_is_up_to_date():
+    """Run docs/_scripts/export_table.py when this fails."""
+    docs = Path(__file__).parents[2] / "docs"
+    written = runpy.run_path(str(docs / "_scripts" / "export_table.py"))["page"]()
+    assert (docs / "from_report_to_controller.md").read_text() == written
+    assert all(f"`{name}`" in written for name in CATALOGUE)

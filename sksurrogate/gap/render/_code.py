@@ -31,12 +31,12 @@ _LINEARISE = """
 from sksurrogate.physics import linearise, steady_state
 
 x = steady_state(model, u0)
-local = linearise(model, x, u0)  # local.A, local.B, local.C, local.D
+local = linearise(model, x, u0)  # local.states, local.A, local.B, local.C, local.D
 """
 _CONTROL = """
 import control, numpy as np
 
-K, S, poles = control.lqr(local.to_control(), np.eye({n_states}), np.eye({n_inputs}))
+K, S, poles = control.lqr(local.to_control(), np.eye(len(local.A)), np.eye({n_inputs}))
 """
 
 
@@ -54,7 +54,7 @@ def code_of(report: ReportData) -> str:
     str
     """
     n_states, n_inputs = len(report.states), len(report.inputs)
-    names = {"n_inputs": n_inputs, "inputs": list(report.inputs), "n_states": n_states}
+    names = {"n_inputs": n_inputs, "inputs": list(report.inputs)}
     out = _built(report) + "\n" + _SIMULATE.format(**names)
     if n_states and n_inputs and report.provenance.access != "trajectory":
         out += _LINEARISE + _CONTROL.format(**names)
