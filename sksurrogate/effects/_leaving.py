@@ -71,7 +71,7 @@ def _drawn(form: SampledForm, clock: bool) -> tuple[Graph, bool]:
     graph, n = Graph(), len(form.states)
     x, u = graph.input("x", n + clock), graph.input("u", len(form.plant.inputs))
     xs, us = symbols(graph, x), symbols(graph, u)
-    t = xs[n] if clock else 0.0
+    t: Any = xs[n] if clock else 0.0
     y = joined(graph, stacked(form.output(t, list(xs[:n]), list(us))))
     later = joined(graph, stacked(form.step(t, list(xs[:n]), list(us))))
     timed = clock and graph.depends({y, later}, t.node)

@@ -36,7 +36,7 @@ class SymbolModel:
 
     def __init__(self, plant: Plant):
         self.plant = plant
-        self._graph = plant.simulator.to_graph() if hasattr(plant.simulator, "to_graph") else None
+        self._graph: Any = plant.simulator.to_graph() if hasattr(plant.simulator, "to_graph") else None
         self._function = wired(plant)(plant.simulator.rhs if plant.access == "rhs" else plant.simulator.step)
         self._output = None if plant.output_states is not None else wired(plant)(plant.simulator.output)
 
