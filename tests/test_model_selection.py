@@ -57,6 +57,9 @@ def test_fit_percent_and_whiteness_against_closed_forms():
     assert 0.02 < np.mean(false_alarms) < 0.09  # 5 % +- 3.5 standard errors
 
 
+@pytest.mark.filterwarnings(
+    "ignore:the free runs of"
+)  # of a network with too few nodes: the search is there to pass it over
 def test_a_search_chooses_estimator_nodes_and_lags_by_runs():
     X, y, groups = make_reactor_runs(8, 80, u_range=(0.1, 0.2), random_state=0)
     net = MLPRegressor(activation="tanh", solver="lbfgs", alpha=1e-3, max_iter=400, random_state=0)

@@ -98,18 +98,18 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         self.found = PartialResults()
         self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
         self.failed: dict[str, str] = {}
-        self.begun_at, self.include_law = time.perf_counter(), include_law
+        self.started_at, self.include_law = time.perf_counter(), include_law
         self.experiment: PendingAnswer[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
         self.rows = np.arange(search.problem.record.n_samples)
 
     def run(self, progress: Progress) -> GapReport | None:
         """All stages, and the report of what is known after them; None where ``book`` has another record by then."""
-        self.begun_at, came = progress.fitted_null, self.book
+        self.started_at, came = progress.started_at, self.book
         try:
             for stage in STAGES:
                 progress.stage(stage.share)
-                until = progress.fitted_null + stage.until * (self.time_limit or np.inf)
+                until = progress.started_at + stage.until * (self.time_limit or np.inf)
                 with quiet(), time_until(until):
                     self.ask(stage)
                 if self.book is not came and self.book is not None and self.book.changed:
@@ -118,7 +118,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
             self.complete = self.inside.complete = False
         with quiet():
-            return self.answer(time.perf_counter() - progress.fitted_null)
+            return self.answer(time.perf_counter() - progress.started_at)
 
     def ask(self, stage: Stage) -> None:
         """One stage, as far as there is time."""
@@ -172,7 +172,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
         self.inside.look(self.final)
-        if self.book is not None and time.perf_counter() - self.begun_at < SOON * (self.time_limit or np.inf):
+        if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
             self.book = self.book.looked_at(self.search, self.rows, self.inside.law_gain)
 
     def weigh_names(self) -> None:
@@ -352,7 +352,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         """Where the gap lies and the shape of what is missing there, as far as there is time."""
         place, term = Where(None, None), None
         try:
-            with time_until(self.begun_at + (self.time_limit or np.inf)):
+            with time_until(self.started_at + (self.time_limit or np.inf)):
                 if time_left() > 0.0:
                     place = self.where(verdict, effects)
                 if verdict in ("partial", "unknown") and self.inside.remains is not None and place.location is not None:

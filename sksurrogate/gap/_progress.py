@@ -38,7 +38,7 @@ class Progress:
 
     def __init__(self, show: Callable[[str, float, float | None], None] | None = None, time_limit: float | None = None):
         self.show, self.time_limit = show, time_limit
-        self.fitted_null = time.perf_counter()
+        self.started_at = time.perf_counter()
         self.done, self.end = 0.0, 0.0
 
     def stage(self, share: float) -> None:
@@ -48,7 +48,7 @@ class Progress:
 
     def say(self, message: str) -> None:
         """What is being done."""
-        elapsed = time.perf_counter() - self.fitted_null
+        elapsed = time.perf_counter() - self.started_at
         rest = remaining_seconds(elapsed, self.done)
         if rest is not None and self.time_limit is not None:
             rest = max(min(rest, self.time_limit - elapsed), 0.0)

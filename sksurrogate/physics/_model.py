@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.physics._foreign import REFUSALS
 from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant
 
@@ -33,11 +32,11 @@ class PlantModel:
         ported = wired(plant)
         #: All that the user's functions raised at points that they refused.
         self.said: dict[str, None] = {}
-        refusals = REFUSALS if plant.input_range is None else (Exception,)
+        answered = plant.input_range is not None  # the first point of the data: no mistake in it
 
         def pointwise(what: str, names: Sequence[str]) -> PointwiseFunction:
             return PointwiseFunction(
-                ported(getattr(plant.simulator, what)), len(names), what, names, refusals, self.said
+                ported(getattr(plant.simulator, what)), len(names), what, names, answered, self.said
             )
 
         self._rhs = pointwise("rhs", plant.states) if plant.access == "rhs" else None

@@ -55,8 +55,9 @@ class PointwiseFunction:
         How the message calls it: "rhs", "output" or "step".
     names : sequence of str
         Names of the components.
-    refusals : tuple of exception types
-        What the function raises at a point that it refuses; others are mistakes in it.
+    any_error : bool, default=False
+        Whether every exception refuses a point, as of a function that has answered before; else those that arithmetic raises do,
+        and others are mistakes in it.
     said : dict, optional
         Takes up all that it raises at points that it refuses.
     """
@@ -67,14 +68,14 @@ class PointwiseFunction:
         size: int,
         what: str,
         names: Sequence[str],
-        refusals: tuple[type[Exception], ...] = REFUSALS,
+        any_error: bool = False,
         said: dict[str, None] | None = None,
     ):
         self.function = function
         self.size = size
         self.what = what
         self.names = tuple(names)
-        self.refusals = refusals
+        self.any_error = any_error
         self.said = {} if said is None else said
         self.vectorised: bool | None = None
         #: What the function said when it last refused a point.
@@ -219,7 +220,7 @@ class PointwiseFunction:
     def _check_refused(self, error: Exception) -> BaseException:
         """What the function said where it refused a point; a mistake in it is raised."""
         cause = error.__cause__ if isinstance(error, SimulatorError) else error
-        if Exception not in self.refusals and not isinstance(cause, self.refusals):
+        if not (self.any_error or isinstance(cause, REFUSALS)):
             raise error
         return cause or error
 

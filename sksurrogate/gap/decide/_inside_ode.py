@@ -85,6 +85,8 @@ class OdeInside:
         The likeliest law without a name beside what stands.
     instead : LawBeside or None
         The likeliest law in the place of all names, once it was asked for.
+    clock : str
+        A sentence where the record fits in another unit of time.
     """
 
     #: Whether what needs no name is asked while names are looked for; which effects were compared.
@@ -97,6 +99,7 @@ class OdeInside:
         self.tolerance, self.excluded = tolerance, frozenset(excluded)
         self.beside: LawBeside | None = None
         self.instead: LawBeside | None = None
+        self.clock = ""
 
     @property
     def scale(self) -> np.ndarray:
@@ -114,8 +117,10 @@ class OdeInside:
         return law.gain if law is not None else 0.0
 
     def begin(self) -> None:
-        """The places of the gap are made once for one null."""
+        """The places of the gap are made once for one null; whether the record fits in another unit of time."""
+        problem = self.search.problem
         self.channels = Channels(self.search.fitted_null.candidate)
+        self.clock = other_unit_of_time(problem.model, problem.record)
 
     def correction(self, correction: Any) -> Correction | None:
         """Beside the runs of the simulator that are known."""
@@ -264,7 +269,6 @@ class OdeInside:
         notes, rounding = lost_places(self.channels.lost), self.rounding(final)
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
-        clock = other_unit_of_time(self.search.problem.model, self.search.problem.record) if verdict != "none" else ""
-        notes += [clock] if clock else []
+        notes += [self.clock] if self.clock and verdict != "none" else []
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes

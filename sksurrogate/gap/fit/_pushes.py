@@ -33,8 +33,9 @@ def pushed_input(u: np.ndarray, i: int) -> tuple[np.ndarray, float]:
 
     Examples
     --------
-    >>> pushed_input(np.array([[0.0, 2.0]]), 0)
-    (array([[0.002, 2.002]]), 0.002)
+    >>> pushed, push = pushed_input(np.array([[1.0, 2.0]]), 0)
+    >>> pushed.tolist(), push
+    ([[1.001, 2.001]], 0.001)
     """
     push = PUSH_OF_INPUT * (float(np.ptp(u[i])) or 1.0)
     out = u.copy()
