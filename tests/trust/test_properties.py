@@ -23,6 +23,9 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._simulator import describe
 
+#: Random plants, rows and learners: that a random fit leaves its own training runs is said, and is not what is tested here.
+pytestmark = pytest.mark.filterwarnings("ignore:the free runs of")
+
 SOME = settings(max_examples=25, deadline=None)
 seeds = st.integers(0, 2**31 - 1)
 lengths = st.lists(st.integers(8, 30), min_size=1, max_size=5)
