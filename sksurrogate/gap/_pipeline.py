@@ -157,7 +157,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         """The simulator alone; what can be asked in the second process while names are looked for."""
         self.search.fit_null()
         self.inside.begin()
-        if self.inside.asks_aside:
+        if self.inside.asks_early:
             _ = self.baseline
 
     def look_for_names(self) -> None:

@@ -75,9 +75,8 @@ def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
         value = worth(candidate)
         if candidate.effects[-1].key != own:
             found.append((value, candidate))
-        elif (
-            candidate.fit.cost < final.fit.cost + CLOSE
-        ):  # readings in steps have slopes that promise what no fit keeps
+        elif candidate.fit.cost < final.fit.cost + CLOSE:
+            # Readings in steps have slopes that promise what no fit keeps.
             level, itself = min(level, value), itself or candidate
     found = _with_own_noise(search, final, level, found)
     twins, identical = [], []

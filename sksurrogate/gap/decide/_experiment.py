@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, NextExperiment
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["NATS_THAT_SETTLE", "name_of", "suggestion", "when_they_part"]
+__all__ = ["name_of", "suggestion", "when_they_part"]
 
-#: Nats of log likelihood that settle between two candidates.
-NATS_THAT_SETTLE = 3.0
 #: Tied candidates that a sentence lists.
 EXPERIMENTS_LISTED = 4
 

@@ -90,7 +90,7 @@ class OdeInside:
     """
 
     #: Whether what needs no name is asked while names are looked for; which effects were compared.
-    asks_aside, among = True, "of the catalogue"
+    asks_early, among = True, "of the catalogue"
 
     def __init__(self, search: Search, seed: int, whole: Record, tolerance: float, excluded: Iterable[str] = ()):
         self.search, self.seed, self.whole, self.complete = search, seed, whole, True

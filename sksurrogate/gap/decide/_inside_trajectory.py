@@ -52,7 +52,7 @@ class TrajectoryInside:
     """
 
     #: Every question waits for the search: it moves the initial states.
-    asks_aside, among = False, "that can be tested here"
+    asks_early, among = False, "that can be tested here"
     #: Size of the states, and the law beside what stands, which only a right-hand side shows.
     scale: np.ndarray | None = None
     beside: LawBeside | None = None

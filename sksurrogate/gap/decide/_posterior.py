@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.search._base import EQUAL
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import closes_by_size
@@ -26,8 +26,6 @@ UNNAMED = 0.02
 LEAST_BESIDE, LEAST_ALONE = 0.9, 0.5
 #: Sets that are compared beside a law: at most so many.
 MOST_OTHERS = 6
-#: Nats that separate sets: of those this near the likeliest the one that is likelier before any data is named.
-SEPARATE = 0.5 * EQUAL
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class Posterior:
     law : LawBeside or None
         The law beside the set; None where it cannot be judged.
     as_likely : tuple of OdeCandidate
-        Sets with another effect in the place of one that are as likely beside a law of their own, up to :data:`SEPARATE`.
+        Sets with another effect in the place of one that are as likely beside a law of their own, up to :data:`NATS_THAT_SETTLE`.
     """
 
     probabilities: tuple[float, ...]
@@ -101,7 +99,9 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
             if best is not own:
                 best = preferred(own, _contender_of(search, search.polish(best.candidate), tolerance, [own.law.seed]))
             if best is own:
-                return final, _of_classes(posterior, own, [one for one in others if one.net > own.net - SEPARATE])
+                return final, _of_classes(
+                    posterior, own, [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
+                )
             final = search.judged[search.stand(best.candidate)]
             continue
         fewer = search.without(final.candidate, least)
@@ -171,15 +171,15 @@ def contenders(
     ]
     others: list[_Contender] = []
     for candidate in sorted(near, key=reach, reverse=True)[:MOST_OTHERS]:
-        if reach(candidate) > max([own.net, *(one.net for one in others)]) - SEPARATE:
+        if reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
             others.extend(_contender_of(search, candidate, tolerance, [law.seed]))
     return own, others
 
 
 def preferred(own: _Contender, others: Sequence[_Contender]) -> _Contender:
-    """Of the sets that are as likely as the likeliest, up to :data:`SEPARATE`, the likeliest before any data, or what stands."""
+    """Of the sets that are as likely as the likeliest, up to :data:`NATS_THAT_SETTLE`, the likeliest before any data, or what stands."""
     best = max(one.net for one in (own, *others))
-    return max((one for one in (own, *others) if one.net > best - SEPARATE), key=lambda one: one.before)
+    return max((one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE), key=lambda one: one.before)
 
 
 def _contender(search: Search, candidate: OdeCandidate, law: LawBeside) -> _Contender:

@@ -8,10 +8,10 @@ import numpy as np
 
 from sksurrogate.gap.render._values import change_of, confidence, number, percent, place_of, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.results._report_data import ReportData
 
 __all__ = [
-    "ENOUGH",
     "changes",
     "first_of",
     "headline",
@@ -22,8 +22,6 @@ __all__ = [
     "separating",
 ]
 
-#: Nats of log likelihood that settle between two candidates.
-ENOUGH = 3.0
 #: Candidates that a line lists.
 LISTED = 4
 #: Below this error (share of the outputs' deviation) a gap is said to be small.
@@ -145,7 +143,7 @@ def separating(report: ReportData) -> list[dict]:
     """The experiments that separate what is tied, the best first."""
     experiment = report.next_experiment
     rows = [] if experiment is None else [dict(row) for row in experiment.options]
-    return [row for row in rows if row.get("gain", 0.0) >= ENOUGH]
+    return [row for row in rows if row.get("gain", 0.0) >= NATS_THAT_SETTLE]
 
 
 def next_steps(report: ReportData) -> list[str]:

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 from sksurrogate.gap.results._table import EMPTY, Table
 
-__all__ = ["NextExperiment"]
+__all__ = ["NATS_THAT_SETTLE", "NextExperiment"]
+
+#: Nats of log likelihood that settle between two candidates: odds of twenty.
+NATS_THAT_SETTLE = 3.0
 
 
 @dataclass(frozen=True)

@@ -60,17 +60,17 @@ class Remaining:
         def question() -> tuple[tuple[LatentForce, list[Place]], tuple[LatentForce, np.ndarray] | None]:
             return gap_and_places(null, channels, closed), law_left(first, seed) if both else None
 
-        self._aside = later.ask(question)
+        self._pending = later.ask(question)
 
     def of(self, final: Evidence) -> Remains:
         """Of the names that stand at the end."""
         here = final.candidate is not self.first.candidate or not self.both
         own = law_left(final, self.seed) if here else None
-        (force, accusable), beside = self._aside.answer()
+        (force, likely), beside = self._pending.answer()
         found = own or beside
         assert found is not None
         latent, law = found
-        return Remains(latent, law, accusable, force)
+        return Remains(latent, law, likely, force)
 
 
 def gap_and_places(null: Evidence, channels: Channels, closed: bool) -> tuple[LatentForce, list[Place]]:
