@@ -20,8 +20,8 @@ from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
-from sksurrogate.gap.fit._excerpt import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._known_parameters import KnownParameters
+from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
 from sksurrogate.gap.search._search import Search

@@ -16,23 +16,18 @@ from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._stage import INTERRUPTED, SOON, Stage, quiet
-from sksurrogate.gap.decide._baseline import Baseline
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
-from sksurrogate.gap.decide._canonical import canonical_classes
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
-from sksurrogate.gap.decide._equivalence import Slot
-from sksurrogate.gap.decide._estimates import estimates
-from sksurrogate.gap.decide._experiment import name_of
+from sksurrogate.gap.decide._equivalence import Slot, canonical_classes, probabilities
+from sksurrogate.gap.decide._estimates import estimates, ranking
+from sksurrogate.gap.decide._experiment import name_of, next_experiment
 from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
-from sksurrogate.gap.decide._held_out import held_out, measure, notes_on_names, same_names, shares, traces
+from sksurrogate.gap.decide._held_out import Baseline, held_out, measure, notes_on_names, same_names, shares, traces
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
 from sksurrogate.gap.decide._intervals import intervals, parameter_errors
-from sksurrogate.gap.decide._next_experiment import next_experiment
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._posterior import Posterior
-from sksurrogate.gap.decide._probability import probabilities
-from sksurrogate.gap.decide._ranking import ranking
 from sksurrogate.gap.decide._rules import decide
 from sksurrogate.gap.faults._book import RecordBook, faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop

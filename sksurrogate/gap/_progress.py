@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-__all__ = ["Progress", "progress_shown", "remaining_seconds"]
+__all__ = ["Progress", "progress_shown"]
 
 #: Seconds before which an estimate would say nothing.
 TOO_EARLY = 0.5

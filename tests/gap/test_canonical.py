@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.decide._canonical import rank
+from sksurrogate.gap.decide._equivalence import rank
 from sksurrogate.physics import ODESimulator
 
 RUNS, ROWS = 3, 150

@@ -6,7 +6,7 @@ import pytest
 import sksurrogate
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap import compare_simulators
-from sksurrogate.gap._excitation import excitation
+from sksurrogate.gap._compare import excitation
 from sksurrogate.physics import ODESimulator
 
 NAMES = {"states": ["q", "v"], "inputs": ["force"], "outputs": ["q"], "dt": 0.02}

@@ -148,12 +148,12 @@ def test_effects_that_the_retuning_would_hide_are_told():
 
 
 def test_an_interrupt_keeps_what_is_known(monkeypatch):
-    from sksurrogate.gap.decide import _canonical
+    from sksurrogate.gap.decide import _equivalence
 
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_canonical, "equivalents", interrupted)
+    monkeypatch.setattr(_equivalence, "equivalents", interrupted)
     X, y, runs = measure(lambda q, v, u: -8 * q**3)
     with pytest.warns(UserWarning, match="interrupted"):
         report = GapDiagnoser(oscillator(), random_state=0).fit(X, y, groups=runs).report_

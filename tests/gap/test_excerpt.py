@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sksurrogate.gap.fit._excerpt import excerpt
+from sksurrogate.gap.fit._record_parts import excerpt
 from sksurrogate.kernels.record import Record
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sksurrogate.effects import CATALOGUE, starting
-from sksurrogate.gap.fit._quantization import alike
+from sksurrogate.gap.fit._rounding import alike
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._simulator import describe

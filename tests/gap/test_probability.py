@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects._balance import ConstantBias, LinearLoss
-from sksurrogate.gap.decide._probability import probabilities
+from sksurrogate.gap.decide._equivalence import probabilities
 from sksurrogate.gap.search._search import EQUAL
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._noisy_input import smoothings
-from sksurrogate.gap.faults._outlying import outlying_rows
 from sksurrogate.gap.faults._proposals import tone
+from sksurrogate.gap.faults._readings import outlying_rows
 from sksurrogate.gap.faults._run_faults import Gains, Hum, Offsets, Shifts
 from sksurrogate.kernels.record import Record
 

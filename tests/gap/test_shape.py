@@ -9,9 +9,8 @@ from sksurrogate.gap.fit._closed_loop import closed_loop
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._formula_library import Library
 from sksurrogate.gap.unnamed._formula_search import drafts_at
-from sksurrogate.gap.unnamed._grammar import terms_of
+from sksurrogate.gap.unnamed._grammar import Library, terms_of
 from sksurrogate.gap.unnamed._shape import shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise

@@ -7,7 +7,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise, judged_under
-from sksurrogate.gap.search._line_search import promising
+from sksurrogate.gap.search._restart import promising
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

@@ -7,7 +7,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._screen import screen
-from sksurrogate.gap.search._merged_pair import together
+from sksurrogate.gap.search._nested import together
 from sksurrogate.kernels.output_error import Fit, free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

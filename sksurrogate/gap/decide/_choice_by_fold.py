@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import C, Evidence, bar, judged_under, profile
-from sksurrogate.gap.fit._folds import blocked, run_folds
+from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.search._base import CORRELATED, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 

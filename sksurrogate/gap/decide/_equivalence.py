@@ -1,4 +1,4 @@
-"""What these data cannot tell apart: the candidates that could stand in the place of each name."""
+"""What these data cannot tell apart: the candidates that could stand in the place of each name, which of them is named, how probable it is."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from typing import Any, Generic
 
 import numpy as np
 
+from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
 from sksurrogate.gap.search._nested import richer
 
-__all__ = ["Slot", "equivalents"]
+__all__ = ["Slot", "canonical_classes", "probabilities", "rank"]
 
 #: Candidates further than this under the final noise are not judged under their own; nor are more than this many.
 MAY_CATCH_UP, MOST_JUDGED = 40.0, 8
@@ -109,12 +112,125 @@ def _with_own_noise(
     """
     found.sort(key=lambda item: -item[0])
     judged = []
-    for rank, (value, candidate) in enumerate(found):
+    for place, (value, candidate) in enumerate(found):
         missing = 2.0 * (level - value)
-        if EQUAL < missing <= MAY_CATCH_UP and rank < MOST_JUDGED:
+        if EQUAL < missing <= MAY_CATCH_UP and place < MOST_JUDGED:
             again = search.judge(estimate_noise(candidate, final.noise, final.curvature, max_iterations=8))
             value = max(value, again.log_likelihood - 0.5 * search.prior_cost(candidate))
         cheap = search.prior_cost(candidate) <= search.prior_cost(final.candidate) + EQUAL
         if 2.0 * (level - value) <= EQUAL or (cheap and predicts_the_same(candidate, final)):
             judged.append((value, candidate))
     return sorted(judged, key=lambda item: -item[0])
+
+
+#: Places in the order in which twins are named: what the simulator has already comes first.
+_ORDER_OF_KINDS = ("parameter", "state", "input", "output")
+_PLACE = {name: i for i, name in enumerate(CATALOGUE)}
+
+
+def rank(effect: BaseEffect) -> tuple[int, int, int, str, str, str]:
+    """What twins are ordered by: fewest parameters, the order of places and of the catalogue, then the names themselves.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects._input import InputBias
+    >>> from sksurrogate.effects._sensor import SensorBias
+    >>> rank(InputBias("valve")) < rank(SensorBias("level"))
+    True
+    """
+    kind = _ORDER_OF_KINDS.index(effect.kind) if effect.kind in _ORDER_OF_KINDS else len(_ORDER_OF_KINDS)
+    place = _PLACE.get(effect.name, len(_PLACE))
+    return len(effect.parameters), kind, place, effect.name, str(effect.location), effect.variable or ""
+
+
+def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list[Slot[C]], Posterior]:
+    """The class of every named effect; where an exact twin comes first by :func:`rank`, that is what stands, and is settled.
+
+    Which of two twins a search meets first hangs on rounding, and so on the unit of time and on the order of the states.
+
+    Parameters
+    ----------
+    search : BaseSearch
+        Its ``final`` may become another.
+    posterior : Posterior
+        Of what stands.
+
+    Returns
+    -------
+    slots : list of Slot
+        In the order of the effects that stand then.
+    posterior : Posterior
+        In the same order.
+    """
+    final = search.final or search.fitted_null
+    slots, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
+    for own in final.effects:
+        i = [effect.key for effect in final.effects].index(own.key)
+        first = _first_twin(slots[i], own)
+        if first is None or slots[i].own is None:
+            continue
+        final = search.final = search.judge(estimate_noise(first, final.noise, final.curvature, max_iterations=8))
+        search.richer.setdefault(first.effects[-1].key, []).extend(search.richer.get(own.key, []))
+        order = [*(k for k in range(len(slots)) if k != i), i]  # the twin stands last in its candidate
+        slots = [replace(slots[k], index=n) for n, k in enumerate(order)]
+        slots[-1] = _seen_from(slots[-1], first)
+        kept = [kept[k] for k in order] if kept else kept
+    search.settle()
+    return slots, replace(posterior, probabilities=tuple(kept))
+
+
+def _first_twin(slot: Slot[C], own: BaseEffect) -> C | None:
+    """The exact twin that comes before the named effect; None where that is the first itself."""
+    exact = [twin for twin, same in zip(slot.twins, slot.identical) if same and rank(twin.effects[-1]) < rank(own)]
+    return min(exact, key=lambda twin: rank(twin.effects[-1]), default=None)
+
+
+def _seen_from(slot: Slot[C], twin: C) -> Slot[C]:
+    """The same class with a twin as the named effect."""
+    assert slot.own is not None
+    others = [(one, same) for one, same in zip(slot.twins, slot.identical) if one is not twin]
+    return replace(
+        slot, twins=[slot.own, *(one for one, _ in others)], identical=[True, *(same for _, same in others)], own=twin
+    )
+
+
+def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Sequence[float]) -> list[float]:
+    """Probability that each effect, or one of its class, acts in the plant, whatever else acts.
+
+    Parameters
+    ----------
+    search : BaseSearch
+    final : BaseCandidate
+    slots : sequence of Slot
+    posterior : sequence of float
+        Of each effect against none and against a law without a name in its place (:func:`weigh`).
+    """
+    own = search.score(final)
+    out = []
+    for slot, chance in zip(slots, posterior):
+        ours = [own, *(_score(search, candidate, final) for candidate in slot.twins)]
+        against = _others(search, final, slot)
+        top = max([*ours, *against])
+        for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
+        out.append(chance * for_it / in_all)
+    return out
+
+
+def _score(search: BaseSearch[C], candidate: C, final: C) -> float:
+    """Of a tied candidate; one that was not given a noise of its own predicts the same as the final one."""
+    if search.own(candidate) is not None:
+        return search.score(candidate)
+    return search.score(final) - 0.5 * (candidate.n_parameters - final.n_parameters) * float(np.log(search.n_values))
+
+
+def _others(search: BaseSearch[C], final: C, slot: Slot[C]) -> list[float]:
+    """Scores of the candidates in one slot that the data reject, at least :data:`EQUAL` below the final one."""
+    own = final.effects[slot.index].key
+    beside = frozenset(final.keys) - {own}
+    taken = {own, *(candidate.effects[-1].key for candidate in slot.twins)}
+    scores = [
+        search.score(candidate)
+        for keys, candidate in search.fitted.items()
+        if len(keys) == len(final.keys) and beside < keys and not (keys - beside) & taken
+    ]
+    return [min(score, search.score(final) - EQUAL) for score in scores if np.isfinite(score)]

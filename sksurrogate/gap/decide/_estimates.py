@@ -1,6 +1,8 @@
-"""Every named effect with its parameters, intervals, share, probability, and the effects that cannot be distinguished from it."""
+"""Every named effect with its numbers and the effects that cannot be distinguished from it; the ranking of all candidates."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +13,11 @@ from sksurrogate.gap.decide._experiment import name_of, when_they_part
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import richer as richer_form
 
-__all__ = ["estimates", "reported"]
+__all__ = ["estimates", "ranking", "reported"]
 
 
 def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, among: str) -> list[EffectEstimate]:
@@ -74,3 +77,26 @@ def reported(
         ends = (-b, -a) if value == -raw != 0 else (a + (value - raw), b + (value - raw))
         intervals[parameter.name] = float(ends[0]), float(ends[1])
     return params, intervals
+
+
+def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
+    """One row a candidate, the most evident first; nan where it was not fitted, no rows before the null is."""
+    if search.null is None:
+        return Table()
+    fitted = {candidate.keys[0]: candidate for candidate in search.first_round}
+    expected, rows = search.expected(), []
+    for effect in search.library:
+        fit = fitted.get(effect.key)
+        row: dict[str, Any] = {
+            "name": effect.name,
+            "location": effect.location,
+            "variable": effect.variable,
+            "evidence": search.gain(fit) if fit is not None else float("nan"),
+            "bar": search.bar(len(effect.parameters)),
+            "cost": fit.fit.cost if fit is not None else float("nan"),
+            "screen": expected.get(effect.key, 0.0),
+            "named": effect.key in final.candidate.keys,
+        }
+        rows.append(row)
+    rows.sort(key=lambda row: (-np.nan_to_num(row["evidence"], nan=-np.inf), -row["screen"]))
+    return Table(tuple(rows))

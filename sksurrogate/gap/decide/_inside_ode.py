@@ -18,8 +18,8 @@ from sksurrogate.gap.decide._rules import GRID_SHARE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
-from sksurrogate.gap.fit._excerpt import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.results._missing_term import MissingTerm
@@ -31,11 +31,11 @@ from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._location import force_predictability, likely_place, place_of_law
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, Remains, law_left
+from sksurrogate.gap.unnamed._where import force_predictability, likely_place, place_of_law
 from sksurrogate.kernels.record import Record
 
-__all__ = ["OdeInside", "lost_places"]
+__all__ = ["OdeInside"]
 
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1

@@ -14,8 +14,8 @@ from sksurrogate.gap.decide._features import CERTIFICATE
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._folds import blocked, run_folds
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.results._interval import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
@@ -25,7 +25,7 @@ from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.physics._simulator import units_of as units_by_name
 
-__all__ = ["CertifiedLaw", "certified_law", "held_out_law", "law_of"]
+__all__ = ["CertifiedLaw", "held_out_law", "law_of"]
 
 #: Formulae that stand for election again in every fold.
 MOST_FORMULAE = 3

@@ -11,7 +11,7 @@ from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 
-__all__ = ["RULES", "Rule", "decide", "first_rule"]
+__all__ = ["RULES", "decide", "first_rule"]
 
 #: Probability from which a name is given.
 CERTAIN_NAME = 0.9

@@ -11,7 +11,7 @@ from sksurrogate.gap.faults._correction import BaseFault
 from sksurrogate.gap.faults._run_faults import Gains, Hum, Offsets, Shifts
 from sksurrogate.kernels.record import Record
 
-__all__ = ["WHOLE", "Proposal", "later", "proposals", "tone", "tones"]
+__all__ = ["WHOLE", "Proposal", "proposals", "tone", "tones"]
 
 #: A tone has this many periods in a run or more: less is a trend.
 LEAST_PERIODS = 3.0

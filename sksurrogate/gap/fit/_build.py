@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel
-from sksurrogate.gap.fit._divergence import divergence
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE, Numerics, OdeBackend
 from sksurrogate.gap.fit._pushes import gain_of_forces
-from sksurrogate.gap.fit._simulations import Simulations
+from sksurrogate.gap.fit._simulations import Simulations, divergence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
 from sksurrogate.kernels.banded import recursion_band
 from sksurrogate.kernels.output_error import free_run, run_near

@@ -15,7 +15,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import DataError
 
-__all__ = ["FARTHEST_RATIO", "PRIOR", "KnownParameters"]
+__all__ = ["PRIOR", "KnownParameters"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10

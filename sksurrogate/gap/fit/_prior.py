@@ -7,7 +7,7 @@ import numpy as np
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._quantization import told_apart
+from sksurrogate.gap.fit._rounding import told_apart
 
 __all__ = ["moved_far", "prior_cost", "retuning_cost"]
 

@@ -1,19 +1,23 @@
-"""Readings that stand on a grid which nothing named explains: a quantizer that no candidate knows.
+"""Readings on a grid: how finely the data tell its steps, and a grid that nothing named explains.
 
 The error of a rounding looks like white noise to every likelihood; the grid, on which the free run does not stand, tells them apart.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._simulator import Plant
 
-__all__ = ["GRID_NOTE", "Rounding", "names_steps", "unnamed_rounding"]
+__all__ = ["GRID_NOTE", "Rounding", "alike", "names_steps", "told_apart", "unnamed_rounding"]
 
 #: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
 #: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
@@ -85,3 +89,36 @@ def is_rounded(y: np.ndarray, fitted: np.ndarray, step: float) -> bool:
     steps = np.array([step])
     crowds = coherence(fitted, steps)[0] > CROWDS * coherence(y, steps)[0]
     return bool(left / FACTOR < error < FACTOR * left and not crowds)
+
+
+#: Steps more or fewer up to the mean level that are looked at.
+MORE = 2
+
+
+def rounded_signal(plant: Plant, record: Record, effect: BaseEffect) -> np.ndarray:
+    """The signal that a quantisation rounds, as it was recorded (n_values,)."""
+    if effect.kind == "input":
+        return record.u[plant.inputs.index(str(effect.location))]
+    return record.measured(plant.outputs.index(str(effect.location)))
+
+
+def told_apart(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float] | np.ndarray) -> float:
+    """How many steps round the data in different ways down to this one; 1 for other effects.
+
+    While a step shrinks a value u passes from one multiple to the next u / c times.
+    """
+    if not len(theta) or not theta[0] or not effect.scan(tuple(theta)):
+        return 1.0
+    return max(1.0, float(np.sum(np.abs(rounded_signal(plant, record, effect)))) / abs(float(theta[0])))
+
+
+def alike(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float]) -> list[tuple[float, ...]]:
+    """Steps that round a signal far from 0 nearly alike: with one or two more of them, or fewer, up to its mean level.
+
+    Parameters beyond the step, such as an onset, stay.
+    """
+    step, *others = (float(value) for value in theta)
+    level = abs(float(np.mean(rounded_signal(plant, record, effect))))
+    if level <= MORE * abs(step):
+        return []
+    return [(step / (1.0 + k * step / level), *others) for k in range(-MORE, MORE + 1) if k]

@@ -11,8 +11,7 @@ from sksurrogate.gap.render._page import html_fragment, html_page
 from sksurrogate.gap.render._summary import GapSummary, summary_of
 from sksurrogate.gap.render._tables import table_of
 from sksurrogate.gap.render._terminal import terminal_page
-from sksurrogate.gap.results._json_schema import SCHEMA_ID, schema_of
-from sksurrogate.gap.results._plain import json_text, plain
+from sksurrogate.gap.results._json import SCHEMA_ID, json_text, plain, schema_of
 from sksurrogate.gap.results._report_data import ReportData
 
 __all__ = ["GapReport"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["EffectEstimate", "values_of", "weight_of"]
+__all__ = ["EffectEstimate"]
 
 
 @dataclass(frozen=True)

@@ -14,19 +14,10 @@ from sksurrogate.gap.fit._closeness import FAR_BY_COST, NEAR
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.screen._sticking import sticks_in
-from sksurrogate.gap.search._line_search import scanned
+from sksurrogate.gap.search._restart import scanned
 from sksurrogate.kernels.output_error import Fit, run_near
 
-__all__ = [
-    "best_starts",
-    "cheapest",
-    "first_places",
-    "fit_added",
-    "fit_pair",
-    "mean_start",
-    "numerics_matter",
-    "open_null",
-]
+__all__ = ["best_starts", "cheapest", "fit_added", "fit_pair", "mean_start", "numerics_matter", "open_null"]
 
 #: A candidate whose screen leaves this many times more than the best's is not fitted.
 LEAVES_TOO_MUCH = 40.0

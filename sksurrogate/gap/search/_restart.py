@@ -1,4 +1,4 @@
-"""Fits whose parameters have run to where the prediction no longer depends on them."""
+"""Fits that no slope leads on: predictions that jump with a parameter, parameters on which nothing depends."""
 
 from __future__ import annotations
 
@@ -9,8 +9,77 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._probe import probe_of
+from sksurrogate.gap.fit._pushes import a_sample_later
+from sksurrogate.gap.fit._rounding import alike
+from sksurrogate.kernels.banded import recursion_band, solve_recursion
 
-__all__ = ["dead", "revived"]
+__all__ = ["dead", "promising", "revived", "scanned"]
+
+#: Values nearby that are fitted, best first.
+MOST_NEARBY = 3
+#: What a fit at another value must remove (squares of errors over the noise).
+WORTH_A_FIT = 1.0
+
+
+def scanned(candidate: OdeCandidate, i: int = -1) -> OdeCandidate:
+    """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them."""
+    for _ in range(3):
+        before = candidate.fit.cost
+        for theta in promising(candidate, i):
+            other = candidate.problem.fit(
+                candidate.effects, theta, candidate.fit.x, open_steps=0, max_steps=6, settled=True
+            )
+            if other is not None and other.fit.cost < candidate.fit.cost:
+                candidate = other
+        if candidate.fit.cost > before - WORTH_A_FIT:
+            break
+    return candidate
+
+
+def promising(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
+    """Parameters with effect i, the last by default, at another value, where less is expected to be left.
+
+    The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values at once; initial
+    states and the other parameters follow by least squares.
+    """
+    problem, model, fit = candidate.problem, candidate.model, candidate.fit
+    record = problem.record
+    place = model.slice_of(i % len(candidate.effects))
+    effect = candidate.effects[i]
+    values = effect.scan(tuple(fit.theta[place]))
+    if not values:
+        return []
+    values = [*values, *alike(problem.plant, record, effect, tuple(fit.theta[place]))]
+    columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)
+    columns[place, 1:] = np.array(values).T
+    with np.errstate(all="ignore"):
+        lin, bound = candidate.linearised, model.bind(columns)
+        x = np.repeat(fit.x[:, None], columns.shape[1], axis=1)
+        after = bound(x)
+        b = a_sample_later(after - after[:, :1], record.starts)
+        y = bound.outputs(x + solve_recursion(recursion_band(lin.A, record.starts), b))
+    others = np.delete(np.arange(len(fit.theta)), place)
+    left = (record.y[:, None] - y).transpose(1, 0, 2)
+    whole = np.concatenate([left, lin.J_theta[:, others].transpose(1, 0, 2)])
+    if not (np.isfinite(whole).all() and np.isfinite(lin.J_x[:, model.free_states]).all()):
+        return []
+    flat = candidate.without_starts(whole).reshape(len(whole), -1)
+    mean, sd_prior = problem.prior(candidate.effects, fit.theta)
+    left = _left(flat[: len(y[0])], flat[len(y[0]) :], sd_prior[others], (fit.theta - mean)[others])
+    order = 1 + np.argsort(left[1:])[:MOST_NEARBY]
+    return [columns[:, k] for k in order if left[k] < left[0] - WORTH_A_FIT]
+
+
+def _left(r: np.ndarray, J: np.ndarray, prior: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Squares that residuals (n, n_values) leave when parameters with sensitivities J, ``moved`` from the mean of their prior, follow."""
+    if not len(J):
+        return np.einsum("kn,kn->k", r, r)
+    rows = np.concatenate([J.T, np.diag(1.0 / prior)])
+    wanted = np.concatenate([r.T, np.repeat((-moved / prior)[:, None], len(r), axis=1)])
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    rest = wanted - rows @ (np.linalg.lstsq(rows / scale, wanted, rcond=1e-10)[0] / scale[:, None])
+    return np.einsum("nk,nk->k", rest, rest)
+
 
 #: Sensitivity over that of the most sensitive parameter, per unit of each, below which a parameter says nothing.
 SILENT = 1e-9

@@ -13,10 +13,9 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.search._base import EQUAL
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fits import mean_start, numerics_matter, open_null
-from sksurrogate.gap.search._line_search import scanned
-from sksurrogate.gap.search._merged_pair import folded
+from sksurrogate.gap.search._nested import folded
 from sksurrogate.gap.search._onsets import look_for_onsets
-from sksurrogate.gap.search._restart import revived
+from sksurrogate.gap.search._restart import revived, scanned
 from sksurrogate.gap.search._stopping import is_stack
 
 __all__ = ["Search"]

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._folds import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.unnamed._channel import Channel

@@ -22,8 +22,7 @@ from sksurrogate.effects._formula import Term, equation_of
 from sksurrogate.gap.fit._normal_equations import inverse, solve
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._formula_library import NO_TERMS, Library
-from sksurrogate.gap.unnamed._grammar import price_of, structure
+from sksurrogate.gap.unnamed._grammar import NO_TERMS, Library, price_of, structure
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["Draft", "curve_at", "drafts_at"]

@@ -7,13 +7,15 @@ shape among all and of every driver among those at hand. Constants and coefficie
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from sksurrogate.effects._formula import SHAPES, Factor, Term, signal_of
+from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers, past_name
 
-__all__ = ["price_of", "structure", "terms_of"]
+__all__ = ["NO_TERMS", "Library", "price_of", "structure", "terms_of"]
 
 #: Width of a kink, over the spread of its driver: below what data resolve, above what an integrator notices.
 KINK = 0.005
@@ -135,3 +137,64 @@ def _shapes(name: str, z: np.ndarray) -> Iterator[Factor]:
         yield from ((shape, name, c, width) for shape in ("above", "below", "beyond"))
         yield from (("bell", name, c, 0.0, k * spread) for k in (0.3, 0.8, 2.0))
         yield from (("switch", name, c, 0.0, k * spread) for k in (0.1, 0.4))
+
+
+#: Numbers that all columns together may take (8 bytes each): more terms are thinned to those that follow the smoothed signal.
+MOST_NUMBERS = 12_000_000
+#: Two columns with a correlation above this on a sample of rows are one: the first, which is the simpler, stays.
+SAME = 1.0 - 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Terms, and what they move the outputs by: (n_terms, n_outputs * n_samples), each for a signal of unit RMS."""
+
+    terms: list[Term]
+    late: list[float | None]
+    sizes: np.ndarray
+    columns: np.ndarray
+
+    @classmethod
+    def of(cls, channel: Channel, drivers: Drivers) -> Library:
+        """All terms of the grammar that are finite and distinct along the path."""
+        terms = terms_of(drivers)
+        values = drivers.values(terms, channel.record)
+        sizes = np.sqrt(np.mean(values**2, axis=1))
+        good = np.isfinite(sizes) & (sizes > 1e-12)
+        kept = np.flatnonzero(good)
+        unit = values[kept] / sizes[kept, None]
+        kept, unit = _distinct(kept, unit)
+        most = MOST_NUMBERS // channel.r.size
+        if len(kept) > most:
+            follows = _correlation(unit, channel.force())
+            chosen = np.sort(np.argsort(-follows, kind="stable")[:most])
+            kept, unit = kept[chosen], unit[chosen]
+        columns = channel.respond(unit).transpose(1, 0, 2).reshape(len(kept), -1)
+        finite = np.isfinite(columns).all(axis=1)
+        kept, columns = kept[finite], columns[finite]
+        return cls([terms[k] for k in kept], [_late(terms[k], drivers) for k in kept], sizes[kept], columns)
+
+
+#: Where formulae are given.
+NO_TERMS = Library([], [], np.zeros(0), np.zeros((0, 0)))
+
+
+def _late(term: Term, drivers: Drivers) -> float | None:
+    """Time constant of the recent past in a term."""
+    return next((drivers.late[f[1]] for f in term.factors if f[1] in drivers.late), None)
+
+
+def _distinct(kept: np.ndarray, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Without columns that repeat an earlier one, up to the sign."""
+    sample = unit[:, :: max(unit.shape[1] // 400, 1)]
+    sample = sample / np.maximum(np.linalg.norm(sample, axis=1, keepdims=True), 1e-300)
+    alike = np.abs(sample @ sample.T) > SAME
+    first = np.argmax(alike, axis=1) == np.arange(len(kept))
+    return kept[first], unit[first]
+
+
+def _correlation(unit: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Of columns with a signal."""
+    z = unit - unit.mean(axis=1, keepdims=True)
+    w = force - force.mean()
+    return np.asarray(np.abs(z @ w) / np.maximum(np.linalg.norm(z, axis=1), 1e-300))

@@ -10,9 +10,9 @@ from sklearn.ensemble import ExtraTreesRegressor
 
 from sksurrogate.gap.fit._build import measured_guess
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._folds import row_folds
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
+from sksurrogate.gap.fit._record_parts import row_folds
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
