@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.gap.render._headline import sentence_of
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._provenance import Provenance
 from sksurrogate.physics._simulator import Plant, units_of
@@ -23,14 +24,15 @@ LONGEST_LIST = 12
 def with_origin(
     report: GapReport, diagnoser: Any, plant: Plant, final: Any, n_runs: int, n_rows: int, free: tuple[str, ...]
 ) -> GapReport:
-    """The report with its provenance, the nominal parameters, the units and the ranges of the signals."""
-    return replace(
+    """The report with its sentence, its provenance, the nominal parameters, the units and the ranges of the signals."""
+    known = replace(
         report,
         units=units_in(plant),
         nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
         ranges=_ranges(final, plant),
         provenance=origin_of(diagnoser, plant, n_runs, n_rows, free),
     )
+    return replace(known, sentence=sentence_of(known))
 
 
 def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tuple[str, ...]) -> Provenance:
@@ -44,6 +46,7 @@ def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tupl
         free=free,
         effects=_asked(diagnoser.effects),
         seed=str(diagnoser.random_state),
+        include_law=bool(diagnoser.include_law),
         version=_version(),
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
     )

@@ -36,7 +36,6 @@ from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._retuned import retuned_table
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
-from sksurrogate.gap.render._sentences import note_on_none, sentence_of, undecided_sentence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
@@ -316,12 +315,9 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             faults_of(self.book, self.null.candidate, self.rows),
         )
         place, term = self.place_and_term(verdict, effects)
-        sentence = undecided_sentence(effects)
-        if reasons is not UNDECIDED:
-            sentence = sentence_of(verdict, effects, place, shrink, found.experiment, term, remainder, self.include_law)
         return GapReport(
             verdict,
-            f"{sentence} {data.sentence}".rstrip(),
+            "",  # written when units and nominal values are known
             effects,
             ranking(self.search, final),
             self.retuned(),
@@ -386,8 +382,8 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         notes += notes_on_names(
             [candidate.effects for candidate in found.finals], final.effects, found.held, self.labels
         )
-        if verdict == "none" and found.shrink is not None and found.shrink.measurable:
-            notes.append(note_on_none(found.shrink))
+        if verdict == "none" and found.shrink is not None:
+            notes += _notes.on_none(found.shrink)
         notes += self.inside.notes(final, verdict)
         notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)

@@ -1,22 +1,34 @@
-"""Sentences of a report without a name: too small a gap, or one that no law explains."""
+"""Reports without a name: too small a gap, or one that no law explains."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
+import numpy as np
+
+from sksurrogate.gap import GapReport
 from sksurrogate.gap.decide._rules import PRACTICAL
-from sksurrogate.gap.render._sentences import note_on_none, sentence_of
+from sksurrogate.gap.render._headline import sentence_of
+from sksurrogate.gap.render._notes import on_none
+from sksurrogate.gap.results._shrink import NOT_KNOWN
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._where import Where
 
 
 def shrink(before, measurable=True):
-    return SimpleNamespace(before=before, measurable=measurable, fraction=float("nan"))
+    return replace(NOT_KNOWN, before=before, measurable=measurable)
+
+
+def sentence(shrink):
+    return sentence_of(GapReport("none", "", [], Table(), Table(), Where(None, None), shrink))
 
 
 def test_a_gap_below_the_practical_bar_says_its_size_and_the_bar():
     small = shrink(0.6 * PRACTICAL)
-    assert "0.3 %" in note_on_none(small) and f"{100 * PRACTICAL:g} %" in note_on_none(small)
-    assert "too small" in sentence_of("none", [], None, small, None, None)
+    assert "0.3 %" in on_none(small)[0] and f"{100 * PRACTICAL:g} %" in on_none(small)[0]
+    assert "too little to matter" in sentence(small)
 
 
 def test_a_larger_one_is_a_disturbance_until_it_repeats():
-    assert "repeat a run" in note_on_none(shrink(3 * PRACTICAL))
-    assert "to within noise" in sentence_of("none", [], None, shrink(3 * PRACTICAL), None, None)
-    assert "to within noise" in sentence_of("none", [], None, shrink(0.5 * PRACTICAL, measurable=False), None, None)
+    assert "Repeat a run" in on_none(shrink(3 * PRACTICAL))[0]
+    assert "to within noise" in sentence(shrink(3 * PRACTICAL))
+    assert "to within noise" in sentence(shrink(0.5 * PRACTICAL, measurable=False))
+    assert on_none(shrink(np.nan, measurable=False)) == []

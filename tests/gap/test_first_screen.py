@@ -9,13 +9,22 @@ import pytest
 from sksurrogate.gap import EffectEstimate, GapDiagnoser, GapReport
 from sksurrogate.gap.render._code import code_of
 from sksurrogate.gap.render._curves import effect_curve
-from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, richer_forms, separating
+from sksurrogate.gap.render._headline import (
+    changes,
+    headline,
+    next_steps,
+    not_identified,
+    richer_forms,
+    sentence_of,
+    separating,
+)
 from sksurrogate.gap.render._page import html_page
 from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._provenance import Provenance
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._trace import Trace
 from sksurrogate.gap.results._where import Where
 from sksurrogate.physics import ODESimulator
 
@@ -42,7 +51,7 @@ def report(*effects, **kwargs):
 def test_a_parameter_is_shown_before_and_after_with_its_unit():
     made = report(WRONG)
     assert headline(made) == (
-        "The gap is explained by the parameter second: 60 -> 99.97 1/min, which closes 97.0 % of the gap on runs left out."
+        "The gap is explained by the parameter second: 60 -> 99.97 1/min, which closes 97.0 % of the gap on held-out runs."
     )
     for page in (terminal_page(made), html_page(made).replace("&gt;", ">")):
         assert "second: 60 -> 99.97 1/min [99.6, 100.2]" in page
@@ -53,7 +62,7 @@ def test_a_parameter_is_shown_before_and_after_with_its_unit():
 def test_a_free_parameter_that_moved_is_a_change_too():
     row = {"parameter": "k", "nominal": 2.0, "value": 3.0, "low": 2.9, "high": 3.1, "moved": True}
     made = report(FRICTION, retuned=Table((row, {**row, "parameter": "calm", "moved": False})), units={"k": "N/m"})
-    assert changes(made)[1] == ("re-tuned", ["k: 2 -> 3 N/m [2.9, 3.1]"], "")
+    assert changes(made)[1] == ("re-tuned", ["k: 2 -> 3 N/m [2.9, 3.1]", "no clear change: calm"], "")
 
 
 def test_richer_forms_are_not_needed_and_ask_for_no_experiment():
@@ -86,6 +95,22 @@ def test_no_sentence_stands_twice(verdict):
     text = re.sub(r"<[^>]+>", "\n", text)
     sentences = [s.strip() for s in re.split(r"(?<=[.:])\s", text) if len(s.strip()) > 40]
     assert len(set(sentences)) == len(sentences)
+
+
+def test_terminal_page_and_sentence_say_the_same():
+    made = report(FRICTION, WRONG, nominal={"second": 60.0})
+    said = headline(made)
+    assert said in " ".join(terminal_page(made).split()) and said in html_page(made).replace("&gt;", ">")
+    assert sentence_of(made) == f"{said} {next_steps(made)[-1]}"
+    assert "and the parameter second: 60 -> 99.97 1/min, which close 97.0 %" in said
+
+
+def test_blocks_of_one_run_are_not_called_runs():
+    wave = np.sin(np.arange(4.0))[:, None]
+    one = Trace(0, np.arange(4.0), wave, 2 * wave, wave)
+    made = report(FRICTION, traces=(one, replace(one, label=1)))
+    assert "<strong>Run 0" in html_page(made)
+    assert "<strong>Block 0" in html_page(replace(made, provenance=replace(made.provenance, n_runs=1)))
 
 
 def test_the_curve_of_an_effect_is_its_law_with_its_band():

@@ -99,11 +99,11 @@ def test_the_summary_shows_every_estimate_with_its_interval_and_unit(report):
     for word in (
         "explained",
         "ODESimulator",
-        "parameter error @ length",
+        "parameter error at length",
         "relative_error",
         "99.97",
         "N/m",
-        "80.0 % [70, 90]",
+        "80.0 % [70.0, 90.0]",
     ):
         assert word in text
     rows = report.summary().effects

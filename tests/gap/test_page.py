@@ -83,8 +83,10 @@ def test_no_name_becomes_a_tag_and_every_tag_is_closed(report):
 
 def test_the_form_of_an_effect_of_the_catalogue_is_written(report):
     assert "Form:" not in html_page(report)  # of a name that the catalogue does not hold
-    known = replace(report.effects[0], name="state_saturation")
-    assert "<p>Form: <code>x &lt;= c</code></p>" in html_page(replace(report, effects=[known]))
+    known = replace(report.effects[0], name="state_saturation", location="level", params={"limit": 2.0})
+    assert "<p>Form: <code>x &lt;= c</code>, with c = limit, x = level</p>" in html_page(
+        replace(report, effects=[known])
+    )
 
 
 def test_nothing_comes_from_outside(report):

@@ -237,7 +237,7 @@ def notes_on_names(
             named.setdefault(" and ".join(map(name_of, effects)), []).extend(left_out)
     listed = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
     return (
-        [f"Parts of the data choose other effects, which stand there in the error on runs left out: {listed}."]
+        [f"Some folds choose other effects, and the error on held-out runs counts these there: {listed}."]
         if listed
         else []
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -10,10 +11,12 @@ import numpy as np
 
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["budget_html", "budget_lines", "part_name", "shown"]
+__all__ = ["budget_html", "budget_lines", "fills", "part_name", "shown"]
 
-#: Fill of each kind of part, and the letter of the terminal's bar.
-_FILL = {"effect": "#0072b2", "re-tuning": "#56b4e9", "unnamed law": "#e69f00", "disturbance": "#bbbbbb"}
+#: Fill of each kind of part (Okabe and Ito's colours); further effects have others, in turn.
+_FILL = {"re-tuning": "#56b4e9", "unnamed law": "#e69f00", "disturbance": "#bbbbbb"}
+_EFFECTS = ("#0072b2", "#009e73", "#cc79a7")
+#: Letter of each kind in the terminal's bar.
 _LETTER = {"effect": "#", "re-tuning": "=", "unnamed law": "?", "disturbance": "."}
 #: What the parts that are no effects are called.
 _NAMES = {
@@ -39,7 +42,7 @@ def budget_lines(budget: Table, width: int) -> list[str]:
     ...         {"part": "disturbance", "kind": "disturbance", "share": 0.25, "low": 0.2, "high": 0.3})
     >>> for line in budget_lines(Table(rows), 50):
     ...     print(line)
-    Budget of the gap (shares of its power on runs left out, 90 %)
+    Budget of the gap (shares of its power on held-out runs, 90 %)
       [###############.....]
       # 75.0 % [70.0, 80.0] friction
       . 25.0 % [20.0, 30.0] disturbance (not repeatable)
@@ -51,8 +54,20 @@ def budget_lines(budget: Table, width: int) -> list[str]:
     ends = np.round(np.cumsum([row["share"] for row in rows]) * room).astype(int)
     counts = np.diff(ends, prepend=0)
     bar = "".join(_LETTER[row["kind"]] * int(count) for row, count in zip(rows, counts))
-    lines = ["Budget of the gap (shares of its power on runs left out, 90 %)", f"  [{bar:<{room}}]"]
+    lines = ["Budget of the gap (shares of its power on held-out runs, 90 %)", f"  [{bar:<{room}}]"]
     return lines + [f"  {_LETTER[row['kind']]} {_percent(row)} {part_name(row)}" for row in rows]
+
+
+def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A colour for each part.
+
+    Examples
+    --------
+    >>> fills([{"kind": "effect"}, {"kind": "effect"}, {"kind": "disturbance"}])
+    ['#0072b2', '#009e73', '#bbbbbb']
+    """
+    effects = itertools.cycle(_EFFECTS)
+    return [_FILL.get(row["kind"]) or next(effects) for row in rows]
 
 
 def budget_html(budget: Table) -> str:
@@ -61,16 +76,16 @@ def budget_html(budget: Table) -> str:
     if not rows:
         return ""
     parts = "".join(
-        f'<span style="flex:{max(row["share"], 1e-4):.5f} 0 0;background:{_FILL[row["kind"]]}" title="{escape(part_name(row))}"></span>'
-        for row in rows
+        f'<span style="flex:{max(row["share"], 1e-4):.5f} 0 0;background:{fill}" title="{escape(part_name(row))}"></span>'
+        for row, fill in zip(rows, fills(rows))
     )
     legend = "".join(
-        f'<li><span class="key" style="background:{_FILL[row["kind"]]}"></span>{_percent(row)} {escape(part_name(row))}</li>'
-        for row in rows
+        f'<li><span class="key" style="background:{fill}"></span>{_percent(row)} {escape(part_name(row))}</li>'
+        for row, fill in zip(rows, fills(rows))
     )
     return (
         f'<figure class="budget"><div class="budgetbar" role="img" aria-label="budget of the gap">{parts}</div>'
-        f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on runs left out, with 90 % intervals."
+        f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on held-out runs, with 90 % intervals."
         "</figcaption></figure>"
     )
 
@@ -90,8 +105,12 @@ def part_name(row: Mapping[str, Any]) -> str:
     >>> part_name({"part": "coulomb_friction at speed in speed", "kind": "effect"})
     'coulomb friction at speed'
     """
+    if str(row["part"]).startswith("law: "):
+        return "the law of the missing term"
     if row["kind"] in _NAMES:
         return _NAMES[row["kind"]]
     name, _, place = str(row["part"]).partition(" at ")
     own = next((p for p in [place[: (len(place) - 4) // 2]] if place == f"{p} in {p}"), place)
+    where, driven, by = own.partition(" in ")
+    own = f"{where}, driven by {by}" if driven else own
     return f"{name.replace('_', ' ')} at {own}" if own else name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from html import escape
 
@@ -12,12 +13,12 @@ from sksurrogate.effects._effect import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.render._svg import Line, chart
 from sksurrogate.gap.render._units import axis, derivative_unit
-from sksurrogate.gap.render._values import place_of
+from sksurrogate.gap.render._values import place_of, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["balance_axis", "curve_html", "effect_curve", "effect_html"]
+__all__ = ["balance_axis", "curve_html", "effect_curve", "effect_html", "form_of"]
 
 #: Points of a curve.
 POINTS = 201
@@ -64,6 +65,31 @@ def balance_axis(location: str, kind: str, report: ReportData) -> str:
     return axis(name, {name: report.units.get(location, "")})
 
 
+def form_of(effect: EffectEstimate) -> str:
+    """The form of an effect of the catalogue, with what its letters are; empty for others.
+
+    Examples
+    --------
+    >>> form_of(EffectEstimate("linear_loss", "level", "inflow", 1.0, {"coefficient": 0.1}, {}, 1.0))
+    '<p>Form: <code>- c v</code>, added to the balance of level, with c = coefficient, v = inflow</p>'
+    """
+    kind = CATALOGUE.get(effect.name)
+    if kind is None:
+        return ""
+    words = set(re.findall(r"\bd?([cvxyup])\b", kind.equation))
+    letters = {
+        "c": next(iter(effect.params), ""),
+        "v": effect.variable or "",
+        "x": effect.location,
+        "y": effect.location,
+    }
+    letters["u"], letters["p"] = effect.location, effect.location
+    known = [f"{letter} = {readable(name)}" for letter, name in letters.items() if letter in words and name]
+    balance = issubclass(kind, BalanceEffect) and kind.equation[0] in "+-"
+    place = f", added to the balance of {escape(effect.location)}" if balance and not effect.at_port else ""
+    return f"<p>Form: <code>{escape(kind.equation)}</code>{place}{escape(', with ' + ', '.join(known)) if known else ''}</p>"
+
+
 def effect_html(effect: EffectEstimate, report: ReportData) -> str:
     """The picture of a named effect; empty where it has none."""
     curve = effect_curve(effect, report)
@@ -79,7 +105,7 @@ def curve_html(curve: Curve, location: str, kind: str, report: ReportData, laws:
     picture = _picture(curve, balance_axis(location, kind, report), report, f"missing term over {curve.variable}", laws)
     return (
         f"<figure>{picture}<figcaption>Over {escape(curve.variable)}: mean and 90 % band. This variable alone explains "
-        f"{100 * max(curve.explained, 0):.0f} % of the term on runs left out.</figcaption></figure>"
+        f"{100 * max(curve.explained, 0):.0f} % of the term on held-out runs.</figcaption></figure>"
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import require
-from sksurrogate.gap.render._budget import part_name, shown
+from sksurrogate.gap.render._budget import fills, part_name, shown
 from sksurrogate.gap.render._runs import noise_of, run_error, worst_first
 from sksurrogate.gap.render._units import TIME, axis, derivative_unit
 from sksurrogate.gap.render._waterfall import waterfall
@@ -24,8 +24,6 @@ _KINDS = (
     "budget", "waterfall", "ranking", "trace", "residual", "runs", "regions", "time", "frequency", "missing_term",
 )  # fmt: skip
 _OVERVIEW = ("waterfall", "ranking", "trace", "regions", "time", "frequency", "missing_term")
-#: Okabe and Ito's colours.
-_COLOURS = ["#0072b2", "#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#bbbbbb"]
 
 
 class GapDisplay:
@@ -148,12 +146,12 @@ class GapDisplay:
         return {kind: draw[kind] for kind in _KINDS if there[kind]}
 
     def _budget(self, ax: Any) -> None:
-        left = 0.0
-        for row, colour in zip(shown(self.report.budget), _COLOURS * len(self.report.budget)):
+        left, rows = 0.0, shown(self.report.budget)
+        for row, colour in zip(rows, fills(rows)):
             ax.barh([0], [100 * row["share"]], left=left, color=colour, edgecolor="white", label=part_name(row))
             left += 100 * row["share"]
         ax.set(
-            xlabel="share of the gap's power on runs left out / %", yticks=[], ylim=(-0.5, 0.5), xlim=(0, max(left, 1))
+            xlabel="share of the gap's power on held-out runs / %", yticks=[], ylim=(-0.5, 0.5), xlim=(0, max(left, 1))
         )
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.35), ncols=2, frameon=False)
 
@@ -162,7 +160,7 @@ class GapDisplay:
         bars = ax.barh([label for label, _ in rows], [value for _, value in rows], color="#0072b2")
         ax.bar_label(bars, fmt="%.3g", padding=3)
         ax.set(
-            xlabel="free-run RMSE / deviation of the output (runs left out)", title=f"Verdict: {self.report.verdict}"
+            xlabel="free-run RMSE / deviation of the output (held-out runs)", title=f"Verdict: {self.report.verdict}"
         )
         ax.margins(x=0.12)
 
@@ -212,7 +210,7 @@ class GapDisplay:
         ax.legend(frameon=False)
 
     def _time_axis(self, label: Any) -> str:
-        return f"{axis(TIME, self.report.units)} (run {label}, left out of the fit)"
+        return f"{axis(TIME, self.report.units)} (held-out run {label})"
 
     def _worst_trace(self) -> Trace:
         """The run that the simulator misses most."""
@@ -252,7 +250,7 @@ class GapDisplay:
         ax.set(
             xscale="log",
             yscale="log",
-            xlabel="frequency / cycles per time unit",
+            xlabel=f"frequency / cycles per {self.report.units.get(TIME, 'unit of time')}",
             ylabel="power / variance of the output",
         )
         ax.legend(frameon=False)

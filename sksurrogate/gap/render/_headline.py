@@ -1,4 +1,4 @@
-"""The verdict in one sentence, and what to do next, one line each."""
+"""The verdict in one sentence, and what to do next, one line each: the same for terminal, page and ``report.sentence``."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sksurrogate.gap.decide._rules import PRACTICAL
+from sksurrogate.gap.render._units import TIME, with_unit
 from sksurrogate.gap.render._values import change_of, confidence, number, percent, place_of, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
 
 __all__ = [
@@ -19,13 +22,12 @@ __all__ = [
     "next_steps",
     "not_identified",
     "richer_forms",
+    "sentence_of",
     "separating",
 ]
 
 #: Candidates that a line lists.
 LISTED = 4
-#: Below this error (share of the outputs' deviation) a gap is said to be small.
-SMALL = 0.005
 #: A formula longer than this (characters) is not read in a sentence.
 LONGEST_LINE = 80
 
@@ -36,17 +38,18 @@ def joined(names: Sequence[str]) -> str:
 
 
 def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
-    """Every named effect and every parameter that was re-tuned: what it is, its lines, how sure it is."""
+    """Every named effect and the re-tuned parameters: what it is, its lines, how sure it is."""
     out = []
     for effect in report.effects:
         what = "parameter" if effect.name == "parameter_error" else place_of(effect)
-        share = "" if np.isnan(effect.share) else f", {percent(effect.share)} of the gap"
-        out.append((what, change_of(effect, report.nominal, report.units), confidence(effect.probability) + share))
+        out.append((what, change_of(effect, report.nominal, report.units), confidence(effect.probability)))
     named = {effect.location for effect in report.effects if effect.name == "parameter_error"}
-    moved = [row for row in report.retuned if row.get("moved") and row["parameter"] not in named]
-    if moved:
-        out.append(("re-tuned", [_retuned(row, report) for row in moved], ""))
-    return out
+    rows = [row for row in report.retuned if "value" in row and row["parameter"] not in named]
+    moved = [_retuned(row, report) for row in rows if row.get("moved")]
+    as_before = [str(row["parameter"]) for row in rows if not row.get("moved")]
+    if as_before:
+        moved.append(f"no clear change: {', '.join(as_before)}")
+    return [*out, ("re-tuned", moved, "")] if moved else out
 
 
 def _retuned(row: object, report: ReportData) -> str:
@@ -60,7 +63,7 @@ def _retuned(row: object, report: ReportData) -> str:
 
 
 def headline(report: ReportData) -> str:
-    """The verdict in one sentence.
+    """The verdict in one sentence, or two.
 
     Parameters
     ----------
@@ -70,26 +73,51 @@ def headline(report: ReportData) -> str:
     -------
     str
     """
-    shrink, where = report.shrink, report.where
-    closed = f"{percent(shrink.fraction)} of the gap on runs left out" if np.isfinite(shrink.fraction) else ""
-    if not report.complete and report.verdict == "unknown" and where.location is None:
-        return "The diagnosis was interrupted before its verdict."
+    shrink, named = (
+        report.shrink,
+        joined([_short(effect, report) for effect in report.effects] or ["re-tuned parameters"]),
+    )
+    one = len(report.effects) == 1
+    closed = ""
+    if np.isfinite(shrink.fraction):
+        closed = f"{'closes' if one else 'close'} {percent(shrink.fraction)} of the gap on held-out runs"
+    if not report.complete and report.reasons.rule == UNDECIDED.rule:
+        by_then = f" Found by then, not judged yet: {named}." if report.effects else ""
+        return f"The diagnosis stopped before it had an answer.{by_then}"
     if report.verdict == "none":
-        if shrink.measurable and shrink.before < SMALL:
+        if shrink.measurable and shrink.before < PRACTICAL:
             return f"The simulator misses the outputs by {percent(shrink.before)} of their deviation, too little to matter."
         return "The simulator agrees with the data to within noise and disturbance."
-    named = joined([_short(effect, report) for effect in report.effects]) if report.effects else "re-tuned parameters"
-    if report.verdict == "explained":
-        text = f"The gap is explained by {named}"
-        return f"{text}, which closes {closed}." if closed else f"{text}."
-    if report.verdict == "partial":
-        rest = f"; {percent(report.remainder.share)} remains" if np.isfinite(report.remainder.share) else ""
-        return f"The gap is explained in part by {named}: {closed or 'an unknown share'} is closed{rest}{_with_law(report)}."
-    if where.location is None:
-        return "Something is missing, and these data do not show where."
-    place = f"the balance of {where.location}" if where.kind == "state" else f"the {where.kind} {where.location}"
-    text = f"Something that is not in the catalogue is missing, most likely at {place}"
-    return f"{text}{_with_law(report)}."
+    if report.verdict in ("explained", "partial"):
+        part = " in part" if report.verdict == "partial" else ""
+        how_far = f", which {closed}" if closed else ""
+        return f"The gap is explained{part} by {named}{how_far}.{_what_remains(report) if part else ''}"
+    not_enough = f" {named[0].upper()}{named[1:]} {closed}, not enough." if report.effects and closed else ""
+    if report.where.location is None:
+        return f"Something is missing, and these data do not show where.{not_enough}"
+    place = _place(report.where.kind, report.where.location)
+    text = f"Something that is not in the catalogue is missing, most likely at {place}."
+    return f"{text}{not_enough}{_with_law(report) or _nearest_law(report)}"
+
+
+def sentence_of(report: ReportData) -> str:
+    """What ``report.sentence`` says: the headline, faults of the record, what to do next."""
+    return " ".join(part for part in (headline(report), report.data.sentence, *_steps(report)) if part)
+
+
+def _place(kind: str | None, location: str) -> str:
+    return f"the balance of {location}" if kind == "state" else f"the {kind} {location}"
+
+
+def _what_remains(report: ReportData) -> str:
+    """The certified law, or the likeliest place of what remains."""
+    rest = report.remainder
+    if _with_law(report):
+        return _with_law(report)
+    if rest.location is None or not rest.lawful > 0:
+        return ""
+    driven = f", driven by {rest.variable}" if rest.variable else ""
+    return f" What remains is most likely at {_place(rest.kind, rest.location)}{driven}."
 
 
 def _with_law(report: ReportData) -> str:
@@ -97,18 +125,36 @@ def _with_law(report: ReportData) -> str:
     law = None if report.missing_term is None else report.missing_term.law
     if law is None or not law.certified:
         return ""
-    form = str(law) if len(str(law)) <= LONGEST_LINE else "a law (below)"
-    closed = report.shrink.fraction_law
-    return f": {form}" + (f" closes {percent(closed)} of the gap on runs left out" if np.isfinite(closed) else "")
+    what = "free curve" if law.is_curve else "law"
+    form = f" {str(law).removeprefix('curve ')}" if len(str(law)) <= LONGEST_LINE else " of missing_term.law"
+    closed, beside = report.shrink.fraction_law, " beside them" if len(report.effects) > 1 else ""
+    how_far = f" closes {percent(closed)} of the gap on held-out runs" if np.isfinite(closed) else " was found"
+    return f" The {what}{form} in {law.place}{' beside it' if len(report.effects) == 1 else beside}{how_far}."
+
+
+def _nearest_law(report: ReportData) -> str:
+    """The first formula of the missing term that is short."""
+    term = report.missing_term
+    text = next((c for c in term.candidates if len(c) < LONGEST_LINE), None) if term is not None else None
+    if text is None:
+        return ""
+    form, _, share = text.partition("  (explains ")
+    much = f" It explains {share.rstrip(')')} of what is missing on held-out runs." if share else ""
+    return f" A simple law comes close: {form}.{much}"
 
 
 def _short(effect: EffectEstimate, report: ReportData) -> str:
-    """An effect with what it changes, in a few words."""
+    """An effect with what it changes and since when, in a few words."""
     line = change_of(effect, report.nominal, report.units)[0] if effect.params else ""
     change, _, _ = line.partition(" [")
+    window = "".join(
+        f", {word} t = {with_unit(number(effect.params[name]), report.units.get(TIME, ''))}"
+        for name, word in (("onset", "from"), ("end", "until"))
+        if name in effect.params
+    )
     if effect.name == "parameter_error":
-        return f"the parameter {change}"
-    return f"{place_of(effect)} ({change})" if change else place_of(effect)
+        return f"the parameter {change}{window}"
+    return f"{place_of(effect)} ({change}{window})" if change else place_of(effect)
 
 
 def richer_forms(effect: EffectEstimate) -> list[str]:
@@ -148,44 +194,56 @@ def separating(report: ReportData) -> list[dict]:
 
 def next_steps(report: ReportData) -> list[str]:
     """What to do next, one line each."""
-    steps = [f"{fault.location or 'Record'}: {fault.remedy}" for fault in report.data if fault.remedy]
-    if not report.complete:
-        steps.append(
-            "Run the diagnosis again for a verdict: fewer candidates (effects=[...]) or n_jobs=2 make it faster."
-        )
+    return [
+        *(f"{fault.location or 'Record'}: {fault.remedy}" for fault in report.data if fault.remedy),
+        *_steps(report),
+    ]
+
+
+def _steps(report: ReportData) -> list[str]:
+    """What to do next beside the faults of the record."""
+    if not report.complete and report.reasons.rule == UNDECIDED.rule:
+        return ["Run the diagnosis again: with more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."]
     if report.verdict == "none":
-        return [*steps, "To look further, excite the plant harder or over a wider range, and record again."]
-    tied = [effect for effect in report.effects if not_identified(effect)]
-    best = separating(report)
-    if tied and best:
-        nats = number(best[0]["gain"], 2) if best[0]["gain"] < 1000 else "more than 1000"
-        beyond = "" if best[0].get("within", True) else "; its inputs leave the recorded range"
-        steps.append(
-            f"Record {best[0]['experiment']} to separate {best[0]['between']} ({nats} nats expected, 3 are enough{beyond})."
-        )
-    elif tied and report.next_experiment is not None:
-        others = joined([place_of(tied[0]), *not_identified(tied[0])[:LISTED]])
-        steps.append(f"Measure another signal, or use knowledge of the plant, to decide between {others}.")
+        return ["To look further, excite the plant harder or over a wider range, and record again."]
+    steps = _to_separate(report)
     if report.verdict in ("explained", "partial"):
         steps.append("Use diagnoser.augmented_ as the new simulator.")
     if report.verdict in ("partial", "unknown"):
-        steps += _unexplained(report)
+        steps.append(_about_the_rest(report))
     return steps
 
 
-def _unexplained(report: ReportData) -> list[str]:
-    """What to do about what remains."""
+def _to_separate(report: ReportData) -> list[str]:
+    """The experiment that decides between effects that the data do not separate."""
+    tied = [effect for effect in report.effects if not_identified(effect)]
+    if not tied or report.next_experiment is None:
+        return []
+    best = separating(report)
+    if not best:
+        others = joined([place_of(tied[0]), *not_identified(tied[0])[:LISTED]])
+        return [f"Measure another signal, or use knowledge of the plant, to decide between {others}."]
+    nats = number(best[0]["gain"], 2) if best[0]["gain"] < 1000 else "more than 1000"
+    beyond = "" if best[0].get("within", True) else "; its inputs leave the recorded range"
+    return [
+        f"Record {best[0]['experiment']} to separate {best[0]['between']} ({nats} nats expected, 3 are enough{beyond})."
+    ]
+
+
+def _about_the_rest(report: ReportData) -> str:
+    """What to do about what no name explains."""
     term = report.missing_term
     if term is not None and term.law is not None and term.law.certified:
-        return [
-            "Check the law of the missing term (below) against physics; diagnoser.augmented_ carries it unless include_law=False."
-        ]
+        kept = "carries it" if report.provenance.include_law else "leaves it out (include_law=False)"
+        return f"Check the law of the missing term against physics; diagnoser.augmented_ {kept}."
     if term is not None and term.effects:
-        return [
-            "Compare the laws below with the catalogue: GapDiagnoser(simulator, effects=[*CATALOGUE.values(), *report.missing_term.effects])."
-        ]
-    if term is not None and term.curves:
-        return [
-            "Look at the shape of the missing term below; add an effect of your own, or learn it: HybridRegressor(simulator)."
-        ]
-    return ["Add an effect of your own to the catalogue, or learn the rest: HybridRegressor(simulator)."]
+        return (
+            "Compare the laws of the missing term with the catalogue: "
+            "GapDiagnoser(simulator, effects=[*CATALOGUE.values(), *report.missing_term.effects])."
+        )
+    look = (
+        "Look at the shape of what is missing: report.plot('missing_term'). "
+        if term is not None and term.curves
+        else ""
+    )
+    return f"{look}Add an effect of your own to the catalogue, or learn the rest: HybridRegressor(simulator)."

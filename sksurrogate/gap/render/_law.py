@@ -21,9 +21,16 @@ def _law(report: ReportData) -> Law | None:
     return None if report.missing_term is None else report.missing_term.law
 
 
-def _kept(law: Law) -> str:
+def _title(law: Law) -> str:
+    """What it is, and where it acts."""
+    what = "Free curve" if law.is_curve else "Law" if law.certified else "A formula that comes close,"
+    return f"{what} in {law.place}"
+
+
+def _kept(law: Law, report: ReportData) -> str:
     """Whether the corrected simulator has it, and where it holds."""
-    kept = "certified on runs left out; augmented_ may carry it" if law.certified else "not certified on runs left out"
+    carried = "augmented_ carries it" if report.provenance.include_law else "augmented_ leaves it out"
+    kept = f"certified on held-out runs; {carried}" if law.certified else "not certified on held-out runs"
     ranges = "; ".join(f"{name} from {number(low)} to {number(high)}" for name, (low, high) in law.domain.items())
     return f"{kept}. Fitted for {ranges}." if ranges else f"{kept}."
 
@@ -44,11 +51,11 @@ def law_html(report: ReportData) -> str:
     if law is None:
         return ""
     numbers = "" if law.is_curve else f'<p class="small">{escape("; ".join(_numbers(law)))}</p>'
-    closed = f"closes {percent(law.share)} of the gap's power on runs left out, " if np.isfinite(law.share) else ""
+    closed = f"closes {percent(law.share)} of the gap's power on held-out runs, " if np.isfinite(law.share) else ""
     return (
-        f'<div class="card"><strong>{"Free curve" if law.is_curve else "Law"} in {escape(law.place)}</strong>'
+        f'<div class="card"><strong>{escape(_title(law))}</strong>'
         f'<p class="change"><code>{escape(str(law))}</code></p>{numbers}'
-        f'<p class="small">{escape(closed + _kept(law))}</p></div>'
+        f'<p class="small">{escape(closed + _kept(law, report))}</p></div>'
     )
 
 
@@ -71,5 +78,5 @@ def law_lines(report: ReportData) -> list[str]:
     law = _law(report)
     if law is None:
         return []
-    lines = [f"{'Free curve' if law.is_curve else 'Law'} in {law.place}: {law}", _kept(law)]
+    lines = [f"{_title(law)}: {law}", _kept(law, report)]
     return lines + ([] if law.is_curve else _numbers(law))

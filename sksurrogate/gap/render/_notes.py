@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sksurrogate.gap.decide._rules import PRACTICAL
+from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["at_a_bound", "failed_stages", "interruption", "lost_candidates", "of_the_inputs", "too_little"]
+__all__ = ["at_a_bound", "failed_stages", "interruption", "lost_candidates", "of_the_inputs", "on_none", "too_little"]
 
 
 def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -> list[str]:
@@ -75,6 +77,22 @@ def of_the_inputs(names: Sequence[str], u: np.ndarray) -> list[str]:
     return [f"Input {name!r} never moves: these data say nothing about its effects." for name in dead]
 
 
+def on_none(shrink: Shrink) -> list[str]:
+    """Why a gap above the noise floor has no name: it is below the practical bar, or no law explains it."""
+    if not shrink.measurable:
+        return []
+    above = "The free run is above the noise floor, but"
+    if shrink.before < PRACTICAL:
+        return [
+            f"{above} it misses the outputs by only {100 * shrink.before:.2g} % of their deviation. The practical bar is "
+            f"{100 * PRACTICAL:g} %."
+        ]
+    return [
+        f"{above} no law explains it better than a disturbance. Repeat a run with the same inputs to tell a disturbance from an "
+        "effect."
+    ]
+
+
 def too_little(names: Sequence[str]) -> str:
     """Said of names that are withdrawn.
 
@@ -84,5 +102,5 @@ def too_little(names: Sequence[str]) -> str:
     'input_delay passed the evidence but closed too lit'
     """
     return (
-        f"{', '.join(names)} passed the evidence but closed too little of the gap on runs left out; no name is given."
+        f"{', '.join(names)} passed the evidence but closed too little of the gap on held-out runs; no name is given."
     )

@@ -25,7 +25,7 @@ def origin_pairs(report: ReportData) -> list[tuple[str, str]]:
         ("effects", origin.effects if origin.n_rows else ""),
         ("seed", origin.seed),
         ("sksurrogate", origin.version),
-        ("date", origin.date),
+        ("date", origin.date[:16].replace("T", " ")),
         ("time taken", f"{report.seconds:.1f} s" if np.isfinite(report.seconds) else ""),
         ("command", origin.command),
     ]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
-from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap.render._budget import budget_html
 from sksurrogate.gap.render._code import code_of
-from sksurrogate.gap.render._curves import curve_html, effect_html
+from sksurrogate.gap.render._curves import curve_html, effect_html, form_of
 from sksurrogate.gap.render._headline import (
     changes,
     first_of,
@@ -27,8 +27,8 @@ from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._table_html import explained
-from sksurrogate.gap.render._values import percent, place_of
-from sksurrogate.gap.render._waterfall import waterfall
+from sksurrogate.gap.render._values import place_of
+from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
@@ -38,7 +38,7 @@ __all__ = ["html_fragment", "html_page"]
 
 #: Candidates that the ranking shows before the rest is folded away; candidates at most.
 RANKED_SHOWN, MOST_RANKED = 6, 60
-#: A curve that explains less of the missing term on runs left out (share of its variance) shows nothing.
+#: A curve that explains less of the missing term on held-out runs (share of its variance) shows nothing.
 LEAST_EXPLAINED = 0.02
 
 
@@ -78,6 +78,7 @@ def html_fragment(report: ReportData) -> str:
         f'<style>{STYLE}</style><div class="skgap">',
         _first_screen(report),
         *(_named(effect, report) for effect in report.effects),
+        _unequalled(report.effects),
         record_html(report.data),
         _missing(report),
         _shrink(report),
@@ -104,9 +105,8 @@ def _first_screen(report: ReportData) -> str:
     parts.append(budget_html(report.budget))
     for what, lines, sure in changes(report):
         body = "".join(f'<p class="change">{escape(line)}</p>' for line in lines)
-        parts.append(
-            f'<div class="card"><strong>{escape(what)}</strong>{body}<p class="small">{escape(sure)}</p></div>'
-        )
+        sure = f'<p class="small">{escape(sure)}</p>' if sure else ""
+        parts.append(f'<div class="card"><strong>{escape(what)}</strong>{body}{sure}</div>')
     steps = next_steps(report)
     if steps:
         entries = "".join(f"<li>{escape(step)}</li>" for step in steps)
@@ -116,41 +116,32 @@ def _first_screen(report: ReportData) -> str:
 
 def _named(effect: EffectEstimate, report: ReportData) -> str:
     """One named effect: its form, its curve, what else explains the data."""
-    known = CATALOGUE.get(effect.name)
-    form = f"<p>Form: <code>{escape(known.equation)}</code></p>" if known is not None else ""
     others, richer = not_identified(effect), richer_forms(effect)
     parts = [
         f"<h2>{escape(place_of(effect)[0].upper() + place_of(effect)[1:])}</h2>",
-        form,
+        form_of(effect),
         effect_html(effect, report),
     ]
     if others:
         parts.append(f"<p>These data do not separate it from: {escape(first_of(others))}. {escape(effect.why)}</p>")
-    elif effect.why and not richer:
-        parts.append(f'<p class="small">{escape(effect.why)}</p>')
     if richer:
         parts.append(f'<p class="small">Richer, not needed: {escape(first_of(richer))}.</p>')
     return "".join(parts)
 
 
+def _unequalled(effects: Sequence[EffectEstimate]) -> str:
+    """Why no other effect explains the data as well, each reason once."""
+    alone = [effect.why for effect in effects if not (not_identified(effect) or richer_forms(effect))]
+    return "".join(f'<p class="small">{escape(why)}</p>' for why in dict.fromkeys(alone) if why)
+
+
 def _shrink(report: ReportData) -> str:
-    """The waterfall with its sentence."""
+    """The waterfall with its sentences."""
     rows = waterfall(report)
     if not rows:
         return ""
-    shrink, closed = report.shrink, ""
-    if np.isfinite(shrink.fraction):
-        low, high = (100 * end for end in shrink.interval)
-        closed = f" Closed: {percent(shrink.fraction)} of the gap above the noise [{low:.1f}, {high:.1f}]."
-    kept = (
-        f" {100 * shrink.same_names:.0f} % of the folds choose the same names."
-        if np.isfinite(shrink.same_names)
-        else ""
-    )
-    return (
-        f"<h2>How far the gap shrinks</h2><figure>{bars(rows)}<figcaption>RMSE of the free run on runs left out, each "
-        f"output over its standard deviation.{closed}{kept}</figcaption></figure>"
-    )
+    caption = " ".join([f"{CAPTION}.", *closed(report)])
+    return f"<h2>How far the gap shrinks</h2><figure>{bars(rows)}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _where(report: ReportData) -> str:
@@ -165,7 +156,7 @@ def _where(report: ReportData) -> str:
     }
     time = report.units.get("time", "unit of time")
     tables = [
-        ("By output", _with_units(where.by_output, "output", report), {}),
+        ("By output", _with_units(_outputs(where.by_output), "output", report), {}),
         ("By place", where.by_location, place),
         ("By operating range", where.by_region, {}),
         ("By time", where.by_time, {"kind": "how the size changes over a run"}),
@@ -179,13 +170,21 @@ def _where(report: ReportData) -> str:
     return "".join(parts) if len(parts) > 1 else ""
 
 
+def _outputs(table: Table) -> Table:
+    """Without the share, where there is one output only."""
+    return table if len(table) > 1 else Table(tuple({k: v for k, v in row.items() if k != "share"} for row in table))
+
+
 def _missing(report: ReportData) -> str:
     """The shape of the missing term and its formula."""
     term = report.missing_term
     if term is None or not (term.curves or term.candidates or term.law):
         return ""
     out = [f"<h2>What is missing at {escape(term.location)}</h2>", law_html(report)]
-    out += [curve_html(curve, term.location, term.kind, report, law_line(report, curve)) for curve in _telling(term)]
+    curves = _telling(term)
+    out += [curve_html(curve, term.location, term.kind, report, law_line(report, curve)) for curve in curves]
+    if term.curves and not curves:
+        out.append("<p>No single signal explains it on held-out runs.</p>")
     if term.candidates and not (term.law is not None and term.law.certified):
         laws = "".join(f"<li><code>{escape(text)}</code></li>" for text in term.candidates)
         out.append(f"<p>Simple laws that come close:</p><ul>{laws}</ul>")
@@ -193,10 +192,9 @@ def _missing(report: ReportData) -> str:
 
 
 def _telling(term: MissingTerm) -> list[Curve]:
-    """The curves that explain something, and that of the law; the best where none does."""
+    """The curves that explain something, and that of the law."""
     law = () if term.law is None else tuple(term.law.variables)
-    telling = [c for c in term.curves if c.explained > LEAST_EXPLAINED or (c.variable,) == law]
-    return telling[:3] or list(term.curves[:1])
+    return [c for c in term.curves if c.explained > LEAST_EXPLAINED or (c.variable,) == law][:3]
 
 
 def _experiments(report: ReportData) -> str:
@@ -211,11 +209,12 @@ def _experiments(report: ReportData) -> str:
 
 
 def _retuned(report: ReportData) -> str:
-    """The free parameters, before and after."""
+    """The free parameters, before and after: folded away, for the first screen has those that moved."""
     if not len(report.retuned):
         return ""
     other = {"low": "lower end of the 90 % interval", "high": "upper end"}
-    return "<h2>Re-tuned parameters</h2>" + explained(_with_units(report.retuned, "parameter", report), (), other)
+    table = explained(_with_units(report.retuned, "parameter", report), (), other)
+    return f"<details><summary>All re-tuned parameters</summary>{table}</details>"
 
 
 def _with_units(table: Table, column: str, report: ReportData) -> Table:
@@ -230,7 +229,8 @@ def _ranking(report: ReportData) -> str:
     """The candidates alone, by the column that decides; the rest folded away."""
     if not len(report.ranking):
         return ""
-    rows = [_with_margin(dict(row)) for row in report.ranking[:MOST_RANKED]]
+    rows = [_with_margin(dict(row)) for row in report.ranking]
+    rows = sorted(rows, key=lambda row: -np.nan_to_num(row["margin"], nan=-np.inf))[:MOST_RANKED]
     short = Table(
         tuple(
             {k: row.get(k) for k in ("name", "location", "variable", "margin", "named")} for row in rows[:RANKED_SHOWN]

@@ -26,7 +26,7 @@ def record_lines(faults: DataFaults, width: int) -> list[str]:
         return []
     lines = ["The record"]
     for fault in faults:
-        lines += textwrap.wrap(f"- {fault}", width, initial_indent="  ", subsequent_indent="    ")
+        lines += textwrap.wrap(f"- {fault.found}", width, initial_indent="  ", subsequent_indent="    ")
     return lines
 
 
@@ -34,5 +34,5 @@ def record_html(faults: DataFaults) -> str:
     """A section with a list of the faults; empty where nothing is wrong."""
     if not faults:
         return ""
-    entries = "".join(f"<li>{escape(str(fault))}</li>" for fault in faults)
+    entries = "".join(f"<li>{escape(fault.found)}</li>" for fault in faults)
     return f"<h2>The record</h2><p>What is wrong with the data themselves:</p><ul>{entries}</ul>"

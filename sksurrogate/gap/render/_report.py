@@ -52,7 +52,7 @@ class GapReport(ReportData):
     reasons : Reasons
         The rule that decided the verdict, and the numbers that it was given.
     budget : Table
-        Shares of the gap's power on runs left out, which add up to one: part, kind ("effect", "re-tuning", "unnamed law",
+        Shares of the gap's power on held-out runs, which add up to one: part, kind ("effect", "re-tuning", "unnamed law",
         "disturbance"), share, low, high (90 %); no rows without a gap.
     remainder : Remainder
         What is left beside everything that is named: size, lawful or not, place.

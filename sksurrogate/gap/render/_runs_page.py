@@ -45,15 +45,22 @@ def runs_html(report: ReportData) -> str:
     return "".join(out)
 
 
-def run_name(label: object) -> str:
-    """A run as a heading.
+def run_name(label: object, blocks: bool = False) -> str:
+    """A run as a heading; one run that was cut gives blocks.
 
     Examples
     --------
-    >>> run_name(3), run_name("run 3"), run_name("calm")
-    ('Run 3', 'run 3', 'Run calm')
+    >>> run_name(3), run_name("run 3"), run_name("calm"), run_name(0, blocks=True)
+    ('Run 3', 'run 3', 'Run calm', 'Block 0')
     """
+    if blocks:
+        return f"Block {label}"
     return str(label) if str(label).lower().startswith("run") else f"Run {label}"
+
+
+def _called(trace: Trace, report: ReportData) -> str:
+    """The heading of a run of this report."""
+    return run_name(trace.label, report.provenance.n_runs == 1 and len(report.traces) > 1)
 
 
 def _errors(trace: Trace, report: ReportData) -> str:
@@ -63,7 +70,7 @@ def _errors(trace: Trace, report: ReportData) -> str:
 
 def _caption(trace: Trace, report: ReportData) -> str:
     return (
-        f"<figcaption><strong>{escape(run_name(trace.label))}</strong>: RMSE over deviation {_errors(trace, report)}"
+        f"<figcaption><strong>{escape(_called(trace, report))}</strong>: RMSE / deviation {_errors(trace, report)}"
         "</figcaption>"
     )
 
@@ -74,7 +81,7 @@ def _large(trace: Trace, report: ReportData) -> str:
     panels = [panel for j in outputs for panel in (_output(trace, j, report, 150), *_residuals(trace, j, report, 70))]
     panels += _inputs(trace, report, 70)
     label = axis(TIME, report.units)
-    picture = figure(panels, label, run_name(trace.label), width=900)
+    picture = figure(panels, label, _called(trace, report), width=900)
     return f'<figure><div class="wide">{picture}</div>{_caption(trace, report)}</figure>'
 
 
@@ -82,7 +89,7 @@ def _small(trace: Trace, report: ReportData) -> str:
     """The output that is missed most, its residual, the first input."""
     j = worst_output(report, trace)
     panels = [_output(trace, j, report, 120), *_residuals(trace, j, report, 50), *_inputs(trace, report, 45)[:1]]
-    picture = figure(panels, axis(TIME, report.units), run_name(trace.label))
+    picture = figure(panels, axis(TIME, report.units), _called(trace, report))
     return f"<figure>{picture}{_caption(trace, report)}</figure>"
 
 
@@ -123,17 +130,17 @@ def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Pa
     second = Line("residual after", t, after, "ink", width=1.0)
     name = _name(report.outputs, j, "y")
     if not known.any() or np.nanstd(after) > MUCH_SMALLER * np.nanstd(before):
-        label = f"residual of {axis(name, report.units)}"
+        label = f"residual, {axis(name, report.units)}"
         return [Panel([first, second], label, _range(before, after), band, summary, height)]
     return [
         Panel(
             [first],
-            f"residual before of {axis(name, report.units)}",
+            f"residual before, {axis(name, report.units)}",
             _range(before, before),
             height=height,
             legend=False,
         ),
-        Panel([second], f"residual after of {axis(name, report.units)}", _range(after, after), band, summary, height),
+        Panel([second], f"residual after, {axis(name, report.units)}", _range(after, after), band, summary, height),
     ]
 
 

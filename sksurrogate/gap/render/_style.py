@@ -49,7 +49,8 @@ padding:.15em .5em;font-size:.8em;white-space:pre;font-variant-numeric:tabular-n
 .skgap .budget{margin:.8em 0}.skgap .budgetbar{display:flex;gap:2px;height:1.9em}.skgap .budgetbar span{min-width:2px}
 .skgap .bar,.skgap .budgetbar span,.skgap .key{print-color-adjust:exact;-webkit-print-color-adjust:exact}
 .skgap .budget ul{list-style:none;padding:0;margin:.4em 0;display:flex;flex-wrap:wrap;gap:.1em 1.4em}
-.skgap .key{display:inline-block;width:.8em;height:.8em;margin-right:.45em;border:1px solid var(--ink)}
+.skgap .budget li{padding-left:1.3em;text-indent:-1.3em}
+.skgap .key{display:inline-block;text-indent:0;width:.8em;height:.8em;margin-right:.45em;border:1px solid var(--ink)}
 .skgap pre{background:var(--card);padding:.8em 1em;border-radius:.4em;overflow-x:auto;font-size:.86em;line-height:1.45}
 .skgap details{margin:.6em 0}.skgap summary{cursor:pointer;color:var(--accent)}
 .skgap dl{display:grid;grid-template-columns:auto 1fr;gap:.1em 1em;font-size:.9em;margin:.5em 0}.skgap dt{color:var(--soft)}

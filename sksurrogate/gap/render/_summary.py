@@ -9,8 +9,12 @@ from html import escape
 
 import numpy as np
 
-from sksurrogate.gap.render._units import parameter_unit
-from sksurrogate.gap.render._values import interval_text, number, percent, readable
+from sksurrogate.gap.render._budget import part_name, shown
+from sksurrogate.gap.render._headline import not_identified
+from sksurrogate.gap.render._table_html import grid, table_html
+from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
+from sksurrogate.gap.render._values import number, percent, place_of
+from sksurrogate.gap.render._waterfall import CAPTION
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import EMPTY, Table
 
@@ -59,7 +63,7 @@ class GapSummary:
 
     def as_text(self) -> str:
         """Plain text, 78 columns or as wide as the names need."""
-        blocks = [_facts(self.facts), *(_grid(table) for table in self.tables)]
+        blocks = [_facts(self.facts), *map(grid, self.tables)]
         width = max([_WIDTH, *(len(line) for block in blocks for line in block)])
         rule, thin = "=" * width, "-" * width
         lines = [self.title.center(width).rstrip(), rule]
@@ -73,14 +77,7 @@ class GapSummary:
     def as_html(self) -> str:
         """The same as HTML tables."""
         facts = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in self.facts)
-        parts = [f"<table><caption>{escape(self.title)}</caption>{facts}</table>"]
-        for table in self.tables:
-            head = "".join(f"<th>{escape(name)}</th>" for name in table.columns)
-            body = "".join(
-                "<tr>" + "".join(f"<td>{escape(_cell(name, row[name]))}</td>" for name in table.columns) + "</tr>"
-                for row in table
-            )
-            parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+        parts = [f"<table><caption>{escape(self.title)}</caption>{facts}</table>", *map(table_html, self.tables)]
         return "\n".join([*parts, *(f"<p>{escape(note)}</p>" for note in self.notes)])
 
     def _repr_html_(self) -> str:
@@ -97,7 +94,12 @@ def summary_of(report: ReportData) -> GapSummary:
         _facts_of(report),
         _effects(report),
         _retuned(report),
-        Table(tuple({key: row[key] for key in ("part", "share", "low", "high")} for row in report.budget)),
+        Table(
+            tuple(
+                {"part": part_name(row), **{k: row[k] for k in ("share", "low", "high")}}
+                for row in shown(report.budget)
+            )
+        ),
         _notes(report),
     )
 
@@ -105,7 +107,9 @@ def summary_of(report: ReportData) -> GapSummary:
 def _facts_of(report: ReportData) -> tuple[tuple[str, str], ...]:
     """What is said of the whole, in pairs of columns."""
     shrink, origin = report.shrink, report.provenance
-    closed = f"{percent(shrink.fraction)} {interval_text(*(100 * end for end in shrink.interval))}".rstrip()
+    low, high = (f"{100 * end:.1f}" for end in shrink.interval)
+    closed = f"{percent(shrink.fraction)} [{low}, {high}]" if report.effects or len(report.retuned) else "-"
+    law = () if np.isnan(shrink.after_law) else (("RMSE with the law:", number(shrink.after_law)),)
     return (
         ("Verdict:", report.verdict + ("" if report.complete else " (interrupted)")),
         ("Simulator:", origin.simulator or "-"),
@@ -116,13 +120,14 @@ def _facts_of(report: ReportData) -> tuple[tuple[str, str], ...]:
         ("RMSE before:", number(shrink.before)),
         ("No. rows:", str(origin.n_rows or "-")),
         ("RMSE after:", number(shrink.after)),
-        ("Sample time:", number(origin.dt)),
+        ("Sample time:", with_unit(number(origin.dt), report.units.get(TIME, ""))),
         ("RMSE of the noise:", number(shrink.floor)),
         ("Free parameters:", str(len(report.retuned))),
         ("Gap closed:", closed),
         ("Seed:", origin.seed or "-"),
         ("Remainder / gap:", percent(report.remainder.share)),
         ("Date:", origin.date[:10] or "-"),
+        *law,
     )
 
 
@@ -130,12 +135,11 @@ def _effects(report: ReportData) -> Table:
     """One row a parameter of a named effect."""
     rows = []
     for effect in report.effects:
-        driver = f"({effect.variable})" if effect.variable else ""
         for name, value in effect.params.items():
             low, high = effect.intervals.get(name, (np.nan, np.nan))
             rows.append(
                 {
-                    "effect": f"{readable(effect.name)} @ {effect.location}{driver}",
+                    "effect": place_of(effect),
                     "parameter": name,
                     "unit": parameter_unit(effect, name, report.units),
                     "estimate": value,
@@ -160,10 +164,10 @@ def _retuned(report: ReportData) -> Table:
 
 def _notes(report: ReportData) -> tuple[str, ...]:
     """What the columns mean, then the notes of the report."""
-    own = ["RMSE: free run on runs left out of choice and fit, each output over its standard deviation."]
+    own = [f"{CAPTION}."]
     if report.effects or len(report.retuned) or len(report.budget):
-        own.append("low, high: 90 % interval. share: of the gap's power on runs left out.")
-    tied = [f"{readable(e.name)} at {e.location}" for e in report.effects if e.equivalents]
+        own.append("from, to: 90 % interval. share: of the gap's power on held-out runs.")
+    tied = [place_of(effect) for effect in report.effects if not_identified(effect)]
     if tied:
         own.append(f"These data do not identify {', '.join(tied)} uniquely; see report.effects[i].equivalents.")
     return (*own, *report.notes)
@@ -175,25 +179,3 @@ def _facts(facts: Sequence[tuple[str, str]]) -> list[str]:
     cells = [f"{name}{value:>{max(half - len(name), len(value) + 1)}}" for name, value in facts]
     cells += [""] * (len(cells) % 2)
     return [f"{a:<{half}}    {b}".rstrip() for a, b in zip(cells[::2], cells[1::2])]
-
-
-def _grid(table: Table) -> list[str]:
-    """Columns: text to the left, numbers to the right."""
-    names = [name for name in table.columns if any(row[name] != "" for row in table)]
-    text = {name: [_cell(name, row[name]) for row in table] for name in names}
-    left = {name: isinstance(table[0][name], str) for name in names}
-    widths = {name: max(len(name), *(len(cell) for cell in text[name])) for name in names}
-
-    def line(cells: Sequence[str]) -> str:
-        return "  ".join(
-            cell.ljust(widths[n]) if left[n] else cell.rjust(widths[n]) for n, cell in zip(names, cells)
-        ).rstrip()
-
-    return [line(names), *(line([text[name][k] for name in names]) for k in range(len(table)))]
-
-
-def _cell(name: str, value: object) -> str:
-    """Text of one value."""
-    if isinstance(value, (float, int, np.number)) and not isinstance(value, bool):
-        return format(float(value), ".3f") if name in ("probability", "share") else number(float(value))
-    return str(value)

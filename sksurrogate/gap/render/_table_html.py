@@ -1,4 +1,4 @@
-"""Tables of the page: heads in words, every column explained below, numbers to the right, shares in per cent."""
+"""Tables of page and terminal: heads in words, numbers to the right, shares in per cent; on the page every column is explained."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.gap.render._values import number, percent
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["explained", "table_html"]
+__all__ = ["explained", "grid", "table_html"]
 
 #: Column -> (head, what it means).
 COLUMNS = {
@@ -46,6 +46,7 @@ COLUMNS = {
     "parameter": ("parameter", "of the simulator"),
     "nominal": ("before", "value in the simulator"),
     "value": ("after", "re-tuned value"),
+    "part": ("part of the gap", ""),
     "at_bound": ("at its bound", "whether the value lies at a bound that was given"),
     "unit": ("unit", ""),
     "moved": ("moved", "whether the 90 % interval leaves the value before out"),
@@ -68,31 +69,57 @@ def table_html(table: Table, leave_out: Sequence[str] = ()) -> str:
     if not len(table):
         return ""
     names = [name for name in table.columns if name not in leave_out]
-    numeric = {
-        name: any(isinstance(row[name], (int, float, np.number)) and not isinstance(row[name], bool) for row in table)
-        for name in names
-    }
+    numeric = {name: _numeric(table, name) for name in names}
     head = "".join(f"<th{' class=n' if numeric[name] else ''}>{escape(_head(name))}</th>" for name in names)
-    body = "".join(_row(row, names) for row in table)
+    body = "".join(_row(row, names, numeric) for row in table)
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def grid(table: Table) -> list[str]:
+    """Lines of plain text: heads, then one line a row; columns that are empty are left out.
+
+    Examples
+    --------
+    >>> for line in grid(Table(({"output": "level", "gap": 0.25, "share": 1.0},))):
+    ...     print(line)
+    output   gap    share
+    level   0.25  100.0 %
+    """
+    names = [name for name in table.columns if any(row[name] != "" for row in table)]
+    columns = []
+    for name in names:
+        cells = [_head(name), *(cell(row, name) for row in table)]
+        width = max(map(len, cells))
+        columns.append([text.rjust(width) if _numeric(table, name) else text.ljust(width) for text in cells])
+    return ["  ".join(cells).rstrip() for cells in zip(*columns)]
+
+
+def cell(row: Mapping[str, object], name: str) -> str:
+    """Text of one value."""
+    value = row[name]
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (int, float, np.number)):
+        share = name in _SHARES or ("part" in row and name in ("low", "high"))
+        return percent(float(value)) if share else number(float(value))
+    return "-" if value is None else str(value)
+
+
+def _numeric(table: Table, name: str) -> bool:
+    """Whether a column has numbers."""
+    return any(isinstance(row[name], (int, float, np.number)) and not isinstance(row[name], bool) for row in table)
 
 
 def _head(name: str) -> str:
     return COLUMNS.get(name, (name, ""))[0]
 
 
-def _row(row: Mapping[str, object], names: Sequence[str]) -> str:
+def _row(row: Mapping[str, object], names: Sequence[str], numeric: Mapping[str, bool]) -> str:
     """One line of a table."""
     cells = []
     for name in names:
-        value = row[name]
-        if isinstance(value, (bool, np.bool_)):
-            cells.append(f"<td>{'yes' if value else 'no'}</td>")
-        elif isinstance(value, (int, float, np.number)):
-            size = float(value)
-            cells.append(f"<td class=n>{percent(size) if name in _SHARES else number(size)}</td>")
-        else:
-            text = "-" if value is None else str(value)
-            cells.append(f"<td{' class=wrap' if len(text) > 40 else ''}>{escape(text)}</td>")
-    kind = ' class="named"' if row.get("named") in (True, np.True_) else ""
-    return f"<tr{kind}>{''.join(cells)}</tr>"
+        text = cell(row, name)
+        kind = " class=n" if numeric[name] else " class=wrap" if len(text) > 40 else ""
+        cells.append(f"<td{kind}>{escape(text)}</td>")
+    named = ' class="named"' if row.get("named") in (True, np.True_) else ""
+    return f"<tr{named}>{''.join(cells)}</tr>"

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import textwrap
 
-import numpy as np
-
 from sksurrogate.gap.render._budget import budget_lines
 from sksurrogate.gap.render._headline import changes, first_of, headline, next_steps, not_identified, richer_forms
 from sksurrogate.gap.render._law import law_lines
 from sksurrogate.gap.render._origin_html import origin_line
 from sksurrogate.gap.render._record import record_lines
-from sksurrogate.gap.render._values import place_of
-from sksurrogate.gap.render._waterfall import waterfall
+from sksurrogate.gap.render._table_html import grid
+from sksurrogate.gap.render._values import percent, place_of
+from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._report_data import ReportData
-from sksurrogate.gap.results._table import Table
 
 __all__ = ["terminal_page"]
+
+#: Rows of a table of where or when.
+MOST_ROWS = 4
 
 
 def terminal_page(report: ReportData, width: int = 80) -> str:
@@ -39,16 +40,7 @@ def terminal_page(report: ReportData, width: int = 80) -> str:
     lines += _block(_numbered("What to do next", next_steps(report), width))
     lines += _block(record_lines(report.data, width))
     lines += _block(_errors(report))
-    if report.where.location is not None:
-        lines += [f"Where: {report.where.kind} {report.where.location}", ""]
-    for heading, table in (
-        ("By output", report.where.by_output),
-        ("By region", _telling(report.where.by_region)[:4]),
-        ("By time", _telling(report.where.by_time)[:4]),
-        ("Re-tuned", report.retuned),
-    ):
-        if len(table):
-            lines += [heading, *(_cut(f"  {line}", width) for line in str(table).splitlines()), ""]
+    lines += _block(_where(report, width))
     lines += _block(_missing(report, width))
     for note in report.notes:
         lines += [*textwrap.wrap(f"Note: {note}", width), ""]
@@ -94,18 +86,26 @@ def _errors(report: ReportData) -> list[str]:
     rows = waterfall(report)
     if not rows:
         return []
-    width = max(24, *(len(label) for label, _ in rows))
+    width = max(len(label) for label, _ in rows)
     longest = max([value for _, value in rows] + [1e-300])
-    lines = ["RMSE of the free run on runs left out, over the deviation of each output"]
-    lines += [f"  {label:<{width}} {value:9.4g}  " + "#" * round(30 * value / longest) for label, value in rows]
-    shrink = report.shrink
-    if np.isfinite(shrink.fraction):
-        low, high = shrink.interval
-        lines.append(
-            f"  closed: {100 * shrink.fraction:.1f} % of the gap above the noise [{100 * low:.1f}, {100 * high:.1f}]"
-        )
-    if np.isfinite(shrink.same_names):
-        lines.append(f"  {100 * shrink.same_names:.0f} % of the folds choose the same names")
+    lines = [CAPTION]
+    lines += [f"  {label:<{width}} {value:9.4g}  {'#' * round(30 * value / longest)}".rstrip() for label, value in rows]
+    return [*lines, *(f"  {line}" for line in closed(report))]
+
+
+def _where(report: ReportData, width: int) -> list[str]:
+    """The most likely place; outputs, operating range and time where they say more than everywhere and always."""
+    where = report.where
+    lines = [] if where.location is None else [f"Most likely place: {where.kind} {where.location}"]
+    if len(where.by_region) > 1:
+        rows = sorted(where.by_region, key=lambda row: -row.get("share", 0.0))[:MOST_ROWS]
+        lines.append("Where the gap arises")
+        for row in rows:
+            text = f"{percent(row['share'])} at {row['rule']} ({percent(row['samples'])} of the samples)"
+            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")
+    for heading, table in (("By output", where.by_output), ("By time", where.by_time[:MOST_ROWS])):
+        if len(table) > 1:
+            lines += [heading, *(_cut(f"  {line}", width) for line in grid(table))]
     return lines
 
 
@@ -120,11 +120,6 @@ def _missing(report: ReportData, width: int) -> list[str]:
         for text in term.candidates:
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")
     return lines
-
-
-def _telling(table: Table) -> Table:
-    """A table of where or when, nothing where it only says everywhere or always."""
-    return table if len(table) > 1 else Table()
 
 
 def _cut(line: str, width: int) -> str:

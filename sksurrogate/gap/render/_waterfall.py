@@ -1,18 +1,22 @@
-"""Errors from the simulator down to the noise."""
+"""Errors from the simulator down to the noise, and how much of the gap is closed."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.gap.render._values import percent
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["waterfall"]
+__all__ = ["CAPTION", "closed", "waterfall"]
+
+#: What the numbers are.
+CAPTION = "RMSE of the free run on held-out runs / standard deviation of each output"
 
 
 def waterfall(report: ReportData) -> list[tuple[str, float]]:
-    """Errors before, after re-tuning, after a generic correction, after the effects, and the noise.
+    """Errors before, after re-tuning, after a generic correction, with the effects, and the noise.
 
-    What makes runs left out worse says so: it is not a help.
+    What makes held-out runs worse says so: it is not a help.
     """
     s = report.shrink
 
@@ -23,8 +27,24 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
         ("simulator", s.before),
         (helps("parameters re-tuned", s.after_retuning), s.after_retuning),
         (helps("generic correction", s.after_correction), s.after_correction),
-        ("effects added", s.after),
-        ("law added too", s.after_law),
+        ("with the effects", s.after if report.effects else np.nan),
+        ("with the law too" if report.effects else "with the law", s.after_law),
         ("noise", s.floor),
     ]
     return [(label, float(value)) for label, value in rows if np.isfinite(value)]
+
+
+def closed(report: ReportData) -> list[str]:
+    """How much of the gap what is named and a certified law close, and how steady the names are."""
+    s, law = report.shrink, None if report.missing_term is None else report.missing_term.law
+    lines = []
+    if np.isfinite(s.fraction) and (report.effects or len(report.retuned)):
+        low, high = (100 * end for end in s.interval)
+        lines.append(
+            f"Closed: {percent(s.fraction)} of the gap above the noise, 90 % interval {low:.1f} to {high:.1f} %."
+        )
+    if law is not None and law.certified and np.isfinite(s.fraction_law):
+        lines.append(f"Closed with the law: {percent(s.fraction_law)}.")
+    if np.isfinite(s.same_names):
+        lines.append(f"{100 * s.same_names:.0f} % of the folds choose the same names.")
+    return lines

@@ -66,8 +66,13 @@ class DataFault:
     taken_out: bool = True
 
     def __str__(self) -> str:
+        return f"{self.found} {self.remedy}".rstrip()
+
+    @property
+    def found(self) -> str:
+        """Place, fault and share of the gap."""
         share = "" if np.isnan(self.share) else f"; {100 * self.share:.0f} % of the gap"
-        return f"{self.location or 'all outputs'}: {self.what}{share}. {self.remedy}".rstrip()
+        return f"{self.location or 'all outputs'}: {self.what}{share}."
 
     @property
     def what(self) -> str:

@@ -29,6 +29,8 @@ class Provenance:
         "all", or the effects that were compared.
     seed : str
         ``random_state`` as given.
+    include_law : bool
+        Whether ``augmented_`` carries a certified law.
     version, date : str
         Version of the package; date and time (ISO 8601, with the offset from UTC).
     files : tuple of str
@@ -50,6 +52,7 @@ class Provenance:
     date: str = ""
     files: tuple[str, ...] = ()
     command: str = ""
+    include_law: bool = True
 
 
 #: Of a report that was put together by hand.
