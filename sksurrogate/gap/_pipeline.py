@@ -23,8 +23,7 @@ from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import name_of, next_experiment
 from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
 from sksurrogate.gap.decide._held_out import Baseline, held_out, measure, notes_on_names, same_names, shares, traces
-from sksurrogate.gap.decide._inside_ode import OdeInside
-from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
+from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._intervals import intervals, parameter_errors
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._posterior import Posterior
@@ -58,7 +57,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     Parameters
     ----------
     search : BaseSearch
-    inside : OdeInside or TrajectoryInside
+    inside : BaseInside
         What no name answers, as far as the simulator's access allows it.
     runs : Runs
     correction : estimator or None
@@ -76,7 +75,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def __init__(
         self,
         search: BaseSearch[C],
-        inside: OdeInside | TrajectoryInside,
+        inside: BaseInside[C],
         runs: Runs,
         *,
         correction: Any,

@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.gap.decide._features import DecisionFeatures, left_over
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, law_beside_set, stands
 from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
@@ -31,7 +32,7 @@ from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._residual_analysis import Remaining, Remains, law_left
+from sksurrogate.gap.unnamed._residual_analysis import Remaining, law_left
 from sksurrogate.gap.unnamed._where import force_predictability, likely_place, place_of_law
 from sksurrogate.kernels.record import Record
 
@@ -61,7 +62,7 @@ def lost_places(names: Sequence[str]) -> list[str]:
     ]
 
 
-class OdeInside:
+class OdeInside(BaseInside[OdeCandidate]):
     """Along the free run, and along the smoothed path.
 
     Parameters
@@ -77,42 +78,28 @@ class OdeInside:
 
     Attributes
     ----------
-    complete : bool
-        False after an interrupt: nothing that takes long is asked any more.
-    remains : Remains or None
-        What is left beside the names, once it was asked for.
-    beside : LawBeside or None
-        The likeliest law without a name beside what stands.
     instead : LawBeside or None
         The likeliest law in the place of all names, once it was asked for.
     clock : str
         A sentence where the record fits in another unit of time.
     """
 
-    #: Whether what needs no name is asked while names are looked for; which effects were compared.
     asks_early, among = True, "of the catalogue"
+    search: Search
 
     def __init__(self, search: Search, seed: int, whole: Record, tolerance: float, excluded: Iterable[str] = ()):
-        self.search, self.seed, self.whole, self.complete = search, seed, whole, True
-        self.remains: Remains | None = None
+        super().__init__(search, seed)
+        self.whole, self.tolerance, self.excluded = whole, tolerance, frozenset(excluded)
+        self.scale = search.problem.scale
         self.remaining: Remaining | None = None
-        self.tolerance, self.excluded = tolerance, frozenset(excluded)
-        self.beside: LawBeside | None = None
         self.instead: LawBeside | None = None
         self.clock = ""
 
     @property
-    def scale(self) -> np.ndarray:
-        """Size of the states."""
-        return self.search.problem.scale
-
-    @property
     def most_noise(self) -> np.ndarray:
-        """Largest white noise of the sensors."""
         return MOST_NOISE * self.search.problem.sd
 
     def law_gain(self, final: Evidence[OdeCandidate]) -> float:
-        """Of the likeliest law beside what is named, twice the nats."""
         law = law_beside_set(self.search, final, self.tolerance)
         return law.gain if law is not None else 0.0
 
@@ -147,17 +134,14 @@ class OdeInside:
         return posterior
 
     def weigh_none(self) -> None:
-        """The law beside no effect at all."""
         self.beside = self.instead = law_beside_none(self.search, self.tolerance)
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
-        """The force on top of what stands, whether it is a law, and the places of the gap."""
         if self.remaining is None:
             self.remaining = Remaining(self.search.later, self.search.fitted_null, self.channels, final, self.seed)
         self.remains = self.remaining.of(final)
 
     def withdraw(self, null: Evidence[OdeCandidate]) -> None:
-        """The names are withdrawn: the null stands."""
         assert self.remains is not None
         latent, law = law_left(null, self.seed)
         self.remains = replace(self.remains, latent=latent, law=law)
@@ -165,7 +149,6 @@ class OdeInside:
 
     # ---- the verdict ------------------------------------------------------------------------------------------------
     def over_noise(self, final: Evidence[OdeCandidate], retuned: bool) -> float:
-        """Free-run error that is left, in units of the noise."""
         assert self.remains is not None
         return left_over(final, self.remains.latent, self.most_noise, retuned)
 
@@ -181,7 +164,6 @@ class OdeInside:
         )
 
     def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
-        """The law beside what stands."""
         return self.beside
 
     def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
@@ -205,18 +187,15 @@ class OdeInside:
         return likely_place(remains.places, lambda b, u: force_predictability(problem, remains.gap, b, u, self.seed))
 
     def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
-        """By region and by time."""
         assert self.remains is not None
         return where_and_when(self.channels, self.remains.gap, location, kind)
 
     def missing_term(self, location: str, kind: str) -> MissingTerm:
-        """The shape of what is missing at a place."""
         return missing_term(self.channels, location, kind)
 
     def law_beside(
         self, base: Evidence[OdeCandidate], final: Evidence[OdeCandidate], held: HeldOut
     ) -> CertifiedLaw | None:
-        """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""
         search, same = self.search, base.candidate is self.channels.null
         channels = self.channels if same else Channels(base.candidate)
         laws = fitted_laws(search, base, channels, self.places_of_law(final, bool(base.effects)))
@@ -227,7 +206,6 @@ class OdeInside:
         return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.larger(best), evidence)
 
     def law_instead(self, beside: CertifiedLaw, final: Evidence[OdeCandidate]) -> bool:
-        """Whether one formula on top of nothing is clearly likelier than all names, both with the price of their choice."""
         search, law = self.search, beside.law
         if law.curve:
             return False
@@ -246,14 +224,12 @@ class OdeInside:
         return list(dict.fromkeys((str(name), str(kind)) for name, kind in allowed))
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
-        """Effects that the re-tuning would hide."""
         screen = self.search.first_screen
         found = imitated_by_retuning(screen, self.search.fitted_null.fit.theta) if screen is not None else []
         return [(effect.name, str(effect.location), effect.variable) for effect in found]
 
     # ---- long records -----------------------------------------------------------------------------------------------
     def larger(self, final: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
-        """What stands, fitted on more of a long record."""
         at = final.candidate.problem
         if self.whole.n_samples == at.record.n_samples:
             return final
@@ -265,7 +241,6 @@ class OdeInside:
         return final if candidate is None else estimate_noise(candidate, final.noise, final.curvature, max_iterations=5)
 
     def notes(self, final: Evidence[OdeCandidate], verdict: str) -> list[str]:
-        """What a careful reader should know of the data."""
         notes, rounding = lost_places(self.channels.lost), self.rounding(final)
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))

@@ -10,8 +10,7 @@ import numpy as np
 
 from sksurrogate.gap.decide._features import DecisionFeatures, share_left
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
-from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CertifiedLaw
+from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
@@ -40,8 +39,8 @@ TRANSIENTS = (
 )
 
 
-class TrajectoryInside:
-    """Seen through a linear surrogate.
+class TrajectoryInside(BaseInside[TrajectoryCandidate]):
+    """Seen through a linear surrogate, after the search: it moves the initial states.
 
     Parameters
     ----------
@@ -51,34 +50,20 @@ class TrajectoryInside:
         Whether the simulator answers no other inputs than those in X.
     """
 
-    #: Every question waits for the search: it moves the initial states.
-    asks_early, among = False, "that can be tested here"
-    #: Size of the states, and the law beside what stands, which only a right-hand side shows.
-    scale: np.ndarray | None = None
-    beside: LawBeside | None = None
+    among = "that can be tested here"
+    search: TrajectorySearch
 
     def __init__(self, search: TrajectorySearch, seed: int, only_given: bool):
-        self.search, self.seed, self.only_given, self.complete = search, seed, only_given, True
-        self.remains: Remains | None = None
+        super().__init__(search, seed)
+        self.only_given = only_given
 
     @property
     def most_noise(self) -> np.ndarray:
-        """Largest white noise of the sensors: what the fit finds."""
         return np.full(len(self.search.problem.sd), np.inf)
-
-    def law_gain(self, final: Evidence[TrajectoryCandidate]) -> float:
-        """No law inside can be judged."""
-        return 0.0
-
-    def begin(self) -> None:
-        """Nothing is known of the inside before the search."""
 
     def correction(self, correction: Any) -> Correction | None:
         """None for a table of outputs, which has no answer to blocks of its runs."""
         return None if self.only_given else quietly(generic_correction(self.search.problem.plant.simulator, correction))
-
-    def look(self, final: Evidence[TrajectoryCandidate]) -> None:
-        """Nothing inside can be seen on top of the names."""
 
     def weigh(self, final: Evidence[TrajectoryCandidate]) -> Posterior:
         """How probable what stands is against none; no law inside can be put in the place of a name."""
@@ -86,9 +71,6 @@ class TrajectoryInside:
         less = search.score(search.fitted_null.candidate) - search.score(final.candidate)
         chance = float(1.0 / (1.0 + np.exp(np.clip(less, -700.0, 700.0))))
         return Posterior((chance,) * len(final.effects), None)
-
-    def weigh_none(self) -> None:
-        """No law inside can be weighed."""
 
     def look_at_what_is_left(self, final: Evidence[TrajectoryCandidate]) -> None:
         """A force on the states of the surrogate, whether inputs and outputs repeat it, and the places it may come from."""
@@ -99,12 +81,7 @@ class TrajectoryInside:
         self.remains = Remains(latent, law, known, latent)
 
     def withdraw(self, null: Evidence[TrajectoryCandidate]) -> None:
-        """The names are withdrawn: the null stands."""
         self.look_at_what_is_left(null)
-
-    def over_noise(self, final: Evidence[TrajectoryCandidate], retuned: bool) -> float:
-        """Free-run error that is left, in units of the noise."""
-        return final.left
 
     def features(
         self, common: DecisionFeatures, final: Evidence[TrajectoryCandidate], shrink: Shrink
@@ -118,13 +95,11 @@ class TrajectoryInside:
         return share_left(shrink) * float(np.sqrt(max(law, 0.0)))
 
     def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
-        """What is repeated, at the likeliest place."""
         place, size = self.likeliest, self.lawful(shrink)
         nothing = (0, 0, self.search.problem.first_noise())
         return LawBeside(0.0, 0.0, place.location, place.kind, "", size, size, nothing) if place is not None else None
 
     def likely_place(self, final: Evidence[TrajectoryCandidate]) -> tuple[str | None, str | None]:
-        """The place of the likeliest equivalent disturbance."""
         return (place.location, place.kind) if (place := self.likeliest) else (None, None)
 
     @property
@@ -133,36 +108,15 @@ class TrajectoryInside:
         return self.remains.places[0] if self.remains is not None and self.remains.places else None
 
     def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
-        """By region and by time, of the signal at the likely place, or at the likeliest."""
         at = location if kind in ("input", "output") else (self.likeliest.location if self.likeliest else None)
         channel = channel_of(self.search.fitted_null.candidate, at)
         w = channel.force()
         return regions(channel.record, channel.Z, channel.names, w), times(channel.record, w)
 
     def missing_term(self, location: str, kind: str) -> MissingTerm:
-        """The shape of what is missing at a place."""
         return missing_term(self.search.fitted_null.candidate, location, kind)
 
-    def law_beside(
-        self, base: Evidence[TrajectoryCandidate], final: Evidence[TrajectoryCandidate], held: HeldOut
-    ) -> CertifiedLaw | None:
-        """None: laws are looked for where the inside is known."""
-        return None
-
-    def law_instead(self, beside: CertifiedLaw, final: Evidence[TrajectoryCandidate]) -> bool:
-        """No law stands in the place of names."""
-        return False
-
-    def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
-        """None: nothing inside can be tested."""
-        return []
-
-    def larger(self, final: Evidence[TrajectoryCandidate]) -> Evidence[TrajectoryCandidate]:
-        """Simulations see the whole record."""
-        return final
-
     def notes(self, final: Evidence[TrajectoryCandidate], verdict: str) -> list[str]:
-        """What a careful reader should know of the simulator and of the data."""
         problem = self.search.problem
         notes = [ACCESS, *([ONE_ANSWER] if self.only_given else [])]
         return [*notes, TRANSIENTS] if problem.free_starts and problem.x0 is None else notes

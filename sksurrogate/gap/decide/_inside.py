@@ -1,0 +1,136 @@
+"""What no name answers, as far as a simulator's access shows it: the law, the force and the place of what is left."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, Generic
+
+import numpy as np
+
+from sksurrogate.gap.decide._features import DecisionFeatures
+from sksurrogate.gap.decide._generic_correction import Correction
+from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw
+from sksurrogate.gap.decide._posterior import Posterior
+from sksurrogate.gap.fit._evidence import C, Evidence
+from sksurrogate.gap.results._missing_term import MissingTerm
+from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._residual_analysis import Remains
+
+__all__ = ["BaseInside"]
+
+
+class BaseInside(ABC, Generic[C]):
+    """Questions on top of what is named; those that only a right-hand side answers have no answer here.
+
+    Parameters
+    ----------
+    search : BaseSearch
+    seed : int
+
+    Attributes
+    ----------
+    complete : bool
+        False after an interrupt: nothing that takes long is asked any more.
+    remains : Remains or None
+        What is left beside the names, once it was asked for.
+    scale : ndarray (n_states,) or None
+        Size of the states.
+    beside : LawBeside or None
+        The likeliest law without a name beside what stands.
+    """
+
+    #: Whether what needs no name is asked while names are looked for.
+    asks_early = False
+    #: Which effects were compared, in words.
+    among: str
+    scale: np.ndarray | None = None
+    beside: LawBeside | None = None
+
+    def __init__(self, search: BaseSearch[C], seed: int):
+        self.search, self.seed, self.complete = search, seed, True
+        self.remains: Remains | None = None
+
+    @property
+    @abstractmethod
+    def most_noise(self) -> np.ndarray:
+        """Largest white noise of the sensors."""
+
+    @abstractmethod
+    def correction(self, correction: Any) -> Correction | None:
+        """Free runs of the generic learner of the waterfall."""
+
+    def begin(self) -> None:
+        """What is made once for one null."""
+
+    def law_gain(self, final: Evidence[C]) -> float:
+        """Of the likeliest law beside what is named, twice the nats."""
+        return 0.0
+
+    def look(self, final: Evidence[C]) -> None:
+        """What is seen on top of what is named."""
+
+    @abstractmethod
+    def weigh(self, final: Evidence[C]) -> Posterior:
+        """How probable each effect of what stands is."""
+
+    def weigh_none(self) -> None:
+        """The law beside no effect at all."""
+
+    @abstractmethod
+    def look_at_what_is_left(self, final: Evidence[C]) -> None:
+        """The force on top of what stands, whether it is a law, and the places of the gap."""
+
+    @abstractmethod
+    def withdraw(self, null: Evidence[C]) -> None:
+        """The names are withdrawn: the null stands."""
+
+    # ---- the verdict ------------------------------------------------------------------------------------------------
+    def over_noise(self, final: Evidence[C], retuned: bool) -> float:
+        """Free-run error that is left, in units of the noise."""
+        return final.left
+
+    @abstractmethod
+    def features(self, common: DecisionFeatures, final: Evidence[C], shrink: Shrink) -> DecisionFeatures:
+        """What the verdict is decided on, with what is left of it lawful."""
+
+    @abstractmethod
+    def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
+        """The law beside what stands."""
+
+    # ---- where ------------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def likely_place(self, final: Evidence[C]) -> tuple[str | None, str | None]:
+        """Location and kind of what has no name."""
+
+    @abstractmethod
+    def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
+        """By region and by time, of the signal at a place."""
+
+    @abstractmethod
+    def missing_term(self, location: str, kind: str) -> MissingTerm:
+        """The shape of what is missing at a place."""
+
+    def law_beside(self, base: Evidence[C], final: Evidence[C], held: HeldOut) -> CertifiedLaw | None:
+        """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""
+        return None
+
+    def law_instead(self, beside: CertifiedLaw, final: Evidence[C]) -> bool:
+        """Whether one formula on top of nothing is clearly likelier than all names, both with the price of their choice."""
+        return False
+
+    def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
+        """Effects that the re-tuning would hide."""
+        return []
+
+    # ---- long records -----------------------------------------------------------------------------------------------
+    def larger(self, final: Evidence[C]) -> Evidence[C]:
+        """What stands, fitted on more of a long record."""
+        return final
+
+    @abstractmethod
+    def notes(self, final: Evidence[C], verdict: str) -> list[str]:
+        """What a careful reader should know of the simulator and of the data."""
