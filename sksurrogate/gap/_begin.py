@@ -1,11 +1,11 @@
-"""How a diagnosis begins: the backend that a simulator's access allows, its search, and what can be asked inside."""
+"""How a diagnosis begins: the search that a simulator's access allows, and what can be asked inside; again on a record without its faults."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,11 +19,13 @@ from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
+from sksurrogate.gap.faults._book import first_look
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
+from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.kernels.record import Record
@@ -32,10 +34,7 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["Prepared", "Task", "begin_ode", "begin_trajectory"]
-
-#: The pipeline, the rows of the whole record that it sees, and its processes.
-Prepared: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[WorkerProcess, WorkerProcess]]
+__all__ = ["Task", "diagnosed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,17 +43,17 @@ class Task:
 
     Attributes
     ----------
-    plant : Plant
-    runs : Runs
+    diagnoser : GapDiagnoser
+    effects : sequence or None
+        Candidates as they were asked for.
     whole : Record
         All of the runs.
     free : tuple of str
         Parameters that are re-tuned.
-    known : KnownParameters
-    seed : int
-    progress : Progress
     """
 
+    diagnoser: Any
+    effects: Any
     plant: Plant
     runs: Runs
     whole: Record
@@ -63,30 +62,62 @@ class Task:
     seed: int
     progress: Progress
 
+    @property
+    def labels(self) -> list[Any]:
+        """Of the runs."""
+        return [run.label for run in self.runs]
 
-def begin_ode(diagnoser: Any, task: Task) -> Prepared:
+    @property
+    def for_search(self) -> dict[str, Any]:
+        """What every search is told."""
+        diagnoser = self.diagnoser
+        tolerance = float(diagnoser.tolerance)
+        return {"tolerance": tolerance, "n_jobs": diagnoser.n_jobs, "report": self.progress.say}
+
+    def pipeline(self, search: Any, inside: Any, rows: np.ndarray, **more: Any) -> DiagnosisPipeline[Any]:
+        """All stages."""
+        n_samples = search.problem.record.n_samples
+        self.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(self.runs)} run(s)")
+        asked = {name: getattr(self.diagnoser, name) for name in ("correction", "time_limit", "include_law")}
+        return DiagnosisPipeline(search, inside, self.labels, rows, **asked, **more)
+
+    def candidates(self, effects: list[BaseEffect]) -> list[BaseEffect]:
+        """Effects that are not ruled out, by the user or by inputs that stand still."""
+        library = without_excluded(effects, self.diagnoser.exclude, self.plant)
+        return driven_effects(library, self.effects, self.plant, self.whole)
+
+
+def diagnosed(task: Task) -> tuple[DiagnosisPipeline[Any], GapReport]:
+    """Diagnose, and again as long as a fault of the record is found; the pipeline of the last round."""
+    book = first_look(task.plant, task.runs, task.whole)
+    begin = begin_trajectory if task.plant.access == "trajectory" else begin_ode
+    while True:
+        pipeline = begin(replace(task, whole=book.record))
+        pipeline.book = book
+        with pipeline.search.second, pipeline.search.later:
+            report = pipeline.run(task.progress)
+        if report is not None:
+            return pipeline, report
+        book = pipeline.book
+
+
+def begin_ode(task: Task) -> DiagnosisPipeline[Any]:
     """Of a simulator with a right-hand side or a step."""
-    plant, runs, whole = task.plant, task.runs, task.whole
+    diagnoser, plant, whole = task.diagnoser, task.plant, task.whole
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-    asked = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
-    library = without_excluded(build_effects(plant, balances, asked), diagnoser.exclude, plant)
-    library = driven_effects(library, asked, plant, whole)
-    with _right_unit(model, record), finite_along(model, whole, [run.label for run in runs]):
+    library = task.candidates(build_effects(plant, balances, task.effects))
+    with _right_unit(model, record), finite_along(model, whole, task.labels):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
-    task.progress.say(f"{len(library)} candidates on {record.n_samples} samples of {len(runs)} run(s)")
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     second, later = WorkerProcess(fixed, apart), WorkerProcess(fixed, apart, later=True)
-    tolerance = float(diagnoser.tolerance)
-    common = {"n_jobs": diagnoser.n_jobs, "report": task.progress.say, "lost": model.said}
-    search = Search(problem, library, smoothed.x, tolerance=tolerance, second=second, later=later, **common)
-    inside = OdeInside(search, task.seed, whole, tolerance, excluded_places(diagnoser.exclude))
-    limits = {"tolerance": tolerance, "time_limit": diagnoser.time_limit, "include_law": bool(diagnoser.include_law)}
-    pipeline = DiagnosisPipeline(search, inside, runs, correction=diagnoser.correction, **limits)
-    return pipeline, rows, (second, later)
+    common = {**task.for_search, "second": second, "later": later, "lost": model.said}
+    search = Search(problem, library, smoothed.x, **common)
+    inside = OdeInside(search, task.seed, whole, excluded_places(diagnoser.exclude))
+    return task.pipeline(search, inside, rows)
 
 
 @contextmanager
@@ -98,7 +129,7 @@ def _right_unit(model: PlantModel, record: Record) -> Iterator[None]:
         raise type(error)(f"{error} {other_unit_of_time(model, record)}".rstrip()) from error
 
 
-def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
+def begin_trajectory(task: Task) -> DiagnosisPipeline[Any]:
     """Of a simulator with ``simulate`` alone.
 
     Raises
@@ -106,31 +137,17 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
     SimulatorError
         None of the effects that were asked for can be tested.
     """
-    plant, runs, whole = task.plant, task.runs, task.whole
-    effects = list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
-    wanted = [e for e in build_effects(plant, (), effects) if e.access == "trajectory"]
-    _check_asked(plant, effects, wanted)
+    plant, whole = task.plant, task.whole
+    wanted = [e for e in build_effects(plant, (), task.effects) if e.access == "trajectory"]
+    _check_asked(plant, task.effects, wanted)
     with np.errstate(all="ignore"):
-        problem = build_trajectory(plant, whole, task.free, [run.label for run in runs], task.known)
+        problem = build_trajectory(plant, whole, task.free, task.labels, task.known)
     testable = _testable(problem, wanted)
-    _check_asked(plant, effects, testable)
-    library = driven_effects(without_excluded(testable, diagnoser.exclude, plant), effects, plant, whole)
-    task.progress.say(f"{len(library)} candidates on {whole.n_samples} samples of {len(runs)} run(s)")
-    common = {"n_jobs": diagnoser.n_jobs, "report": task.progress.say, "lost": problem.simulations.raised}
-    search = TrajectorySearch(problem, library, tolerance=float(diagnoser.tolerance), **common)
+    _check_asked(plant, task.effects, testable)
+    library = task.candidates(testable)
+    search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **task.for_search)
     inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
-    untestable = left_out(effects, testable)
-    pipeline = DiagnosisPipeline(
-        search,
-        inside,
-        runs,
-        correction=diagnoser.correction,
-        tolerance=float(diagnoser.tolerance),
-        untestable=untestable,
-        time_limit=diagnoser.time_limit,
-        include_law=bool(diagnoser.include_law),
-    )
-    return pipeline, np.arange(whole.n_samples), (search.second, search.later)
+    return task.pipeline(search, inside, np.arange(whole.n_samples), untestable=left_out(task.effects, testable))
 
 
 def _check_asked(plant: Plant, effects: Any, kept: list[BaseEffect]) -> None:

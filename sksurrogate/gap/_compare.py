@@ -52,8 +52,6 @@ def excitation(
     ----------
     limits : sequence of (low, high)
         Of every input.
-    n_runs, n_samples : int
-    rng : Generator
 
     Returns
     -------

@@ -10,7 +10,7 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import law_of
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._retuned import value_of
+from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
 

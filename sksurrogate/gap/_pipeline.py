@@ -24,15 +24,15 @@ from sksurrogate.gap.decide._experiment import name_of, next_experiment
 from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
 from sksurrogate.gap.decide._held_out import Baseline, held_out, measure, notes_on_names, same_names, shares, traces
 from sksurrogate.gap.decide._inside import BaseInside
-from sksurrogate.gap.decide._intervals import intervals, parameter_errors
+from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._posterior import Posterior
+from sksurrogate.gap.decide._retuning import parameter_errors, retuned_table
 from sksurrogate.gap.decide._rules import decide
 from sksurrogate.gap.faults._book import RecordBook, faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
-from sksurrogate.gap.fit._retuned import retuned_table
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -46,7 +46,6 @@ from sksurrogate.gap.results._where import Where
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed import _where
 from sksurrogate.kernels.clock import TimeIsUp, time_left, time_until
-from sksurrogate.runs import Runs
 
 __all__ = ["STAGES", "DiagnosisPipeline"]
 
@@ -56,14 +55,14 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     Parameters
     ----------
-    search : BaseSearch
     inside : BaseInside
         What no name answers, as far as the simulator's access allows it.
-    runs : Runs
     correction : estimator or None
         Generic learner of the waterfall.
-    tolerance : float
-        Share of the gap (amplitude) that a model may leave.
+    labels : sequence
+        Of the runs.
+    rows : ndarray of int
+        Rows of the whole record that the search sees.
     untestable : sequence of str
         Effects that were asked for and cannot be tested.
     time_limit : float, optional
@@ -76,25 +75,24 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         self,
         search: BaseSearch[C],
         inside: BaseInside[C],
-        runs: Runs,
+        labels: Sequence[Any],
+        rows: np.ndarray,
         *,
         correction: Any,
-        tolerance: float,
+        time_limit: float | None,
+        include_law: bool,
         untestable: Sequence[str] = (),
-        time_limit: float | None = None,
-        include_law: bool = True,
     ):
         self.problem, self.search, self.inside = search.problem, search, inside
-        self.labels = [run.label for run in runs]
-        self.learner, self.tolerance, self.untestable = correction, tolerance, tuple(untestable)
+        self.labels, self.rows = labels, rows
+        self.learner, self.untestable = correction, tuple(untestable)
         self.posterior = Posterior((), None)
         self.found = PartialResults()
         self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
         self.failed: dict[str, str] = {}
-        self.started_at, self.include_law = time.perf_counter(), include_law
+        self.started_at, self.include_law = time.perf_counter(), bool(include_law)
         self.experiment: PendingAnswer[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
-        self.rows = np.arange(search.problem.record.n_samples)
 
     def run(self, progress: Progress) -> GapReport | None:
         """All stages, and the report of what is known after them; None where ``book`` has another record by then."""
@@ -258,7 +256,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
             law=float(np.max(remains.law, initial=0.0)),
             n_samples=self.problem.record.n_samples,
-            tolerance=self.tolerance,
+            tolerance=self.search.tolerance,
         )
         return decide(self.inside.features(common, final, shrink))
 

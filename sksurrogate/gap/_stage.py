@@ -24,8 +24,6 @@ class Stage:
 
     Attributes
     ----------
-    name : str
-    ask : callable (pipeline) -> None
     given : str
         Progress.
     share : float

@@ -8,6 +8,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
+from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
 from sksurrogate.kernels.record import Record
@@ -63,5 +64,5 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
         keys = tuple(effect.key for effect in effects)
         base = OdeCandidate(effects, of_cost(1).fit, problem, None)
         assert base.keys == keys
-        expander.expand(base, 4, 2)
+        expander.expand(base, Wanted(4, 2))
     assert asked == [[mode, spring, loss], [loss]]

@@ -37,7 +37,6 @@ def budget_of(
         Their shares of the gap's power.
     retuning : float
         That of the re-tuned parameters.
-    shrink : Shrink
     law : LawBeside or None
         The law beside what is named.
     formula : Law, optional

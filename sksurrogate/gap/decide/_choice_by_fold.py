@@ -35,7 +35,6 @@ class ByRun:
         Of the prior that the fit was made with.
     prior : float
         What its values cost before any data (-2 log p).
-    n_parameters : int
     """
 
     grams: np.ndarray
@@ -94,7 +93,6 @@ def chosen_without(
     ----------
     own : ByRun
         What is named.
-    candidates : sequence of ByRun
     fold : ndarray of int (n_runs,)
     lengths : ndarray of int (n_runs,)
         Measured values of every run.
@@ -123,7 +121,6 @@ def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slo
 
     Parameters
     ----------
-    search : BaseSearch
     final : Evidence
         What all runs choose.
     slots : sequence of Slot

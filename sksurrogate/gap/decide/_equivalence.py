@@ -34,7 +34,6 @@ class Slot(Generic[C]):
 
     Attributes
     ----------
-    index : int
     twins : list of BaseCandidate
         Candidates with another effect in this slot that these data cannot reject.
     identical : list of bool
@@ -199,9 +198,6 @@ def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], pos
 
     Parameters
     ----------
-    search : BaseSearch
-    final : BaseCandidate
-    slots : sequence of Slot
     posterior : sequence of float
         Of each effect against none and against a law without a name in its place (:func:`weigh`).
     """

@@ -15,15 +15,12 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import PUSH_OF_STATE
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
-from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, NextExperiment
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, TIED_LISTED, NextExperiment
 from sksurrogate.gap.results._table import Table
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
 __all__ = ["name_of", "next_experiment", "suggestion", "when_they_part"]
-
-#: Tied candidates that a sentence lists.
-EXPERIMENTS_LISTED = 4
 
 
 def name_of(effect: BaseEffect) -> str:
@@ -106,7 +103,6 @@ def when_they_part(
 
     Parameters
     ----------
-    named : str
     tied : sequence of str
         Candidates that these data cannot tell from it.
     same : bool
@@ -143,7 +139,7 @@ def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) ->
 
 def _first(names: Sequence[str]) -> str:
     """The first of some names."""
-    return ", ".join(names[:EXPERIMENTS_LISTED]) + (" and more" if len(names) > EXPERIMENTS_LISTED else "")
+    return ", ".join(names[:TIED_LISTED]) + (" and more" if len(names) > TIED_LISTED else "")
 
 
 #: Samples of an experiment, and tied candidates that are compared.

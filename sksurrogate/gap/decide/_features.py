@@ -45,7 +45,6 @@ class DecisionFeatures:
         Gain of the likeliest law beside what is named, and what it moves an output by, over its deviation.
     rounding : float
         Error of a rounding that nothing names, over the deviation of the output.
-    n_samples : int
     tolerance : float
         Share of the gap (amplitude) that a model may leave.
     """

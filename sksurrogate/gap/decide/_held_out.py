@@ -248,7 +248,6 @@ class Baseline:
 
     Parameters
     ----------
-    null : Evidence
     correction : Correction or None
         Learned on some runs, free run on the others.
     early : bool

@@ -26,11 +26,6 @@ __all__ = ["BaseInside"]
 class BaseInside(ABC, Generic[C]):
     """Questions on top of what is named; those that only a right-hand side answers have no answer here.
 
-    Parameters
-    ----------
-    search : BaseSearch
-    seed : int
-
     Attributes
     ----------
     complete : bool

@@ -14,7 +14,7 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, law_beside_set, stands
-from sksurrogate.gap.decide._retuning_imitates import imitated_by_retuning
+from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._rules import GRID_SHARE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE
@@ -67,12 +67,8 @@ class OdeInside(BaseInside[OdeCandidate]):
 
     Parameters
     ----------
-    search : Search
-    seed : int
     whole : Record
         All of a long record.
-    tolerance : float
-        Share of the gap (amplitude) that a model may leave.
     excluded : iterable of str
         Places where a user rules effects out: no law is looked for there.
 
@@ -87,9 +83,9 @@ class OdeInside(BaseInside[OdeCandidate]):
     asks_early, among = True, "of the catalogue"
     search: Search
 
-    def __init__(self, search: Search, seed: int, whole: Record, tolerance: float, excluded: Iterable[str] = ()):
+    def __init__(self, search: Search, seed: int, whole: Record, excluded: Iterable[str] = ()):
         super().__init__(search, seed)
-        self.whole, self.tolerance, self.excluded = whole, tolerance, frozenset(excluded)
+        self.whole, self.excluded = whole, frozenset(excluded)
         self.scale = search.problem.scale
         self.remaining: Remaining | None = None
         self.instead: LawBeside | None = None
@@ -100,7 +96,7 @@ class OdeInside(BaseInside[OdeCandidate]):
         return MOST_NOISE * self.search.problem.sd
 
     def law_gain(self, final: Evidence[OdeCandidate]) -> float:
-        law = law_beside_set(self.search, final, self.tolerance)
+        law = law_beside_set(self.search, final, self.search.tolerance)
         return law.gain if law is not None else 0.0
 
     def begin(self) -> None:
@@ -129,12 +125,12 @@ class OdeInside(BaseInside[OdeCandidate]):
         if not final.effects:
             return Posterior((), None)
         self.search.report("whether a law without a name does as well")
-        _, posterior = stands(self.search, final, self.tolerance)
+        _, posterior = stands(self.search, final, self.search.tolerance)
         self.beside = posterior.law
         return posterior
 
     def weigh_none(self) -> None:
-        self.beside = self.instead = law_beside_none(self.search, self.tolerance)
+        self.beside = self.instead = law_beside_none(self.search, self.search.tolerance)
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
         if self.remaining is None:
@@ -178,7 +174,7 @@ class OdeInside(BaseInside[OdeCandidate]):
         if rounding is not None and final.left < NEARLY_WHITE:
             return rounding.sensor, "output"
         if self.instead is None and self.complete:
-            self.instead = law_beside_none(self.search, self.tolerance)
+            self.instead = law_beside_none(self.search, self.search.tolerance)
         place = place_of_law(self.instead, remains.places if remains else [], problem.plant.inputs)
         if place:
             return place

@@ -44,8 +44,6 @@ class TrajectoryInside(BaseInside[TrajectoryCandidate]):
 
     Parameters
     ----------
-    search : TrajectorySearch
-    seed : int
     only_given : bool
         Whether the simulator answers no other inputs than those in X.
     """

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._normal_equations import seen_inverse
-from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._interval import BAND
-from sksurrogate.gap.results._table import Table
 
-__all__ = ["intervals", "parameter_errors"]
+__all__ = ["intervals"]
 
 #: Share of a parameter that integrators and the smoothing of kinks may always move.
 NUMERICS = 5e-4
-#: What is said of parameters that close the gap, and where they would hide effects as large.
-RETUNED = "Re-tuning alone closes the gap."
-HIDES = " It would hide these effects: they part from it where parameters are measured or fewer are free (free_params)."
 
 
 def covariance(found: Evidence) -> np.ndarray:
@@ -54,31 +47,3 @@ def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
     half = np.sqrt((BAND * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2 + within_a_sample**2)
     low, high = candidate.problem.bounds(candidate.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
-
-
-def parameter_errors(
-    retuned: Table, share: float, hidden: Sequence[tuple[str, str, str | None]] = ()
-) -> list[EffectEstimate]:
-    """Re-tuning alone closes the gap: one parameter_error for each parameter that moved, with equal parts of the share.
-
-    The effects ``hidden`` by the re-tuning are equivalents of all of them together.
-    """
-    rows = [row for row in retuned if row["moved"]]
-    out = []
-    for row in rows:
-        p0 = row["nominal"]
-        value, *ends = [(row[k] / p0 - 1.0) if p0 != 0 else row[k] for k in ("value", "low", "high")]
-        out.append(
-            EffectEstimate(
-                "parameter_error",
-                row["parameter"],
-                None,
-                share / len(rows),
-                {"relative_error": value},
-                {"relative_error": (min(ends), max(ends))},
-                1.0,
-                list(hidden),
-                RETUNED + HIDES if hidden else RETUNED,
-            )
-        )
-    return out

@@ -37,8 +37,6 @@ class CertifiedLaw:
 
     Attributes
     ----------
-    law : FittedLaw
-    held : HeldOut
     fitted : Evidence
         The same on more of a long record.
     evidence : float

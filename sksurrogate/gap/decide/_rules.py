@@ -33,7 +33,6 @@ class Rule:
 
     Attributes
     ----------
-    name : str
     applies : callable
         ``applies(features) -> bool``.
     verdict : {"none", "explained", "partial", "unknown"}

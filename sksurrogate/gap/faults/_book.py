@@ -38,7 +38,6 @@ class RecordBook:
     ----------
     raw : Record
         As it came.
-    names : Names
     faults : tuple of BaseFault
         In the order in which they are taken out.
     earlier : RecordBook or None

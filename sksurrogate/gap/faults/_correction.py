@@ -21,7 +21,6 @@ class Names:
 
     Attributes
     ----------
-    inputs, outputs : tuple of str
     labels : sequence
         Of the runs.
     first_rows : ndarray of int (n_runs,)
@@ -67,7 +66,6 @@ class WrongReadings(BaseFault):
     Attributes
     ----------
     kind : {"spikes", "dropouts", "stuck"}
-    output : int
     rows : ndarray of int
         Of the record.
     size : float

@@ -15,7 +15,7 @@ from sksurrogate.gap.faults._run_faults import Hum
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
-from sksurrogate.gap.fit._normal_equations import solve
+from sksurrogate.gap.fit._normal_equations import weights_beside
 from sksurrogate.gap.search._base import EXTRA, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -36,7 +36,6 @@ class Found:
 
     Attributes
     ----------
-    fault : BaseFault
     score : float
         Log likelihood less half of ``k ln N`` for the parameters of the model and of the fault.
     gain : float
@@ -154,7 +153,7 @@ class _Fit:
         """Twice the log likelihood under white noise, less the cost of the parameters."""
         columns = np.concatenate([self.r[:, None], self.J, proposal.columns], axis=1).transpose(1, 0, 2)
         flat = self.model.without_starts(columns).reshape(len(columns), -1)
-        theta = self.solved(flat @ flat.T)
+        theta = weights_beside(flat @ flat.T, self.precision, self.pull)
         rest = flat[0] - theta @ flat[1:]
         # The variance is unknown: what is left may be large.
         return -self.n * float(np.log(max(float(rest @ rest), self.n))) - self.cost(proposal, 1)
@@ -163,14 +162,6 @@ class _Fit:
         """``k ln N + 2 ln M``."""
         k = proposal.columns.shape[1] + proposal.extra
         return float(k * np.log(self.n) + 2.0 * np.log(tried))
-
-    def solved(self, G: np.ndarray) -> np.ndarray:
-        """Weights of all columns, from the Gram of residual and columns."""
-        if len(G) == 1:
-            return np.zeros(0)
-        n = len(G) - 1 - len(self.precision)
-        H, g = G[1:, 1:] + np.diag(np.r_[self.precision, np.zeros(n)]), G[1:, 0] + np.r_[self.pull, np.zeros(n)]
-        return solve(H, g)
 
     def fitted(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
         """The largest log likelihood with the noise fitted, and the weights there."""
@@ -183,7 +174,7 @@ class _Fit:
         ]
         noise, value, _ = max(fits, key=lambda fit: fit[1])
         G, _ = D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
-        return float(value), self.solved(G)
+        return float(value), weights_beside(G, self.precision, self.pull)
 
     def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
         """A fault with a noise of its own, and the model fitted again without it; None where its weights are not possible."""

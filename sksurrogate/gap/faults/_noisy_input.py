@@ -25,7 +25,6 @@ class NoisyInput(BaseFault):
 
     Attributes
     ----------
-    input : int
     way : int
         Of :func:`smoothings`.
     removed : float

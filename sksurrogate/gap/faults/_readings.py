@@ -26,13 +26,8 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
 
     Parameters
     ----------
-    record : Record
     expected : callable () -> ndarray (n_outputs, n_samples) or None
         Outputs of the simulator alone, asked for only where something was found: what it does by itself is not a fault.
-
-    Returns
-    -------
-    list of WrongReadings
     """
     sd = noise_of_differences(record.y, record.starts, record.known, record.t)
     found: list[tuple[int, str, Stretch]] = []

@@ -20,7 +20,6 @@ class _OfRuns(BaseFault):
 
     Attributes
     ----------
-    output : int or None
     values : ndarray (n_runs, ...)
         Of every run; 0 in runs without the fault.
     """
@@ -42,7 +41,6 @@ class _OfRuns(BaseFault):
         return self.values
 
     def and_also(self, other: Any) -> BaseFault:
-        """With what another one found on top."""
         return replace(self, values=self.values + other.values)
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:
@@ -76,7 +74,6 @@ class Gains(_OfRuns):
     remedy = "Calibrate the sensor for every run, or divide by 1 + these values."
 
     def and_also(self, other: Any) -> BaseFault:
-        """With what another one found on top."""
         return replace(self, values=(1.0 + self.values) * (1.0 + other.values) - 1.0)
 
     def corrected(self, record: Record) -> Record:

@@ -101,8 +101,6 @@ class BaseCandidate(ABC):
 
     Attributes
     ----------
-    effects : tuple of BaseEffect
-    fit : Fitted
     problem : Backend
         What it was fitted to.
     """

@@ -83,13 +83,7 @@ def build_problem(
     balances: Sequence[str],
     known: KnownParameters | None = None,
 ) -> tuple[OdeBackend, Smoothed]:
-    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant; what is ``known`` of its parameters.
-
-    Returns
-    -------
-    problem : OdeBackend
-    smoothed : Smoothed
-    """
+    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant; what is ``known`` of its parameters."""
     sd = noise_of_differences(record.y, record.starts, record.known, record.t)
     with np.errstate(all="ignore"):
         run = run_from_readings(plant, model, record)

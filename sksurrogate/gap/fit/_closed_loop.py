@@ -39,7 +39,6 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
 
     Parameters
     ----------
-    record : Record
     y : ndarray (n_outputs, n_samples)
         Outputs of the fitted free run.
     names : sequence of str

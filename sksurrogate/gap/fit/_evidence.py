@@ -31,9 +31,6 @@ class Evidence(Generic[C]):
 
     Attributes
     ----------
-    candidate : BaseCandidate
-    noise : Noise
-    log_likelihood : float
     curvature : ndarray or None
         Of the likelihood in the noise, where a noise fit ended.
     quick : bool

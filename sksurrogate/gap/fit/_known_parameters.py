@@ -15,7 +15,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import DataError
 
-__all__ = ["PRIOR", "KnownParameters"]
+__all__ = ["PRIOR", "KnownParameters", "value_of"]
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
@@ -126,6 +126,17 @@ class KnownParameters:
         for i, name in enumerate(free, start=n):
             mean[i], sd[i] = (0.0, HELD) if name in moved else self.free_prior(name, params[name], float(theta[i]))
         return mean, sd
+
+
+def value_of(nominal: float, phi: float) -> float:
+    """Value of a free parameter.
+
+    Examples
+    --------
+    >>> value_of(2.0, 0.0), value_of(0.0, 0.3)
+    (2.0, 0.3)
+    """
+    return float(phi if nominal == 0 else nominal * np.exp(phi))
 
 
 def _place_of_error(effect: BaseEffect) -> str:

@@ -32,11 +32,9 @@ class LinearSurrogate:
 
     Attributes
     ----------
-    A, B, C, D : ndarray
     scale : ndarray (n_states,)
         Size of the states over the record.
     starts : ndarray of int (n_runs,)
-    n_samples : int
     """
 
     A: np.ndarray

@@ -59,11 +59,8 @@ class OdeCandidate(BaseCandidate):
 
     Attributes
     ----------
-    effects : tuple of BaseEffect
-    fit : Fit
     problem : OdeBackend
         What it was fitted to, and with which numerics.
-    model : AugmentedModel
     """
 
     fit: Fit
@@ -81,13 +78,11 @@ class OdeCandidate(BaseCandidate):
 
     @recent_property(MOST_KEPT)
     def disturbance(self) -> Disturbance:
-        """Noise model along the free run."""
         problem, fit = self.problem, self.fit
         return problem.disturbance_along(self.model, fit.theta, fit.x, self.linearised.A, problem.balances)
 
     @property
     def sensitivities(self) -> np.ndarray:
-        """Of the outputs in the parameters, (n_outputs, n_theta, n_samples)."""
         return self.linearised.J_theta
 
     @property
@@ -120,7 +115,6 @@ class OdeCandidate(BaseCandidate):
         return forces, [as_white(start, rms, problem.quiet_force())] if near else []
 
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
-        """Columns (n_columns, n_outputs, n_samples) in units of the noise, initial states of the runs at ``starts`` taken out."""
         white = 1.0 / self.problem.sd[:, None, None]
         J_x = self.linearised.J_x[:, self.model.free_states] * white
         return project_starts(
@@ -145,7 +139,6 @@ class OdeCandidate(BaseCandidate):
         return None if fit is None else replace(self, fit=fit)
 
     def taken_out(self, i: int) -> OdeCandidate | None:
-        """Without effect i, everything else as it is but for the initial states; None where that has no free run."""
         rest, theta = self.without_effect(i)
         model, x = self.problem.augmented(rest), self.fit.x[: self.model.n_nominal]
         if model.n_states > model.n_nominal:
@@ -153,15 +146,12 @@ class OdeCandidate(BaseCandidate):
         return self.problem.candidate(rest, replace(self.fit, theta=theta, x=x), model).frozen(theta)
 
     def at_nominal(self) -> OdeCandidate | None:
-        """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
         return self.frozen(np.r_[self.fit.theta[: self.n_parameters], np.zeros(len(self.problem.free))])
 
     def refitted(self, record: Record) -> OdeCandidate | None:
-        """The same effects fitted to a record of the same runs; None where that has no free run."""
         return replace(self.problem, record=record).fit(self.effects, self.fit.theta, self.fit.x, settled=True)
 
     def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:
-        """Outputs on the test runs of a record of these samples, refitted on the training runs; None without a free run."""
         problem, theta = replace(self.problem, record=record), self.fit.theta
         with np.errstate(all="ignore"):
             if len(theta) and len(train):
@@ -184,11 +174,9 @@ class OdeCandidate(BaseCandidate):
         return np.abs(fits[0].fit.theta - fits[1].fit.theta)
 
     def initial_states(self) -> np.ndarray:
-        """Of the runs (n_runs, n_states)."""
         return self.fit.x[: self.model.n_nominal, self.problem.record.starts].T
 
     def shown_at_once(self, name: str) -> bool:
-        """Whether an output of the simulator depends on an input in the same sample."""
         problem, record = self.problem, self.problem.record
         x, nothing = self.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
         pushed = replace(record, u=pushed_input(record.u, problem.plant.inputs.index(name))[0])
@@ -196,11 +184,9 @@ class OdeCandidate(BaseCandidate):
         return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 
     def untuned(self) -> OdeCandidate | None:
-        """The simulator with its free parameters at their nominal values, initial states fitted; None without a free run."""
         return replace(self.problem, free=()).fit((), np.zeros(0), self.fit.x)
 
     def baselines(self, record: Record) -> tuple[OdeCandidate, OdeCandidate | None]:
-        """The simulator as it is, and with all parameters re-tuned and nothing else, over a record of these samples."""
         whole = replace(self.problem, record=record)
         nominal = replace(whole, free=()).candidate((), replace(self.fit, theta=np.zeros(0)))
         names, known = tuple(whole.plant.params), dict(zip(whole.free, self.fit.theta))
@@ -214,9 +200,6 @@ class OdeBackend(KnownOfParameters):
 
     Attributes
     ----------
-    plant : Plant
-    model : PlantModel
-    record : Record
     sd : ndarray (n_outputs,)
         Sensor noise, first estimate.
     scale : ndarray (n_states,)
@@ -227,7 +210,6 @@ class OdeBackend(KnownOfParameters):
         Parameters that are re-tuned with every candidate.
     balances : tuple of str
         States whose balance may be wrong.
-    numerics : Numerics
     caps : (ndarray (n_balances,), ndarray (n_outputs,))
         Largest force of every balance and coloured noise of every sensor that count as disturbance.
     run : ndarray (n_states, n_samples), optional
@@ -365,7 +347,6 @@ class OdeBackend(KnownOfParameters):
         return Disturbance(A, B, C, self.record.starts, start_sd, slack, self.record.known)
 
     def first_noise(self) -> Noise:
-        """Where the noise parameters start."""
         places = [self.plant.states.index(name) for name in self.balances]
         return Noise(self.sd.copy(), 0.01 * self.rate[places] + 1e-300, 10.0, 0.1 * self.sd, 10.0)
 

@@ -21,11 +21,6 @@ PIECE = 1_500
 def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
     """Pieces spread evenly over a record, at most ``most`` samples in all; short runs stay whole.
 
-    Parameters
-    ----------
-    record : Record
-    most : int
-
     Returns
     -------
     part : Record

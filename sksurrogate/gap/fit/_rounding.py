@@ -35,7 +35,6 @@ class Rounding:
 
     Attributes
     ----------
-    sensor : str
     step : float
         Unit of the output.
     share : float

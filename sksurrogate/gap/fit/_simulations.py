@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect, ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
-from sksurrogate.gap.fit._retuned import value_of
+from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.sampling import read_between, with_slopes
@@ -30,8 +30,6 @@ class Simulations:
 
     Attributes
     ----------
-    plant : Plant
-    record : Record
     free : tuple of str
         Parameters that are re-tuned.
     kept : dict
@@ -147,16 +145,10 @@ def divergence(plant: Plant, record: Record, nominal: np.ndarray, labels: Sequen
 
     Parameters
     ----------
-    plant : Plant
-    record : Record
     nominal : ndarray (n_outputs, n_samples)
         Outputs of the simulator, not all finite.
     labels : sequence
         One for each run.
-
-    Returns
-    -------
-    SimulationDiverged
     """
     for run, (a, b) in enumerate(record.spans):
         Y = nominal[:, a:b]

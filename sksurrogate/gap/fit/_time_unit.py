@@ -24,11 +24,6 @@ SUBSTEPS = 8
 def other_unit_of_time(model: PlantModel, record: Record) -> str:
     """A sentence where the simulator alone explains the record with a sample time in another unit, and not with its own.
 
-    Parameters
-    ----------
-    model : PlantModel
-    record : Record
-
     Returns
     -------
     str

@@ -43,7 +43,6 @@ class TrajectoryFit:
         Parameters of the effects in turn, then a number for every free parameter.
     y : ndarray (n_outputs, n_samples)
     J : ndarray (n_outputs, n_theta, n_samples)
-    cost : float
     """
 
     theta: np.ndarray
@@ -54,14 +53,7 @@ class TrajectoryFit:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryCandidate(BaseCandidate):
-    """A set of effects fitted through ``simulate``.
-
-    Attributes
-    ----------
-    effects : tuple of BaseEffect
-    fit : TrajectoryFit
-    problem : TrajectoryBackend
-    """
+    """A set of effects fitted through ``simulate``."""
 
     fit: TrajectoryFit
     problem: TrajectoryBackend
@@ -73,7 +65,6 @@ class TrajectoryCandidate(BaseCandidate):
 
     @property
     def sensitivities(self) -> np.ndarray:
-        """Of the outputs in the parameters, (n_outputs, n_theta, n_samples)."""
         return self.fit.J
 
     @property
@@ -87,7 +78,6 @@ class TrajectoryCandidate(BaseCandidate):
         return False
 
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Residual, sensitivities, and what holds a step of the parameters: precision and pull of their prior."""
         return self.residual, self.fit.J, *self.held
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
@@ -97,16 +87,13 @@ class TrajectoryCandidate(BaseCandidate):
         return [], [as_white(start, rms, 1e-3 * self.problem.first_noise().force)] if near else []
 
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
-        """Columns (n_columns, n_outputs, n_samples) in units of the noise, free initial states taken out."""
         return self.problem.without_starts(columns, starts)
 
     def taken_out(self, i: int) -> TrajectoryCandidate | None:
-        """Without effect i, everything else as it is; None where that has no finite run."""
         J = np.delete(self.fit.J, np.arange(len(self.fit.theta))[self.slice_of(i)], axis=1)
         return self.with_values(*self.without_effect(i), J)
 
     def at_nominal(self) -> TrajectoryCandidate | None:
-        """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
         nominal = np.zeros(len(self.problem.free))
         return self.with_values(self.effects, np.r_[self.fit.theta[: self.n_parameters], nominal], self.fit.J)
 
@@ -133,14 +120,12 @@ class TrajectoryCandidate(BaseCandidate):
         return TrajectoryCandidate((), TrajectoryFit(NO_PARAMETERS, nominal, empty, np.inf), problem)
 
     def baselines(self, record: Record) -> tuple[TrajectoryCandidate, TrajectoryCandidate | None]:
-        """The simulator as it is, and with all parameters re-tuned and nothing else."""
         names = tuple(self.problem.plant.params)
         free = self.problem.free if len(self.problem.free) == len(names) else names
         tuned = replace(self.problem, free=free).fit((), np.zeros(len(free))) if names else None
         return self.untuned(), tuned
 
     def refitted(self, record: Record) -> TrajectoryCandidate | None:
-        """The same effects fitted to a record of the same runs; None where the simulator gives no finite run there."""
         simulations = replace(self.problem.simulations, record=record, kept={})
         problem = replace(self.problem, simulations=simulations, disturbances={})
         try:
@@ -172,7 +157,6 @@ class TrajectoryCandidate(BaseCandidate):
         return RELATIVE_STEP * np.abs(self.fit.theta)
 
     def initial_states(self) -> np.ndarray:
-        """Of the runs (n_runs, n_states); nan where the simulator is given none."""
         shape = len(self.problem.record.starts), len(self.problem.plant.states)
         return np.full(shape, np.nan) if self.problem.x0 is None else self.problem.x0
 
@@ -183,14 +167,12 @@ class TrajectoryBackend(KnownOfParameters):
 
     Attributes
     ----------
-    simulations : Simulations
     labels : sequence
         Of the runs.
     sd : ndarray (n_outputs,)
         Sensor noise, first estimate.
     nominal : ndarray (n_outputs, n_samples)
         The simulator's own outputs.
-    surrogate : LinearSurrogate
     free : tuple of str
         Parameters that are re-tuned with every candidate.
     transients : ndarray (n_outputs, n_starts, n_samples)
@@ -217,12 +199,10 @@ class TrajectoryBackend(KnownOfParameters):
 
     @property
     def plant(self) -> Plant:
-        """The simulator."""
         return self.simulations.plant
 
     @property
     def record(self) -> Record:
-        """What was measured."""
         return self.simulations.record
 
     def outputs(self, effects: Sequence[BaseEffect], theta: np.ndarray, x0: np.ndarray | None = None) -> np.ndarray:
@@ -309,7 +289,6 @@ class TrajectoryBackend(KnownOfParameters):
         return np.ones(len(self.surrogate.A))
 
     def first_noise(self) -> Noise:
-        """Where the noise parameters start."""
         n = len(self.surrogate.A)
         return Noise(self.sd.copy(), np.full(n, 3e-3), 10.0, 0.1 * self.sd, 10.0)
 

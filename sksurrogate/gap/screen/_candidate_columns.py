@@ -30,7 +30,6 @@ class Column:
 
     Attributes
     ----------
-    effect : BaseEffect
     theta : ndarray (n_parameters,)
     column : ndarray (n_outputs, n_samples)
         The change of the outputs that it causes.
@@ -63,7 +62,6 @@ def candidate_columns(
     ----------
     s : Responses
         The linearisation of the base.
-    candidates : sequence of BaseEffect
     shape : tuple of float
         Second and further parameters, where they are known, instead of those of the starting values.
     chosen : Shortlist or None

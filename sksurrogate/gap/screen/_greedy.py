@@ -25,7 +25,6 @@ def left_by_several(
         Products of the residual and every column, and the squares of the columns.
     row : callable (k) -> ndarray (n_columns,)
         Products of column k and every column.
-    most : int
 
     Returns
     -------

@@ -22,7 +22,6 @@ def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray,
     ----------
     effect : HiddenEffect
         The last effect of ``model``.
-    model : AugmentedModel
     theta : ndarray (n_parameters, n_starts)
         Values of its parameters.
     x : ndarray (n_nominal_states or more, n_samples)

@@ -22,7 +22,6 @@ def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
 
     Parameters
     ----------
-    screen : Screen
     most : int
         Number of pairs.
 

@@ -38,7 +38,6 @@ class Responses:
 
     Parameters
     ----------
-    problem : OdeBackend
     base : OdeCandidate
         The model that effects are added to.
     x : ndarray (n_states, n_samples)

@@ -52,7 +52,6 @@ class Start:
 
     Attributes
     ----------
-    effect : BaseEffect
     theta : ndarray
         Parameters of the effect.
     white, forced : float
@@ -137,8 +136,6 @@ def screen(
 
     Parameters
     ----------
-    problem : OdeBackend
-    candidates : sequence of BaseEffect
     base : OdeCandidate
         The model that they are added to.
     x : ndarray (n_states, n_samples)
@@ -151,10 +148,6 @@ def screen(
         That of the null: with its columns only the candidates are linearised again that may explain what a base leaves.
     second : Second, optional
         Another process.
-
-    Returns
-    -------
-    Screen
     """
     with np.errstate(all="ignore"):
         s = Responses(problem, base, x)

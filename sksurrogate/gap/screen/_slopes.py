@@ -17,10 +17,6 @@ class Slopes:
     """Slopes of the log likelihood of white noise in the signals about one linearisation.
 
     Initial states and the fitted parameters of the base follow: what they can make of the residual has no slope.
-
-    Parameters
-    ----------
-    responses : Responses
     """
 
     def __init__(self, responses: Responses):

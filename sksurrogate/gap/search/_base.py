@@ -18,7 +18,7 @@ from sksurrogate.gap.fit._evidence import C, Evidence, bar, estimate_noise, judg
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["CORRELATED", "EQUAL", "EXTRA", "BaseSearch"]
+__all__ = ["CORRELATED", "EQUAL", "EXTRA", "BaseSearch", "Wanted"]
 
 #: 2 (L_best - L_rival) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
@@ -30,15 +30,43 @@ LOOKED_AT = 6
 CORRELATED = 10.0
 
 
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """Which candidates with one effect more are fitted.
+
+    Attributes
+    ----------
+    by_white, by_forced : int
+        Effects that the screen puts first for white noise, and for noise with forces.
+    among : sequence of BaseEffect, optional
+        Instead of the whole library.
+    siblings : bool
+        Whether the effect of the nearest is fitted at other places too.
+    least : float
+        Nothing is fitted of which the screen expects less.
+    best : float
+        Cost; a fit that cannot come near it may be abandoned.
+    thorough : bool
+        Whether a screen far from the data looks at every starting value.
+    """
+
+    by_white: int
+    by_forced: int
+    among: Sequence[BaseEffect] | None = None
+    siblings: bool = False
+    least: float = 0.0
+    best: float = np.inf
+    thorough: bool = True
+
+
 @dataclass(eq=False)
 class BaseSearch(ABC, Generic[C]):
     """Which effects: a search over sets of them.
 
     Attributes
     ----------
-    problem : Backend
-    candidates : list of BaseEffect
-    n_jobs : int or None
+    tolerance : float
+        Share of the gap (amplitude) that a model may leave.
     report : callable (message) -> None
         Progress.
     second, later : Second
@@ -59,6 +87,7 @@ class BaseSearch(ABC, Generic[C]):
 
     problem: Backend
     library: list[BaseEffect]
+    tolerance: float = field(default=0.1, kw_only=True)
     n_jobs: int | None = field(default=None, kw_only=True)
     report: Callable[[str], None] = field(default=lambda message: None, kw_only=True)
     second: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False), kw_only=True)

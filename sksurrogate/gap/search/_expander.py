@@ -19,6 +19,7 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._pairs import best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
+from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_pair
 from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._stopping import remembers_enough
@@ -54,7 +55,6 @@ class Expander(SetSearch[OdeCandidate]):
 
     Attributes
     ----------
-    problem : OdeBackend
     x : ndarray (n_states, n_samples)
         Smoothed nominal trajectory.
     screens : dict
@@ -74,31 +74,18 @@ class Expander(SetSearch[OdeCandidate]):
         n_sub = min(numerics.n_sub, max(SEARCH_SUBSTEPS, least))
         return self.problem.at(Numerics(n_sub, min(numerics.sharpness, SEARCH_SHARPNESS)))
 
-    def expand(
-        self,
-        base: OdeCandidate,
-        n_white: int,
-        n_forced: int,
-        among: Sequence[BaseEffect] | None = None,
-        siblings: bool = False,
-        least: float = 0.0,
-        best: float = np.inf,
-        thorough: bool = True,
-    ) -> list[OdeCandidate]:
-        """Fit the candidates that the screen puts first, and expects at least so much of; with the siblings of the best.
-
-        A fit that cannot come near the cost ``best`` is abandoned. Far from the data a ``thorough`` screen looks at every
-        starting value.
-        """
-        problem, base, found = self.looked_at(base, among, thorough)
-        starts = [start for start in found.starts if start.evident or max(start.white, start.forced) >= least]
-        chosen = best_starts(starts, n_white, n_forced, self.n_values)
+    def expand(self, base: OdeCandidate, wanted: Wanted) -> list[OdeCandidate]:
+        problem, base, found = self.looked_at(base, wanted.among, wanted.thorough)
+        starts = [start for start in found.starts if start.evident or max(start.white, start.forced) >= wanted.least]
+        chosen = best_starts(starts, wanted.by_white, wanted.by_forced, self.n_values)
         self.report(f"fitting {len(chosen)} candidates")
         again = self.known(problem, base, [c[0].effect for c in chosen])
         have = {candidate.effects[-1].key for candidate in again}
-        candidates = again + self.fit_all(problem, base, [c for c in chosen if c[0].effect.key not in have], best)
+        candidates = again + self.fit_all(
+            problem, base, [c for c in chosen if c[0].effect.key not in have], wanted.best
+        )
         self.remember(candidates)
-        return candidates + self.siblings(candidates, base) if siblings and candidates else candidates
+        return candidates + self.siblings(candidates, base) if wanted.siblings and candidates else candidates
 
     def looked_at(
         self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True
@@ -159,7 +146,7 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> list[OdeCandidate]:
         """Effects of one form, added to a base: of its shape where that is known."""
         if shape is None:
-            return self.expand(base, 2, 0, effects, best=best)
+            return self.expand(base, Wanted(2, 0, effects, best=best))
         return self.shaped(base, effects, shape, best)
 
     def shaped(
@@ -201,7 +188,6 @@ class Expander(SetSearch[OdeCandidate]):
         return known
 
     def expected(self) -> dict[Any, float]:
-        """What the screen expects of single effects, by key."""
         out: dict[Any, float] = {}
         for start in self.first_screen.starts if self.first_screen is not None else ():
             out[start.effect.key] = max(out.get(start.effect.key, -np.inf), start.white)

@@ -11,7 +11,7 @@ from sksurrogate.effects._onset import SHARES, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._screen import Screen
-from sksurrogate.gap.search._base import EXTRA
+from sksurrogate.gap.search._base import EXTRA, Wanted
 from sksurrogate.gap.search._stopping import grows_in_vain
 
 __all__ = ["confined", "look_for_onsets"]
@@ -27,7 +27,6 @@ class Confined(NamedTuple):
 
     Attributes
     ----------
-    effect : BaseEffect
     span : tuple of str
         ("onset",) or ("end",).
     drop : float
@@ -102,10 +101,6 @@ def look_for_onsets(search: Any) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
     One effect that is always there and leaves the noise is not asked: no window could earn its price.
-
-    Parameters
-    ----------
-    search : Search
     """
     null, final = search.fitted_null, search.final or search.fitted_null
     explained = final.left < AT_THE_NOISE
@@ -118,7 +113,7 @@ def look_for_onsets(search: Any) -> None:
     windowed = [starting(one.effect, one.span) for one in found]
     base = null.candidate
     best = final.fit.cost if explained else np.inf
-    trial = search.ranked(search.expand(base, MOST_WINDOWED, 2, windowed, best=best), base)
+    trial = search.ranked(search.expand(base, Wanted(MOST_WINDOWED, 2, windowed, best=best)), base)
     if not trial:
         return
     top = search.best_polished(trial)

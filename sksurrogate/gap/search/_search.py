@@ -10,7 +10,7 @@ from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
-from sksurrogate.gap.search._base import EQUAL
+from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fits import mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._nested import folded
@@ -43,11 +43,9 @@ class Search(Expander):
         return all(e.plausible(tuple(theta), probe_of(problem, e, x, problem.rate)) for e, theta in pairs)
 
     def folded(self, candidate: OdeCandidate) -> OdeCandidate | None:
-        """With two of its effects as one, where they are one law."""
         return folded(candidate)
 
     def fit_null(self) -> Evidence:
-        """No effect: initial states and free parameters only."""
         problem, theta = self.problem, np.zeros(len(self.problem.free))
         tries = [problem.fit((), theta, self.x)]
         if tries[0] is None:
@@ -83,21 +81,19 @@ class Search(Expander):
         return best
 
     def look_for_onsets(self) -> None:
-        """Effects that begin or end within the runs, in the place of what stands."""
         look_for_onsets(self)
 
     # ---- what could stand in the place of a name --------------------------------------------------------------------
     def in_place_of(self, final: Evidence[OdeCandidate], i: int) -> list[OdeCandidate]:
-        """Candidates with another effect in the place of effect i, with the numerics of what stands, and that itself again."""
         named, single = final.candidate, len(final.effects) == 1
         base = self.fitted_null.candidate if single else self.without(named, i)
         if base is None:
             return []
         few = self.is_far(named) or is_stack(final)
         if few:
-            candidates = self.expand(base, 8, 2, thorough=False)
+            candidates = self.expand(base, Wanted(8, 2, thorough=False))
         else:
-            candidates = self.expand(base, 24, 10, siblings=True, best=final.fit.cost)
+            candidates = self.expand(base, Wanted(24, 10, siblings=True, best=final.fit.cost))
         if single:  # those of the search may have started at other re-tuned parameters
             candidates.extend(self.first_round)
         if not few and (not single or self.problem.free):

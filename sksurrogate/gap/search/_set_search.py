@@ -19,7 +19,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, JUDGED_BY_SIZE, NE
 from sksurrogate.gap.fit._evidence import C, Evidence, arrived, estimate_noise, follow_null, judged_under
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.fit._rounding import names_steps
-from sksurrogate.gap.search._base import CORRELATED, EQUAL, EXTRA, BaseSearch
+from sksurrogate.gap.search._base import CORRELATED, EQUAL, EXTRA, BaseSearch, Wanted
 from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, richer, simpler
 from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, leads_on
 
@@ -50,8 +50,6 @@ class SetSearch(BaseSearch[C]):
         The next best of the last round.
     least : float
         Share of the gap that a further effect must remove.
-    tolerance : float
-        Share of the gap (amplitude) that a model may leave.
     """
 
     #: Whether every simulation counts: then no other sets of effects are extended beside the best one.
@@ -59,7 +57,6 @@ class SetSearch(BaseSearch[C]):
 
     runners: list[C] = field(default_factory=list, kw_only=True)
     least: float = field(default=SMALLEST_SHARE, kw_only=True)
-    tolerance: float = field(default=0.1, kw_only=True)
     nominal_costs: dict[C, float] = field(default_factory=dict, kw_only=True)
 
     @property
@@ -75,22 +72,8 @@ class SetSearch(BaseSearch[C]):
 
     # ---- what a kind of access adds ---------------------------------------------------------------------------------
     @abstractmethod
-    def expand(
-        self,
-        base: C,
-        n_white: int,
-        n_forced: int,
-        among: Sequence[BaseEffect] | None = None,
-        siblings: bool = False,
-        least: float = 0.0,
-        best: float = np.inf,
-        thorough: bool = True,
-    ) -> list[C]:
-        """Fit the candidates with one effect more that the screen puts first, and expects at least so much of.
-
-        A fit that cannot come near the cost ``best`` may be abandoned; ``siblings`` of the nearest at other places are fitted
-        too; far from the data a ``thorough`` screen looks at every starting value.
-        """
+    def expand(self, base: C, wanted: Wanted) -> list[C]:
+        """Fit the candidates with one effect more that the screen puts first."""
 
     @abstractmethod
     def refitted_without(self, candidate: C, i: int) -> C | None:
@@ -110,7 +93,7 @@ class SetSearch(BaseSearch[C]):
 
     def formed(self, base: C, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float) -> list[C]:
         """Effects of one form, added to a base."""
-        return self.expand(base, 2, 0, effects, best=best)
+        return self.expand(base, Wanted(2, 0, effects, best=best))
 
     def folded(self, candidate: C) -> C | None:
         """A candidate with two of its effects as one, where they are one law."""
@@ -122,7 +105,6 @@ class SetSearch(BaseSearch[C]):
 
     # ---- the search -------------------------------------------------------------------------------------------------
     def run(self) -> Evidence:
-        """The whole search; returns the final candidate (the null where nothing passes)."""
         null = (self.null or self.fit_null()).candidate
         self.first_round = self.ranked(self.singles(null), null)
         if not self.first_round:
@@ -168,7 +150,7 @@ class SetSearch(BaseSearch[C]):
 
     def singles(self, null: C) -> list[C]:
         """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
-        candidates = self.expand(null, 16, 6, siblings=True)
+        candidates = self.expand(null, Wanted(16, 6, siblings=True))
         if not moved_far(null):
             return candidates
         best: dict = {}
@@ -183,7 +165,7 @@ class SetSearch(BaseSearch[C]):
         self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
         left = self.judged[best].left
         hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
-        trial = self.ranked(self.expand(best, 8, 4, siblings=True, least=hopeless), best)
+        trial = self.ranked(self.expand(best, Wanted(8, 4, siblings=True, least=hopeless)), best)
         if not trial and hopeless:
             return None
         settled = bool(trial) and passed and left < NEARLY_WHITE and not self.passes(trial[0], best, passed)
@@ -194,7 +176,7 @@ class SetSearch(BaseSearch[C]):
         nearest = self.own(max(trial, key=self.score)) if trial else None
         near = nearest is not None and nearest.left < AT_THE_NOISE
         for base in () if near or settled else self.beam(best):
-            trial.extend(self.ranked(self.expand(base, 6, 3), base))
+            trial.extend(self.ranked(self.expand(base, Wanted(6, 3)), base))
         if not trial:
             return None
         trial.sort(key=self.order(trial), reverse=True)
@@ -267,7 +249,7 @@ class SetSearch(BaseSearch[C]):
                 if base is None:
                     continue
                 counts = (6, 3) if self.judged[candidate].left < AT_THE_NOISE or len(start.effects) > 2 else (12, 6)
-                trial = self.ranked(self.expand(base, *counts), base)
+                trial = self.ranked(self.expand(base, Wanted(*counts)), base)
                 if not trial:
                     continue
                 worth = self.order([trial[0], candidate])
@@ -373,7 +355,7 @@ class SetSearch(BaseSearch[C]):
             others = {key for j, key in enumerate(candidate.keys) if j != i}
             forms = [e for e in self.library if richer(e, effect) and frozenset((*others, e.key)) not in self.fitted]
             base = self.without(candidate, i) if forms else None
-            for other in self.ranked(self.expand(base, 2, 1, forms), base)[:1] if base is not None else ():
+            for other in self.ranked(self.expand(base, Wanted(2, 1, forms)), base)[:1] if base is not None else ():
                 fitted = self.polish(other)
                 if self.score(fitted) > self.score(candidate) + 1.0 and not self.as_good(candidate, fitted):
                     return self.enrich(fitted)
@@ -389,7 +371,7 @@ class SetSearch(BaseSearch[C]):
                 assert fewer is not None
                 kin = [e for e in self.library if related(e, fewer.effects[i]) and e.key not in candidate.keys]
                 base = self.without(fewer, i) if kin else None
-                for other in self.ranked(self.expand(base, 3, 1, kin), base)[:1] if base is not None else ():
+                for other in self.ranked(self.expand(base, Wanted(3, 1, kin)), base)[:1] if base is not None else ():
                     fitted = self.polish(other)
                     if self.score(fitted) > self.score(candidate):
                         return self.merge(fitted)

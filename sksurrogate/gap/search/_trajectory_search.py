@@ -16,6 +16,7 @@ from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate, TrajectoryFit
 from sksurrogate.gap.screen._screen import LOST_TO_ROUNDING
+from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._set_search import SetSearch
 
 __all__ = ["TrajectorySearch"]
@@ -33,7 +34,6 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
 
     Attributes
     ----------
-    problem : TrajectoryBackend
     screened_gains : dict
         Key of an effect -> what the screen expects of it.
     """
@@ -48,11 +48,9 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return False
 
     def expected(self) -> Mapping[Any, float]:
-        """What the screen expects of single effects, by key."""
         return self.screened_gains
 
     def fit_null(self) -> Evidence[TrajectoryCandidate]:
-        """The simulator with initial states and free parameters only."""
         for _ in range(2 if self.problem.x0 is not None else 0):
             self.problem = self.problem.begun_again()
         theta = np.zeros(len(self.problem.free))
@@ -122,28 +120,17 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
     def in_place_of(self, final: Evidence[TrajectoryCandidate], i: int) -> list[TrajectoryCandidate]:
-        """Candidates with another effect in the place of effect i, and that itself again."""
         if len(final.effects) == 1:
             return self.first_round
         rest = self.without(final.candidate, i)
-        return self.ranked(self.expand(rest, BY_WHITE, BY_FORCED), rest) if rest is not None else []
+        return self.ranked(self.expand(rest, Wanted(BY_WHITE, BY_FORCED)), rest) if rest is not None else []
 
     # ---- one round --------------------------------------------------------------------------------------------------
-    def expand(
-        self,
-        base: TrajectoryCandidate,
-        n_white: int,
-        n_forced: int,
-        among: Sequence[BaseEffect] | None = None,
-        siblings: bool = False,
-        least: float = 0.0,
-        best: float = np.inf,
-        thorough: bool = True,
-    ) -> list[TrajectoryCandidate]:
+    def expand(self, base: TrajectoryCandidate, wanted: Wanted) -> list[TrajectoryCandidate]:
         """The base with one effect more: the few that the screen puts first."""
-        library = self.library if among is None else among
-        counts = min(n_white, BY_WHITE), min(n_forced, BY_FORCED)
-        starts = self.screened(base, library, *counts, max(least, HOPELESS * self.bar(1)))
+        library = self.library if wanted.among is None else wanted.among
+        counts = min(wanted.by_white, BY_WHITE), min(wanted.by_forced, BY_FORCED)
+        starts = self.screened(base, library, *counts, max(wanted.least, HOPELESS * self.bar(1)))
         self.report(f"fitting {len(starts)} of {len(library)} candidates")
         work = Parallel(n_jobs=self.n_jobs, return_as="generator")
         found: list[TrajectoryCandidate] = []

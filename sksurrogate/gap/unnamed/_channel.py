@@ -21,7 +21,6 @@ class Channel:
 
     Attributes
     ----------
-    record : Record
     D : Disturbance
         With the one force at the place (for a sensor: a force that is held at nothing).
     noise : Noise
@@ -30,13 +29,11 @@ class Channel:
         Measured less simulated, about the path.
     push : ndarray (n_states, n_samples) or None
         States after one sample of a unit signal; None for a sensor.
-    sensor : int or None
     unit : float
         Size of the force that counts as one.
     held : ndarray of bool
         Noise parameters that stay.
     Z : ndarray (n_samples, n_variables)
-    names : list of str
     log_likelihood : float
         Of the residual with the free signal.
     followers : (ndarray (n_outputs, n_theta, n_samples), ndarray (n_theta,), ndarray (n_theta,)), optional

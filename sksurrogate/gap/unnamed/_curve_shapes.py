@@ -52,13 +52,16 @@ def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
     return out
 
 
-def channel(candidate: OdeCandidate, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """What a unit of input i moves the next states (n_states, n_samples) and this sample's outputs (n_outputs, n_samples) by."""
+def channel(candidate: OdeCandidate, i: int, x: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """What a unit of input i moves the next states (n_states, n_samples) and this sample's outputs (n_outputs, n_samples) by.
+
+    Along a path of the states, the free run by default.
+    """
     problem = candidate.problem
     record, u = problem.record, problem.record.u.copy()
     step = 1e-4 * max(float(np.std(u[i])), 1e-9)
     u[i] += step
-    theta, x = candidate.fit.theta[:, None], candidate.fit.x[:, None]
+    theta, x = candidate.fit.theta[:, None], (candidate.fit.x if x is None else x)[:, None]
     given = candidate.model.bind(theta)
     shifted = replace(problem, record=replace(record, u=u)).augmented(candidate.effects).bind(theta)
     with np.errstate(all="ignore"):

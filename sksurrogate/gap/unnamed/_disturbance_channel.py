@@ -48,8 +48,8 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
     """
     null = on_record(null, blocked(null.problem.record))
     problem = null.problem
-    if kind == "output" and location in problem.plant.outputs:
-        return _sensor(problem, null, problem.plant.outputs.index(location))
+    if sensor_at(null, location, kind) is not None:
+        return _about(null, null.fit.x, location, kind, problem.balances[:1])[0]
     soft = _soft(problem, null, location, kind)
     for x in paths(null, replace(problem, balances=soft), problem):
         try:
@@ -67,11 +67,11 @@ def _along(null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Se
     if len(pieces) > len(problem.record.starts):
         null = on_record(null, replace(problem.record, starts=pieces))
         problem = null.problem
-    channel, closed = _about(problem, null, x, location, kind, soft)
+    channel, closed = _about(null, x, location, kind, soft)
     again = closed + channel.D.states(channel.r, channel.noise)[0]
     if np.all(np.isfinite(again)) and np.max(np.abs(again - x) / null.model.scale[:, None]) < 3.0:
         try:
-            channel, _ = _about(problem, null, again, location, kind, soft, channel.noise)
+            channel, _ = _about(null, again, location, kind, soft, channel.noise)
         except np.linalg.LinAlgError:  # along the first path it can be followed
             pass
     return channel
@@ -120,7 +120,7 @@ def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> 
     if kind == "state" and location in problem.balances:
         return (location,)
     if kind == "input" and location in problem.plant.inputs:
-        push = input_push(problem, null, null.fit.x, problem.plant.inputs.index(location))
+        push = input_push(null, null.fit.x, problem.plant.inputs.index(location))
         size = np.sqrt(np.mean(push[: len(problem.scale), 0] ** 2, axis=1)) / problem.scale
         moved = [s for s, v in zip(problem.plant.states, size) if v > 0.1 * size.max() and s in problem.balances]
         return tuple(moved) or problem.balances
@@ -128,38 +128,43 @@ def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> 
 
 
 def _about(
-    problem: OdeBackend,
-    null: OdeCandidate,
-    x: np.ndarray,
-    location: str,
-    kind: str,
-    soft: Sequence[str],
-    known: Noise | None = None,
+    null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Sequence[str], known: Noise | None = None
 ) -> tuple[Channel, np.ndarray]:
-    """The channel linearised about a path x, and the free run without the force to first order.
+    """The channel linearised about a path x, and the free run without the signal to first order.
 
-    Its noise is fitted from one that is known, that of a path nearby, else from several starts.
+    Its noise is fitted from one that is known, that of a path nearby, else from several starts; of a sensor it is what the
+    sensor adds to its output.
     """
-    model, theta, record = null.model, null.fit.theta, problem.record
+    problem, model, theta = null.problem, null.model, null.fit.theta
+    record, plant = problem.record, problem.plant
     lin = linearise(model, theta, x, problem.units(null.effects, theta))
     whole = problem.disturbance_along(model, theta, x, lin.A, soft)
-    B, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
-    if kind == "input" and location in problem.plant.inputs:
-        i = problem.plant.inputs.index(location)
-        B, unit = input_push(problem, null, x, i), max(float(np.std(record.u[i])), 1e-12)
-    else:
-        B, unit = B[:, :1], float(problem.rate[problem.plant.states.index(soft[0])])
+    B, C = whole.B.transpose(1, 2, 0)[:, :1], whole.C.transpose(1, 2, 0)
+    unit = float(problem.rate[plant.states.index(soft[0])])
+    if kind == "input" and location in plant.inputs:
+        i = plant.inputs.index(location)
+        B, unit = input_push(null, x, i), max(float(np.std(record.u[i])), 1e-12)
     D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
-    m = len(record.y)
-    r = record.residual(lin.y)
+    r, sensor = record.residual(lin.y), sensor_at(null, location, kind)
+    m, force, coloured = len(r), 0.1 * unit, 1e-2 * problem.sd
     held = np.zeros(2 * m + 3, bool)
     held[m + 2 :] = True
-    starts = [Noise(problem.sd.copy(), np.array([0.1 * unit]), t, 1e-2 * problem.sd, 10.0) for t in STARTS]
+    if sensor is not None:
+        held[m : m + 2], held[m + 2 + sensor], held[-1] = True, False, False
+        force, coloured[sensor] = 1e-4 * unit, 0.1 * float(record.spread[sensor]) + 1e-12
+    times = [(t, 10.0) if sensor is None else (10.0, t) for t in STARTS]
+    starts = [Noise(problem.sd.copy(), np.array([force]), a, coloured, b) for a, b in times]
     noise = _fitted(D, r, starts if known is None else [known], unit, held)
     Z, names = features(problem, x)
-    return Channel(
-        record, D, noise, r, B[:, 0], None, unit, held, Z, names, -np.inf, followers(null, lin), x, len(soft)
-    ), lin.x
+    push, after = (B[:, 0] if sensor is None else None), followers(null, lin)
+    channel = Channel(record, D, noise, r, push, sensor, unit, held, Z, names, -np.inf, after, x, len(soft))
+    return channel, lin.x
+
+
+def sensor_at(null: OdeCandidate, location: str, kind: str) -> int | None:
+    """The output at a place; None elsewhere."""
+    outputs = null.problem.plant.outputs
+    return outputs.index(location) if kind == "output" and location in outputs else None
 
 
 def followers(null: OdeCandidate, lin: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -175,27 +180,6 @@ def held_by(null: OdeCandidate) -> tuple[np.ndarray, np.ndarray]:
     """Precision and pull of the parameters."""
     _, _, precision, pull = null.columns()
     return precision, pull
-
-
-def _sensor(problem: OdeBackend, null: OdeCandidate, j: int) -> Channel:
-    """The channel of a sensor: what it adds to its output."""
-    model, theta, record, x = null.model, null.fit.theta, problem.record, null.fit.x
-    lin = linearise(model, theta, x, problem.units(null.effects, theta))
-    whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances[:1])
-    B, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
-    unit = float(problem.force_unit()[0])
-    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
-    m = len(record.y)
-    held = np.zeros(2 * m + 3, bool)
-    held[m : m + 2] = True
-    held[m + 2 : 2 * m + 2] = np.arange(m) != j
-    coloured = 1e-2 * problem.sd
-    coloured[j] = 0.1 * float(record.spread[j]) + 1e-12
-    r = record.residual(lin.y)
-    starts = [Noise(problem.sd.copy(), np.array([1e-4 * unit]), 10.0, coloured, t) for t in STARTS]
-    noise = _fitted(D, r, starts, unit, held)
-    Z, names = features(problem, x)
-    return Channel(record, D, noise, r, None, j, unit, held, Z, names, followers=followers(null, lin), x=x)
 
 
 def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float, held: np.ndarray) -> Noise:

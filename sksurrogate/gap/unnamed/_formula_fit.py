@@ -78,7 +78,6 @@ def fitted_laws(
 
     Parameters
     ----------
-    search : Search
     base : Evidence
         What is named, or nothing.
     channels : Channels

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._formula import Term, equation_of
-from sksurrogate.gap.fit._normal_equations import inverse, solve
+from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import NO_TERMS, Library, price_of, structure
@@ -49,7 +49,6 @@ class Draft:
 
     Attributes
     ----------
-    terms : tuple of Term
     coefficients : ndarray (n_terms,)
     late : float or None
         Time constant of the recent past that it holds.
@@ -304,11 +303,9 @@ class _Regression:
         if not np.isfinite(known).all():
             return -np.inf, np.zeros(known.shape[1] - 1)
         G, self.log_det = self.channel.D.gram(known, self.noise, self.factor)
+        theta = weights_beside(G, self.channel.precision, self.channel.pull)
         p = len(self.channel.precision)
-        H, g = G[1:, 1:].copy(), G[1:, 0].copy()
-        H[:p, :p] += np.diag(self.channel.precision)
-        g[:p] += self.channel.pull
-        theta = solve(H, g)
+        g = G[1:, 0] + np.r_[self.channel.pull, np.zeros(len(theta) - p)]
         return 0.5 * float(g @ theta), theta
 
     def judged(self, draft: Draft) -> Draft:

@@ -13,6 +13,7 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._record_parts import row_folds
+from sksurrogate.gap.unnamed._curve_shapes import channel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -53,7 +54,6 @@ class LatentForce:
     x : ndarray (n_states, n_samples)
         Smoothed states.
     force : ndarray (n_balances, n_samples)
-    noise : Noise
     size : ndarray (n_balances,)
         Standard deviation of each force over the RMS of its dx/dt.
     A, r : ndarray
@@ -264,7 +264,7 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
                 Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None))
             )
         for i, name in enumerate(problem.plant.inputs):
-            B = input_push(problem, null, x, i)
+            B = input_push(null, x, i)
             twin = _same_push(B, whole.B.transpose(1, 2, 0))
             if twin is not None:
                 found.append(Place(name, "input", found[twin].log_likelihood))
@@ -286,12 +286,6 @@ def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
     return None
 
 
-def input_push(problem: OdeBackend, null: OdeCandidate, x: np.ndarray, i: int) -> np.ndarray:
+def input_push(null: OdeCandidate, x: np.ndarray, i: int) -> np.ndarray:
     """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
-    record = problem.record
-    size = max(float(np.std(record.u[i])), 1e-9)
-    u = record.u.copy()
-    u[i] += 1e-4 * size
-    shifted = replace(problem, record=replace(record, u=u)).augmented(null.effects)
-    theta = null.fit.theta[:, None]
-    return (shifted.bind(theta)(x[:, None]) - null.model.bind(theta)(x[:, None])) / (1e-4 * size)
+    return channel(null, i, x)[0][:, None]

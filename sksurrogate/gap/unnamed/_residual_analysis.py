@@ -48,7 +48,6 @@ class Remaining:
         No effect, and the names that stand at the beginning.
     channels : Channels
         Of the null.
-    seed : int
     """
 
     def __init__(self, later: WorkerProcess, null: Evidence, channels: Channels, first: Evidence, seed: int):

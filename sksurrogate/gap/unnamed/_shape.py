@@ -36,7 +36,6 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
 
     Parameters
     ----------
-    channel : Channel
     drivers : Drivers
         Signals that the formulae hold, and the place.
     drafts : sequence of Draft

@@ -142,7 +142,6 @@ def by_location(found: Sequence[Place], named: Sequence[tuple[str, str, float]] 
 
     Parameters
     ----------
-    found : sequence of Place
     named : sequence of (location, kind, share)
         Of the named effects.
     """
@@ -170,7 +169,6 @@ def regions(record: Record, Z: np.ndarray, names: Sequence[str], w: np.ndarray) 
 
     Parameters
     ----------
-    record : Record
     Z : ndarray (n_samples, n_variables)
         States and inputs, named by ``names``.
     w : ndarray (n_samples,)
