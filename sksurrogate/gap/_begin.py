@@ -39,25 +39,14 @@ __all__ = ["Task", "diagnosed"]
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is asked, checked.
-
-    Attributes
-    ----------
-    diagnoser : GapDiagnoser
-    effects : sequence or None
-        Candidates as they were asked for.
-    whole : Record
-        All of the runs.
-    free : tuple of str
-        Parameters that are re-tuned.
-    """
+    """What is asked, checked."""
 
     diagnoser: Any
-    effects: Any
+    effects: Any  #: Candidates as they were asked for
     plant: Plant
     runs: Runs
-    whole: Record
-    free: tuple[str, ...]
+    whole: Record  #: All of the runs
+    free: tuple[str, ...]  #: Parameters that are re-tuned
     known: KnownParameters
     seed: int
     progress: Progress

@@ -20,22 +20,13 @@ INTERRUPTED = "interrupted: the report holds what was known by then (report_.com
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a diagnosis.
-
-    Attributes
-    ----------
-    given : str
-        Progress.
-    share : float
-        Usual share of the time.
-    until : float
-        Share of a time limit at which it must be over; inf where nothing can be said without it.
-    """
+    """One stage of a diagnosis."""
 
     name: str
     ask: Callable[[Any], None]
-    summary: str = ""
-    share: float = 0.0
+    summary: str = ""  #: What is said while it is asked
+    share: float = 0.0  #: Usual share of the time
+    #: Share of a time limit at which it must be over; inf where nothing can be said without it
     until: float = 0.95
 
 

@@ -22,29 +22,18 @@ MOST_RIVALS = 8
 
 @dataclass(frozen=True, eq=False)
 class ByRun:
-    """Log likelihood of one candidate run by run, to first order in its parameters about the fit to all runs.
+    """Log likelihood of one candidate run by run, to first order in its parameters about the fit to all runs."""
 
-    Attributes
-    ----------
-    grams : ndarray (n_runs, 1 + n_theta, 1 + n_theta)
-        Of the residual and its sensitivities, under the candidate's noise.
-    log_dets : ndarray (n_runs,)
-    precision, pull, theta : ndarray (n_theta,)
-    bounds : (ndarray (n_theta,), ndarray (n_theta,))
-    prior_square : float
-        Of the prior that the fit was made with.
-    prior : float
-        What its values cost before any data (-2 log p).
-    """
-
+    #: (n_runs, 1 + n_theta, 1 + n_theta): of the residual and its sensitivities, under the candidate's noise
     grams: np.ndarray
-    log_dets: np.ndarray
+    log_dets: np.ndarray  #: (n_runs,)
+    #: precision, pull, theta: (n_theta,)
     precision: np.ndarray
     pull: np.ndarray
     theta: np.ndarray
-    bounds: tuple[np.ndarray, np.ndarray]
-    prior_square: float
-    prior: float
+    bounds: tuple[np.ndarray, np.ndarray]  #: (n_theta,), (n_theta,)
+    prior_square: float  #: Of the prior that the fit was made with
+    prior: float  #: What its values cost before any data (-2 log p)
     n_parameters: int
 
     def evidence(self, kept: np.ndarray) -> float:

@@ -30,22 +30,12 @@ SAME_PREDICTION = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Slot(Generic[C]):
-    """One named effect and the candidates that could stand in its place.
-
-    Attributes
-    ----------
-    twins : list of BaseCandidate
-        Candidates with another effect in this slot that these data cannot reject.
-    identical : list of bool
-        Whether the prediction of each twin is the same within a fraction of the noise.
-    own : BaseCandidate or None
-        With the named effect itself in the last place; None where it was not fitted so.
-    """
+    """One named effect and the candidates that could stand in its place."""
 
     index: int
-    twins: list[C]
-    identical: list[bool]
-    own: C | None = None
+    twins: list[C]  #: Candidates with another effect in this slot that these data cannot reject
+    identical: list[bool]  #: Whether the prediction of each twin is the same within a fraction of the noise
+    own: C | None = None  #: With the named effect itself in the last place; None where it was not fitted so
 
 
 def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[Any] = ()) -> list[Slot[C]]:

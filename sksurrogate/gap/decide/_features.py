@@ -21,48 +21,28 @@ SMALL_GAP = 0.02
 
 @dataclass(frozen=True)
 class DecisionFeatures:
-    """What the verdict is decided on.
+    """What the verdict is decided on."""
 
-    Attributes
-    ----------
-    names : int
-        Effects that passed their certificate.
-    probability : float
-        That of the least probable of them, whatever else acts; 1 where nothing is named.
-    retuned : bool
-        Whether the free parameters moved by more than chance.
-    share_left : float
-        Share of the gap that is left, in amplitude, on runs left out; of the outputs' deviation where the gap is larger.
-    left : float
-        Free-run error that is left, in units of the noise.
-    lawful : float
-        Share of the gap (amplitude) that a law without a name makes up beside what is named.
-    after, error : float
-        Free-run error with and without what is named, on runs left out, each output divided by its deviation.
-    law : float
-        R2 on runs left out of the force that is left, by states and inputs; the largest of all balances.
-    curve, curve_moved : float
-        Gain of the likeliest law beside what is named, and what it moves an output by, over its deviation.
-    rounding : float
-        Error of a rounding that nothing names, over the deviation of the output.
-    tolerance : float
-        Share of the gap (amplitude) that a model may leave.
-    """
-
-    names: int = 0
-    probability: float = 1.0
-    retuned: bool = False
+    names: int = 0  #: Effects that passed their certificate
+    probability: float = 1.0  #: That of the least probable of them, whatever else acts; 1 where nothing is named
+    retuned: bool = False  #: Whether the free parameters moved by more than chance
+    #: Share of the gap that is left, in amplitude, on runs left out; of the outputs' deviation where the gap is larger
     share_left: float = 1.0
-    left: float = 1.0
-    lawful: float = 0.0
+    left: float = 1.0  #: Free-run error that is left, in units of the noise
+    lawful: float = 0.0  #: Share of the gap (amplitude) that a law without a name makes up beside what is named
+    #: after, error: Free-run error with and without what is named, on runs left out, each output divided by its
+    #: deviation
     after: float = np.inf
     error: float = np.inf
+    #: R2 on runs left out of the force that is left, by states and inputs; the largest of all balances
     law: float = 0.0
+    #: curve, curve_moved: Gain of the likeliest law beside what is named, and what it moves an output by, over its
+    #: deviation
     curve: float = -np.inf
     curve_moved: float = 0.0
-    rounding: float = 0.0
+    rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
     n_samples: int = 1000
-    tolerance: float = 0.1
+    tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 
 
 def certified(shrink: Shrink, left: float) -> bool:

@@ -37,27 +37,17 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Free runs on runs left out of the choice of the names and of the refit of the parameters.
+    """Free runs on runs left out of the choice of the names and of the refit of the parameters."""
 
-    Attributes
-    ----------
-    record : Record
-        Runs, or the blocks of the one run.
-    before, after, retuned, corrected : ndarray (n_outputs, n_samples)
-        Free runs of the simulator, with the effects, with parameters re-tuned only, with the generic correction; nan without.
-    same_names : float
-        Share of the folds whose other runs choose the effects that all runs choose.
-    law : ndarray (n_outputs, n_samples), optional
-        With a law without a name.
-    """
-
-    record: Record
+    record: Record  #: Runs, or the blocks of the one run
+    #: before, after, retuned, corrected: (n_outputs, n_samples): free runs of the simulator, with the effects, with
+    #: parameters re-tuned only, with the generic correction; nan without
     before: np.ndarray
     after: np.ndarray
     retuned: np.ndarray
     corrected: np.ndarray
-    same_names: float = float("nan")
-    law: np.ndarray | None = None
+    same_names: float = float("nan")  #: Share of the folds whose other runs choose the effects that all runs choose
+    law: np.ndarray | None = None  #: (n_outputs, n_samples): with a law without a name
 
 
 def without_names(null: BaseCandidate) -> HeldOut:

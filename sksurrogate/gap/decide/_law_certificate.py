@@ -33,20 +33,12 @@ MOST_FORMULAE = 3
 
 @dataclass(frozen=True, eq=False)
 class CertifiedLaw:
-    """A law and its free runs on runs left out.
-
-    Attributes
-    ----------
-    fitted : Evidence
-        The same on more of a long record.
-    evidence : float
-        Nats by which it is likelier than no law, its price paid.
-    """
+    """A law and its free runs on runs left out."""
 
     law: FittedLaw
     held: HeldOut
-    fitted: Evidence[OdeCandidate]
-    evidence: float
+    fitted: Evidence[OdeCandidate]  #: The same on more of a long record
+    evidence: float  #: Nats by which it is likelier than no law, its price paid
 
     @property
     def on_record(self) -> Evidence[OdeCandidate]:

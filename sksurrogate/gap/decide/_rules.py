@@ -29,21 +29,12 @@ LARGE_ERROR, LEFT_OF_LARGE = LARGEST_DISTURBANCE, 2.0
 
 @dataclass(frozen=True)
 class Rule:
-    """One line of the table.
-
-    Attributes
-    ----------
-    applies : callable
-        ``applies(features) -> bool``.
-    verdict : {"none", "explained", "partial", "unknown"}
-    sentence : str
-        What it means.
-    """
+    """One line of the table."""
 
     name: str
-    applies: Callable[[DecisionFeatures], bool]
-    verdict: str
-    sentence: str
+    applies: Callable[[DecisionFeatures], bool]  #: ``applies(features) -> bool``
+    verdict: str  #: {"none", "explained", "partial", "unknown"}
+    sentence: str  #: What it means
 
 
 def certain(f: DecisionFeatures) -> bool:

@@ -32,31 +32,15 @@ MOST_SINGLES = 8
 
 @dataclass(frozen=True, eq=False)
 class RecordBook:
-    """A record with its faults.
+    """A record with its faults."""
 
-    Attributes
-    ----------
-    raw : Record
-        As it came.
-    faults : tuple of BaseFault
-        In the order in which they are taken out.
-    earlier : RecordBook or None
-        Before the last fault was found.
-    left : float
-        RMS over the noise that the diagnosis left with that one.
-    closed : bool
-        Whether no further fault is looked for.
-    changed : bool
-        Whether the last fault changed the record: it is diagnosed again.
-    """
-
-    raw: Record
+    raw: Record  #: As it came
     names: Names
-    faults: tuple[BaseFault, ...] = ()
-    earlier: RecordBook | None = None
-    left: float = np.inf
-    closed: bool = False
-    changed: bool = True
+    faults: tuple[BaseFault, ...] = ()  #: In the order in which they are taken out
+    earlier: RecordBook | None = None  #: Before the last fault was found
+    left: float = np.inf  #: RMS over the noise that the diagnosis left with that one
+    closed: bool = False  #: Whether no further fault is looked for
+    changed: bool = True  #: Whether the last fault changed the record: it is diagnosed again
 
     @cached_property
     def record(self) -> Record:

@@ -17,20 +17,12 @@ __all__ = ["BaseFault", "Names", "WrongReadings", "masked"]
 
 @dataclass(frozen=True)
 class Names:
-    """What the signals and runs of a record are called.
-
-    Attributes
-    ----------
-    labels : sequence
-        Of the runs.
-    first_rows : ndarray of int (n_runs,)
-        Row of the user's data at which every run begins.
-    """
+    """What the signals and runs of a record are called."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    labels: Sequence[Any]
-    first_rows: np.ndarray
+    labels: Sequence[Any]  #: Of the runs
+    first_rows: np.ndarray  #: int (n_runs,): row of the user's data at which every run begins
 
     def user_rows(self, record: Record, rows: np.ndarray) -> tuple[int, ...]:
         """Rows of the user's data."""
@@ -61,21 +53,12 @@ class BaseFault(ABC):
 
 @dataclass(frozen=True, eq=False)
 class WrongReadings(BaseFault):
-    """Single readings or stretches of one output that were not measured.
+    """Single readings or stretches of one output that were not measured."""
 
-    Attributes
-    ----------
-    kind : {"spikes", "dropouts", "stuck"}
-    rows : ndarray of int
-        Of the record.
-    size : float
-        Largest deviation.
-    """
-
-    kind: str
+    kind: str  #: {"spikes", "dropouts", "stuck"}
     output: int
-    rows: np.ndarray
-    size: float
+    rows: np.ndarray  #: Of the record
+    size: float  #: Largest deviation
 
     @property
     def key(self) -> tuple[Any, ...]:

@@ -32,22 +32,12 @@ FOLLOWED = 4
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A fault beside a model.
-
-    Attributes
-    ----------
-    score : float
-        Log likelihood less half of ``k ln N`` for the parameters of the model and of the fault.
-    gain : float
-        ``2 (L_with - L_without) - k ln N - 2 ln M`` for k parameters, N values and M faults.
-    removed : float
-        Share of the excess over the noise that it takes.
-    """
+    """A fault beside a model."""
 
     fault: BaseFault
-    score: float
-    gain: float
-    removed: float
+    score: float  #: Log likelihood less half of ``k ln N`` for the parameters of the model and of the fault
+    gain: float  #: ``2 (L_with - L_without) - k ln N - 2 ln M`` for k parameters, N values and M faults
+    removed: float  #: Share of the excess over the noise that it takes
 
     @property
     def enough(self) -> bool:

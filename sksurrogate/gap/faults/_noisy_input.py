@@ -21,21 +21,12 @@ MEDIANS, MEANS = (5, 9, 15), (3, 5, 9)
 
 @dataclass(frozen=True, eq=False)
 class NoisyInput(BaseFault):
-    """The measurement of an input is noisy; the plant got a smoother one.
-
-    Attributes
-    ----------
-    way : int
-        Of :func:`smoothings`.
-    removed : float
-        Share of the gap that it removes.
-    taken_out : bool
-        Whether the record is corrected: noise that is slow beside the plant cannot be distinguished from the input.
-    """
+    """The measurement of an input is noisy; the plant got a smoother one."""
 
     input: int
-    way: int
-    removed: float = 0.0
+    way: int  #: Of :func:`smoothings`
+    removed: float = 0.0  #: Share of the gap that it removes
+    #: Whether the record is corrected: noise that is slow beside the plant cannot be distinguished from the input
     taken_out: bool = True
 
     @property

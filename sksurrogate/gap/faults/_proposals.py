@@ -25,21 +25,11 @@ WHOLE = (0.5, 1.7)
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A fault of runs beside a model.
+    """A fault of runs beside a model."""
 
-    Attributes
-    ----------
-    columns : ndarray (n_outputs, n_columns, n_samples)
-        What it adds to the readings, by its weights.
-    fault : callable (weights) -> BaseFault or None
-        The fault at some weights; None where these are not possible.
-    extra : int
-        Parameters that were chosen before (a frequency, a number of samples).
-    """
-
-    columns: np.ndarray
-    fault: Callable[[np.ndarray], BaseFault | None]
-    extra: int = 0
+    columns: np.ndarray  #: (n_outputs, n_columns, n_samples): what it adds to the readings, by its weights
+    fault: Callable[[np.ndarray], BaseFault | None]  #: The fault at some weights; None where these are not possible
+    extra: int = 0  #: Parameters that were chosen before (a frequency, a number of samples)
 
 
 def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarray) -> Iterator[Proposal]:

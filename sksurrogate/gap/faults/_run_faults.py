@@ -16,20 +16,14 @@ __all__ = ["Gains", "Hum", "Offsets", "Shifts"]
 
 @dataclass(frozen=True, eq=False)
 class _OfRuns(BaseFault):
-    """What differs from run to run, at one output or at all of them (None).
-
-    Attributes
-    ----------
-    values : ndarray (n_runs, ...)
-        Of every run; 0 in runs without the fault.
-    """
+    """What differs from run to run, at one output or at all of them (None)."""
 
     kind: ClassVar[str]
     effect: ClassVar[str]
     remedy: ClassVar[str]
 
     output: int | None
-    values: np.ndarray
+    values: np.ndarray  #: (n_runs, ...): of every run; 0 in runs without the fault
 
     @property
     def key(self) -> tuple[Any, ...]:

@@ -97,17 +97,11 @@ class KnownOfParameters:
 
 @dataclass(frozen=True, eq=False)
 class BaseCandidate(ABC):
-    """A set of effects fitted through the free run; one that is fitted again is another.
-
-    Attributes
-    ----------
-    problem : Backend
-        What it was fitted to.
-    """
+    """A set of effects fitted through the free run; one that is fitted again is another."""
 
     effects: tuple[BaseEffect, ...]
     fit: Fitted
-    problem: Backend
+    problem: Backend  #: What it was fitted to
 
     @property
     def residual(self) -> np.ndarray:

@@ -27,21 +27,13 @@ LIKELIER = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Evidence(Generic[C]):
-    """A candidate judged under a noise.
-
-    Attributes
-    ----------
-    curvature : ndarray or None
-        Of the likelihood in the noise, where a noise fit ended.
-    quick : bool
-        Whether the noise is that of others, and was only looked at.
-    """
+    """A candidate judged under a noise."""
 
     candidate: C
     noise: Noise
     log_likelihood: float
-    curvature: np.ndarray | None = None
-    quick: bool = False
+    curvature: np.ndarray | None = None  #: Of the likelihood in the noise, where a noise fit ended
+    quick: bool = False  #: Whether the noise is that of others, and was only looked at
 
     @property
     def effects(self) -> tuple[BaseEffect, ...]:

@@ -30,13 +30,6 @@ NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
 class KnownParameters:
     """Bounds and priors of parameters, in their own units.
 
-    Attributes
-    ----------
-    bounds : mapping of name to (low, high)
-    priors : mapping of name to (mean, standard deviation)
-        Normal where the nominal value is 0, else log-normal with this median and relative standard deviation: a parameter
-        keeps its sign.
-
     Examples
     --------
     >>> known = KnownParameters({"k": (0.5, 2.0)}, {"k": (1.1, 0.11)})
@@ -47,6 +40,8 @@ class KnownParameters:
     """
 
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(NOTHING))
+    #: Normal where the nominal value is 0, else log-normal with this median and relative standard deviation: a
+    #: parameter keeps its sign
     priors: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(NOTHING))
 
     def check(self, params: Mapping[str, float]) -> None:

@@ -28,21 +28,14 @@ ROWS_OF_PAST = 12
 
 @dataclass(frozen=True, eq=False)
 class LinearSurrogate:
-    """``x' = A x + B u``, ``y = C x + D u`` about the simulator's own outputs.
-
-    Attributes
-    ----------
-    scale : ndarray (n_states,)
-        Size of the states over the record.
-    starts : ndarray of int (n_runs,)
-    """
+    """``x' = A x + B u``, ``y = C x + D u`` about the simulator's own outputs."""
 
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    scale: np.ndarray
-    starts: np.ndarray
+    scale: np.ndarray  #: (n_states,): size of the states over the record
+    starts: np.ndarray  #: int (n_runs,)
     n_samples: int
 
     @property

@@ -39,32 +39,18 @@ MOST_KEPT = 32
 
 @dataclass(frozen=True)
 class Numerics:
-    """How a free run is integrated.
+    """How a free run is integrated."""
 
-    Attributes
-    ----------
-    n_sub : int
-        Substeps a sample.
-    sharpness : float
-        Kinks are smoothed over a variable's size divided by it.
-    """
-
-    n_sub: int
-    sharpness: float = 50.0
+    n_sub: int  #: Substeps a sample
+    sharpness: float = 50.0  #: Kinks are smoothed over a variable's size divided by it
 
 
 @dataclass(frozen=True, eq=False)
 class OdeCandidate(BaseCandidate):
-    """A set of effects fitted through the free run of a right-hand side.
-
-    Attributes
-    ----------
-    problem : OdeBackend
-        What it was fitted to, and with which numerics.
-    """
+    """A set of effects fitted through the free run of a right-hand side."""
 
     fit: Fit
-    problem: OdeBackend
+    problem: OdeBackend  #: What it was fitted to, and with which numerics
     model: AugmentedModel
 
     @recent_property(MOST_KEPT)
@@ -196,39 +182,23 @@ class OdeCandidate(BaseCandidate):
 
 @dataclass(frozen=True, eq=False)
 class OdeBackend(KnownOfParameters):
-    """Everything that the questions of a diagnosis share.
-
-    Attributes
-    ----------
-    sd : ndarray (n_outputs,)
-        Sensor noise, first estimate.
-    scale : ndarray (n_states,)
-        Size of the states.
-    rate : ndarray (n_states,)
-        RMS of their derivatives.
-    free : tuple of str
-        Parameters that are re-tuned with every candidate.
-    balances : tuple of str
-        States whose balance may be wrong.
-    caps : (ndarray (n_balances,), ndarray (n_outputs,))
-        Largest force of every balance and coloured noise of every sensor that count as disturbance.
-    run : ndarray (n_states, n_samples), optional
-        States of the simulator alone, measured ones started at their first readings.
-    known : KnownParameters
-        What the user knows of the simulator's parameters.
-    """
+    """Everything that the questions of a diagnosis share."""
 
     plant: Plant
     model: PlantModel
     record: Record
-    sd: np.ndarray
-    scale: np.ndarray
-    rate: np.ndarray
-    free: tuple[str, ...]
-    balances: tuple[str, ...]
+    sd: np.ndarray  #: (n_outputs,): sensor noise, first estimate
+    scale: np.ndarray  #: (n_states,): size of the states
+    rate: np.ndarray  #: (n_states,): RMS of their derivatives
+    free: tuple[str, ...]  #: Parameters that are re-tuned with every candidate
+    balances: tuple[str, ...]  #: States whose balance may be wrong
     numerics: Numerics
+    #: (n_balances,), (n_outputs,): largest force of every balance and coloured noise of every sensor that count as
+    #: disturbance
     caps: tuple[np.ndarray, np.ndarray] | None = None
+    #: (n_states, n_samples): states of the simulator alone, measured ones started at their first readings
     run: np.ndarray | None = None
+    #: What the user knows of the simulator's parameters
     known: KnownParameters = field(default_factory=KnownParameters)
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:

@@ -31,18 +31,11 @@ GRID_NOTE = (
 
 @dataclass(frozen=True)
 class Rounding:
-    """A grid of readings.
-
-    Attributes
-    ----------
-    step : float
-        Unit of the output.
-    share : float
-        Deviation of an error that is even over one step, ``step / sqrt(12)``, over the deviation of the output.
-    """
+    """A grid of readings."""
 
     sensor: str
-    step: float
+    step: float  #: Unit of the output
+    #: Deviation of an error that is even over one step, ``step / sqrt(12)``, over the deviation of the output
     share: float
 
 

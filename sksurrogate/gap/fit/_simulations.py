@@ -26,22 +26,13 @@ NOT_FINITE = "outputs that are not finite"
 
 @dataclass(frozen=True, eq=False)
 class Simulations:
-    """Runs of a simulator over a record, and those with effects around it.
-
-    Attributes
-    ----------
-    free : tuple of str
-        Parameters that are re-tuned.
-    kept : dict
-        The latest simulations.
-    raised : dict
-        What the simulator raised with effects, by its text: these candidates are lost.
-    """
+    """Runs of a simulator over a record, and those with effects around it."""
 
     plant: Plant
     record: Record
-    free: tuple[str, ...] = ()
-    kept: dict[bytes, np.ndarray] = field(default_factory=dict)
+    free: tuple[str, ...] = ()  #: Parameters that are re-tuned
+    kept: dict[bytes, np.ndarray] = field(default_factory=dict)  #: The latest simulations
+    #: What the simulator raised with effects, by its text: these candidates are lost
     raised: dict[str, None] = field(default_factory=dict)
 
     def run(self, u: np.ndarray, changed: Mapping[str, float], x0: np.ndarray | None) -> np.ndarray:

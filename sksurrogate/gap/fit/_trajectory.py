@@ -35,19 +35,11 @@ NO_PARAMETERS = np.zeros(0)
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryFit:
-    """A free run through ``simulate`` with fitted parameters.
+    """A free run through ``simulate`` with fitted parameters."""
 
-    Attributes
-    ----------
-    theta : ndarray
-        Parameters of the effects in turn, then a number for every free parameter.
-    y : ndarray (n_outputs, n_samples)
-    J : ndarray (n_outputs, n_theta, n_samples)
-    """
-
-    theta: np.ndarray
-    y: np.ndarray
-    J: np.ndarray
+    theta: np.ndarray  #: Parameters of the effects in turn, then a number for every free parameter
+    y: np.ndarray  #: (n_outputs, n_samples)
+    J: np.ndarray  #: (n_outputs, n_theta, n_samples)
     cost: float
 
 
@@ -163,38 +155,21 @@ class TrajectoryCandidate(BaseCandidate):
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryBackend(KnownOfParameters):
-    """A simulator with ``simulate`` alone over a record.
-
-    Attributes
-    ----------
-    labels : sequence
-        Of the runs.
-    sd : ndarray (n_outputs,)
-        Sensor noise, first estimate.
-    nominal : ndarray (n_outputs, n_samples)
-        The simulator's own outputs.
-    free : tuple of str
-        Parameters that are re-tuned with every candidate.
-    transients : ndarray (n_outputs, n_starts, n_samples)
-        What initial states move.
-    free_starts : bool
-        Whether initial states are fitted: through ``x0`` where the simulator has one, else as transients of the surrogate.
-    x0 : ndarray (n_runs, n_states) or None
-        Initial states that the simulator is given.
-    known : KnownParameters
-        What the user knows of the simulator's parameters.
-    """
+    """A simulator with ``simulate`` alone over a record."""
 
     simulations: Simulations
-    labels: Sequence[object]
-    sd: np.ndarray
-    nominal: np.ndarray
+    labels: Sequence[object]  #: Of the runs
+    sd: np.ndarray  #: (n_outputs,): sensor noise, first estimate
+    nominal: np.ndarray  #: (n_outputs, n_samples): the simulator's own outputs
     surrogate: LinearSurrogate
-    free: tuple[str, ...]
-    transients: np.ndarray
+    free: tuple[str, ...]  #: Parameters that are re-tuned with every candidate
+    transients: np.ndarray  #: (n_outputs, n_starts, n_samples): what initial states move
+    #: Whether initial states are fitted: through ``x0`` where the simulator has one, else as transients of the
+    #: surrogate
     free_starts: bool = False
-    x0: np.ndarray | None = None
+    x0: np.ndarray | None = None  #: (n_runs, n_states): initial states that the simulator is given
     disturbances: dict[bool, Disturbance] = field(default_factory=dict)
+    #: What the user knows of the simulator's parameters
     known: KnownParameters = field(default_factory=KnownParameters)
 
     @property

@@ -26,27 +26,14 @@ AT_ONCE = 250_000
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One candidate at one starting value.
-
-    Attributes
-    ----------
-    theta : ndarray (n_parameters,)
-    column : ndarray (n_outputs, n_samples)
-        The change of the outputs that it causes.
-    path : ndarray (n_states, n_samples)
-        The smoothed trajectory, its hidden states included.
-    evident : bool
-        Whether the measurements show it whatever the model says.
-    through : ndarray (n_unseen, n_outputs, n_samples)
-        What unseen initial states do through it.
-    """
+    """One candidate at one starting value."""
 
     effect: BaseEffect
-    theta: np.ndarray
-    column: np.ndarray
-    path: np.ndarray
-    evident: bool
-    through: np.ndarray
+    theta: np.ndarray  #: (n_parameters,)
+    column: np.ndarray  #: (n_outputs, n_samples): the change of the outputs that it causes
+    path: np.ndarray  #: (n_states, n_samples): the smoothed trajectory, its hidden states included
+    evident: bool  #: Whether the measurements show it whatever the model says
+    through: np.ndarray  #: (n_unseen, n_outputs, n_samples): what unseen initial states do through it
 
 
 def candidate_columns(

@@ -48,67 +48,37 @@ CONTENDERS, LEAST_DROP = 0.2, 30.0
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where the fit of a candidate starts.
-
-    Attributes
-    ----------
-    theta : ndarray
-        Parameters of the effect.
-    white, forced : float
-        Drop of -2 log likelihood that the screen expects, for white noise and for noise with forces.
-    left : float
-        Sum of squares, in units of the noise, that the screen expects to be left.
-    x : ndarray (n_states, n_samples)
-        Smoothed trajectory, hidden states included.
-    evident : bool
-        Whether the measurements show it whatever the model says.
-    """
+    """Where the fit of a candidate starts."""
 
     effect: BaseEffect
-    theta: np.ndarray
+    theta: np.ndarray  #: Parameters of the effect
+    #: white, forced: Drop of -2 log likelihood that the screen expects, for white noise and for noise with forces
     white: float
     forced: float
-    left: float
-    x: np.ndarray
-    evident: bool = False
+    left: float  #: Sum of squares, in units of the noise, that the screen expects to be left
+    x: np.ndarray  #: (n_states, n_samples): smoothed trajectory, hidden states included
+    evident: bool = False  #: Whether the measurements show it whatever the model says
 
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """What one linearisation says about all candidates.
+    """What one linearisation says about all candidates."""
 
-    Attributes
-    ----------
-    starts : list of Start
-        One for each candidate and starting value.
-    raw : list of ndarray
-        Starting values whose columns the Gram holds.
-    columns : ndarray (n_starts, n_outputs, n_samples), single precision, or None
-        The columns over the noise, where they are not too large to keep.
-    known : ndarray (1 + n_theta, n_outputs, n_samples)
-        The residual and the sensitivities of the fitted parameters, over the noise.
-    J_x : ndarray (n_outputs, n_states, n_samples)
-        Sensitivities of the initial states, over the noise.
-    precision, pull : ndarray (n_theta,)
-        Gaussian prior on the fitted parameters.
-    record_starts : ndarray (n_runs,)
-    low, high : ndarray (n_starts,)
-        Range in which the amplitude of a column stands for the effect.
-    left_by : ndarray (1 + MOST_TOGETHER,)
-        Squares over the noise that are expected beside the best 0, 1, ... columns together.
-    """
-
-    starts: list[Start]
-    raw: list[np.ndarray]
+    starts: list[Start]  #: One for each candidate and starting value
+    raw: list[np.ndarray]  #: Starting values whose columns the Gram holds
+    #: (n_starts, n_outputs, n_samples): the columns over the noise, where they are not too large to keep
     columns: np.ndarray | None
+    #: (1 + n_theta, n_outputs, n_samples): the residual and the sensitivities of the fitted parameters, over the noise
     known: np.ndarray
-    J_x: np.ndarray
+    J_x: np.ndarray  #: (n_outputs, n_states, n_samples): sensitivities of the initial states, over the noise
+    #: precision, pull: (n_theta,): Gaussian prior on the fitted parameters
     precision: np.ndarray
     pull: np.ndarray
-    record_starts: np.ndarray
+    record_starts: np.ndarray  #: (n_runs,)
+    #: low, high: (n_starts,): range in which the amplitude of a column stands for the effect
     low: np.ndarray
     high: np.ndarray
-    left_by: np.ndarray
+    left_by: np.ndarray  #: (1 + MOST_TOGETHER,): squares over the noise expected beside the best 0, 1, ... columns together
 
 
 def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:

@@ -32,72 +32,41 @@ CORRELATED = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """Which candidates with one effect more are fitted.
+    """Which candidates with one effect more are fitted."""
 
-    Attributes
-    ----------
-    by_white, by_forced : int
-        Effects that the screen puts first for white noise, and for noise with forces.
-    among : sequence of BaseEffect, optional
-        Instead of the whole library.
-    siblings : bool
-        Whether the effect of the nearest is fitted at other places too.
-    least : float
-        Nothing is fitted of which the screen expects less.
-    best : float
-        Cost; a fit that cannot come near it may be abandoned.
-    thorough : bool
-        Whether a screen far from the data looks at every starting value.
-    """
-
+    #: by_white, by_forced: Effects that the screen puts first for white noise, and for noise with forces
     by_white: int
     by_forced: int
-    among: Sequence[BaseEffect] | None = None
-    siblings: bool = False
-    least: float = 0.0
-    best: float = np.inf
-    thorough: bool = True
+    among: Sequence[BaseEffect] | None = None  #: Instead of the whole library
+    siblings: bool = False  #: Whether the effect of the nearest is fitted at other places too
+    least: float = 0.0  #: Nothing is fitted of which the screen expects less
+    best: float = np.inf  #: Cost; a fit that cannot come near it may be abandoned
+    thorough: bool = True  #: Whether a screen far from the data looks at every starting value
 
 
 @dataclass(eq=False)
 class BaseSearch(ABC, Generic[C]):
-    """Which effects: a search over sets of them.
-
-    Attributes
-    ----------
-    tolerance : float
-        Share of the gap (amplitude) that a model may leave.
-    report : callable (message) -> None
-        Progress.
-    second, later : Second
-        Processes for what is wanted at once, and for what is wanted later.
-    null, final : Evidence or None
-        Filled as the search goes on, so that an interrupt leaves what is known.
-    first_round : list
-        Single effects, best first.
-    fitted : dict
-        The best fit of every set of effects so far, by its keys.
-    judged : dict
-        Evidence of every candidate that was looked at, the latest.
-    richer : dict
-        Richer forms that fit no better, by the key of the simpler one.
-    lost : dict
-        What a simulator raised, by its text: these candidates are lost.
-    """
+    """Which effects: a search over sets of them."""
 
     problem: Backend
     library: list[BaseEffect]
-    tolerance: float = field(default=0.1, kw_only=True)
+    tolerance: float = field(default=0.1, kw_only=True)  #: Share of the gap (amplitude) that a model may leave
     n_jobs: int | None = field(default=None, kw_only=True)
-    report: Callable[[str], None] = field(default=lambda message: None, kw_only=True)
+    report: Callable[[str], None] = field(default=lambda message: None, kw_only=True)  #: Progress
+    #: second, later: Processes for what is wanted at once, and for what is wanted later
     second: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False), kw_only=True)
     later: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False), kw_only=True)
+    #: null, final: Filled as the search goes on, so that an interrupt leaves what is known
     null: Evidence[C] | None = field(default=None, kw_only=True)
     final: Evidence[C] | None = field(default=None, kw_only=True)
-    first_round: list[C] = field(default_factory=list, kw_only=True)
+    first_round: list[C] = field(default_factory=list, kw_only=True)  #: Single effects, best first
+    #: The best fit of every set of effects so far, by its keys
     fitted: dict[frozenset, C] = field(default_factory=dict, kw_only=True)
+    #: Evidence of every candidate that was looked at, the latest
     judged: dict[C, Evidence[C]] = field(default_factory=dict, kw_only=True)
+    #: Richer forms that fit no better, by the key of the simpler one
     richer: dict[Any, list] = field(default_factory=dict, kw_only=True)
+    #: What a simulator raised, by its text: these candidates are lost
     lost: dict[str, None] = field(default_factory=dict, kw_only=True)
 
     @abstractmethod

@@ -51,22 +51,12 @@ MOST_SIBLINGS = 8
 
 @dataclass(eq=False)
 class Expander(SetSearch[OdeCandidate]):
-    """Fits candidates added to a base, and remembers every fit.
-
-    Attributes
-    ----------
-    x : ndarray (n_states, n_samples)
-        Smoothed nominal trajectory.
-    screens : dict
-        Cost and screen of every base.
-    first_screen : Screen or None
-        What the screen expects of single effects.
-    """
+    """Fits candidates added to a base, and remembers every fit."""
 
     problem: OdeBackend
-    x: np.ndarray
-    screens: dict = field(default_factory=dict)
-    first_screen: Screen | None = None
+    x: np.ndarray  #: (n_states, n_samples): smoothed nominal trajectory
+    screens: dict = field(default_factory=dict)  #: Cost and screen of every base
+    first_screen: Screen | None = None  #: What the screen expects of single effects
 
     def searching(self, base: OdeCandidate) -> OdeBackend:
         """The problem with the numerics of a base, but no finer than the search needs."""

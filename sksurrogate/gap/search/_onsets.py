@@ -23,22 +23,12 @@ LENGTHENED = 1.05
 
 
 class Confined(NamedTuple):
-    """An effect that explains more within a window.
-
-    Attributes
-    ----------
-    span : tuple of str
-        ("onset",) or ("end",).
-    drop : float
-        Drop of the squared residual over the noise, initial states free on both sides of the edge.
-    always : float
-        That of the same effect always.
-    """
+    """An effect that explains more within a window."""
 
     effect: BaseEffect
-    span: tuple[str, ...]
-    drop: float
-    always: float
+    span: tuple[str, ...]  #: ("onset",) or ("end",)
+    drop: float  #: Drop of the squared residual over the noise, initial states free on both sides of the edge
+    always: float  #: That of the same effect always
 
 
 def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined]:

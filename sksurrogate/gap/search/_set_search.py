@@ -42,21 +42,13 @@ MOST_EFFECTS = 4
 
 @dataclass(eq=False)
 class SetSearch(BaseSearch[C]):
-    """Forward and backward search over sets of effects.
-
-    Attributes
-    ----------
-    runners : list
-        The next best of the last round.
-    least : float
-        Share of the gap that a further effect must remove.
-    """
+    """Forward and backward search over sets of effects."""
 
     #: Whether every simulation counts: then no other sets of effects are extended beside the best one.
     frugal: ClassVar[bool] = False
 
-    runners: list[C] = field(default_factory=list, kw_only=True)
-    least: float = field(default=SMALLEST_SHARE, kw_only=True)
+    runners: list[C] = field(default_factory=list, kw_only=True)  #: The next best of the last round
+    least: float = field(default=SMALLEST_SHARE, kw_only=True)  #: Share of the gap that a further effect must remove
     nominal_costs: dict[C, float] = field(default_factory=dict, kw_only=True)
 
     @property

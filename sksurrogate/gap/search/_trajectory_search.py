@@ -30,18 +30,12 @@ NO_STATES = np.zeros(0)
 
 @dataclass(eq=False)
 class TrajectorySearch(SetSearch[TrajectoryCandidate]):
-    """The search around a simulator that only gives trajectories.
-
-    Attributes
-    ----------
-    screened_gains : dict
-        Key of an effect -> what the screen expects of it.
-    """
+    """The search around a simulator that only gives trajectories."""
 
     frugal = True
 
     problem: TrajectoryBackend
-    screened_gains: dict[Any, float] = field(default_factory=dict)
+    screened_gains: dict[Any, float] = field(default_factory=dict)  #: Key of an effect -> what the screen expects of it
 
     def is_far(self, candidate: TrajectoryCandidate) -> bool:
         """Never: the surrogate's noise model holds far from the data too."""

@@ -17,47 +17,24 @@ __all__ = ["Channel"]
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """How a signal that enters at one place reaches the outputs.
-
-    Attributes
-    ----------
-    D : Disturbance
-        With the one force at the place (for a sensor: a force that is held at nothing).
-    noise : Noise
-        With the force, or the coloured sensor noise, that explains the gap.
-    r : ndarray (n_outputs, n_samples)
-        Measured less simulated, about the path.
-    push : ndarray (n_states, n_samples) or None
-        States after one sample of a unit signal; None for a sensor.
-    unit : float
-        Size of the force that counts as one.
-    held : ndarray of bool
-        Noise parameters that stay.
-    Z : ndarray (n_samples, n_variables)
-    log_likelihood : float
-        Of the residual with the free signal.
-    followers : (ndarray (n_outputs, n_theta, n_samples), ndarray (n_theta,), ndarray (n_theta,)), optional
-        Sensitivities of the parameters that follow, and what holds them: precision and pull.
-    x : ndarray (n_states, n_samples), optional
-        The path.
-    n_moved : int
-        Balances that the signal moves.
-    """
+    """How a signal that enters at one place reaches the outputs."""
 
     record: Record
-    D: Disturbance
-    noise: Noise
-    r: np.ndarray
-    push: np.ndarray | None
+    D: Disturbance  #: With the one force at the place (for a sensor: a force that is held at nothing)
+    noise: Noise  #: With the force, or the coloured sensor noise, that explains the gap
+    r: np.ndarray  #: (n_outputs, n_samples): measured less simulated, about the path
+    push: np.ndarray | None  #: (n_states, n_samples): states after one sample of a unit signal; None for a sensor
     sensor: int | None
-    unit: float
-    held: np.ndarray
-    Z: np.ndarray
+    unit: float  #: Size of the force that counts as one
+    held: np.ndarray  #: Noise parameters that stay
+    Z: np.ndarray  #: (n_samples, n_variables)
     names: list[str]
-    log_likelihood: float = -np.inf
+    log_likelihood: float = -np.inf  #: Of the residual with the free signal
+    #: (n_outputs, n_theta, n_samples), (n_theta,), (n_theta,): sensitivities of the parameters that follow, and what
+    #: holds them: precision and pull
     followers: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-    x: np.ndarray | None = None
-    n_moved: int = 1
+    x: np.ndarray | None = None  #: (n_states, n_samples): the path
+    n_moved: int = 1  #: Balances that the signal moves
 
     @property
     def known(self) -> np.ndarray:

@@ -24,31 +24,18 @@ LATE, LATEST = (3.0, 10.0, 30.0, 100.0), 0.25
 
 @dataclass(frozen=True, eq=False)
 class Drivers:
-    """Signals that may drive a law at a place.
+    """Signals that may drive a law at a place."""
 
-    Attributes
-    ----------
-    location, kind : str
-        The place: a state (its balance), an input or an output (its sensor).
-    signals : dict of ndarray (n_samples,)
-        By name; "lag(v)" is the recent past of v.
-    late : dict of float
-        Time constants of those, whose names end with a mark behind "#".
-    ends : dict of ndarray (n_samples,), optional
-        The same at the end of each sample, where a law acts over samples.
-    along : sequence of str
-        At an input: names of the inputs. A law of these acts along the path of the input, one of states at its port.
-    changes : sequence of float
-        Times at which a law may begin.
-    """
-
+    #: location, kind: The place: a state (its balance), an input or an output (its sensor)
     location: str
     kind: str
-    signals: Mapping[str, np.ndarray]
-    late: Mapping[str, float]
+    signals: Mapping[str, np.ndarray]  #: (n_samples,): by name; "lag(v)" is the recent past of v
+    late: Mapping[str, float]  #: Time constants of those, whose names end with a mark behind "#"
+    #: (n_samples,): the same at the end of each sample, where a law acts over samples
     ends: Mapping[str, np.ndarray] | None = None
+    #: At an input: names of the inputs. A law of these acts along the path of the input, one of states at its port.
     along: Sequence[str] = ()
-    changes: Sequence[float] = ()
+    changes: Sequence[float] = ()  #: Times at which a law may begin
 
     def values(self, terms: Sequence[Term], record: Record) -> np.ndarray:
         """Terms along the path (n_terms, n_samples); their means over each sample, by both ends, where they act over samples."""

@@ -33,24 +33,12 @@ AS_GOOD = 3.0
 
 @dataclass(frozen=True, eq=False)
 class FittedLaw:
-    """A law fitted in the free run.
+    """A law fitted in the free run."""
 
-    Attributes
-    ----------
-    found : Evidence
-        The base with the law as its last effect.
-    drivers : Drivers
-        Signals that it was chosen from.
-    price : float
-        Of its structure, in nats.
-    curve : bool
-        Whether it is a free curve.
-    """
-
-    found: Evidence[OdeCandidate]
-    drivers: Drivers
-    price: float
-    curve: bool
+    found: Evidence[OdeCandidate]  #: The base with the law as its last effect
+    drivers: Drivers  #: Signals that it was chosen from
+    price: float  #: Of its structure, in nats
+    curve: bool  #: Whether it is a free curve
 
     @property
     def location(self) -> str:

@@ -45,31 +45,16 @@ DIFFERENCE_OF_CONSTANT, FARTHEST_STEP = 1e-4, 1.0
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A formula at a place, before its free run.
-
-    Attributes
-    ----------
-    coefficients : ndarray (n_terms,)
-    late : float or None
-        Time constant of the recent past that it holds.
-    nats : float
-        What it explains beside parameters of the simulator.
-    worth : float
-        The same less the price of the formula and of its constants.
-    price : float
-        That of the formula.
-    level : float
-        Log likelihood less that price: comparable between places, which have noise of their own.
-    """
+    """A formula at a place, before its free run."""
 
     terms: tuple[Term, ...]
-    coefficients: np.ndarray
-    late: float | None
-    nats: float
-    worth: float
+    coefficients: np.ndarray  #: (n_terms,)
+    late: float | None  #: Time constant of the recent past that it holds
+    nats: float  #: What it explains beside parameters of the simulator
+    worth: float  #: The same less the price of the formula and of its constants
 
-    price: float = 0.0
-    level: float = -np.inf
+    price: float = 0.0  #: That of the formula
+    level: float = -np.inf  #: Log likelihood less that price: comparable between places, which have noise of their own
 
     @property
     def values(self) -> np.ndarray:

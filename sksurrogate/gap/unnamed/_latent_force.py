@@ -47,23 +47,13 @@ LEAST_MOVED = 0.15
 
 @dataclass(frozen=True, eq=False)
 class LatentForce:
-    """The force that a model leaves, along the smoothed path.
+    """The force that a model leaves, along the smoothed path."""
 
-    Attributes
-    ----------
-    x : ndarray (n_states, n_samples)
-        Smoothed states.
-    force : ndarray (n_balances, n_samples)
-    size : ndarray (n_balances,)
-        Standard deviation of each force over the RMS of its dx/dt.
-    A, r : ndarray
-        Jacobians and residual about the smoothed path.
-    """
-
-    x: np.ndarray
-    force: np.ndarray
+    x: np.ndarray  #: (n_states, n_samples): smoothed states
+    force: np.ndarray  #: (n_balances, n_samples)
     noise: Noise
-    size: np.ndarray
+    size: np.ndarray  #: (n_balances,): standard deviation of each force over the RMS of its dx/dt
+    #: A, r: Jacobians and residual about the smoothed path
     A: np.ndarray
     r: np.ndarray
 

@@ -17,24 +17,12 @@ __all__ = ["Remaining", "Remains", "law_left"]
 
 @dataclass(frozen=True, eq=False)
 class Remains:
-    """What is left of the gap beside the names, and where it was.
+    """What is left of the gap beside the names, and where it was."""
 
-    Attributes
-    ----------
-    latent : LatentForce
-        On top of what is named.
-    law : ndarray (n_balances,)
-        R2 of its law on runs left out.
-    places : list of Place
-        The most likely first.
-    gap : LatentForce
-        On top of the simulator: the gap itself, in the balances.
-    """
-
-    latent: LatentForce
-    law: np.ndarray
-    places: list[Place]
-    gap: LatentForce
+    latent: LatentForce  #: On top of what is named
+    law: np.ndarray  #: (n_balances,): R2 of its law on runs left out
+    places: list[Place]  #: The most likely first
+    gap: LatentForce  #: On top of the simulator: the gap itself, in the balances
 
 
 class Remaining:
