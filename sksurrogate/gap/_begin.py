@@ -1,11 +1,11 @@
-"""How a diagnosis begins: the search that a simulator's access allows, and what can be asked inside; again on a record without its faults."""
+"""How a diagnosis begins: the backend that a simulator's access allows, its search, and what can be asked inside."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,13 +19,11 @@ from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.decide._inside_ode import OdeInside
 from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
-from sksurrogate.gap.faults._book import first_look
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
-from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.kernels.record import Record
@@ -34,15 +32,17 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["Task", "diagnosed"]
+__all__ = ["Prepared", "Task", "begin_ode", "begin_trajectory"]
+
+
+#: The pipeline, the rows of the whole record that it sees, and its processes.
+Prepared: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[WorkerProcess, WorkerProcess]]
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
     """What is asked, checked."""
 
-    diagnoser: Any
-    effects: Any  #: Candidates as they were asked for
     plant: Plant
     runs: Runs
     whole: Record  #: All of the runs
@@ -56,57 +56,71 @@ class Task:
         """Of the runs."""
         return [run.label for run in self.runs]
 
-    @property
-    def for_search(self) -> dict[str, Any]:
-        """What every search is told."""
-        diagnoser = self.diagnoser
-        tolerance = float(diagnoser.tolerance)
-        return {"tolerance": tolerance, "n_jobs": diagnoser.n_jobs, "report": self.progress.say}
 
-    def pipeline(self, search: Any, inside: Any, rows: np.ndarray, **more: Any) -> DiagnosisPipeline[Any]:
-        """All stages."""
-        n_samples = search.problem.record.n_samples
-        self.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(self.runs)} run(s)")
-        asked = {name: getattr(self.diagnoser, name) for name in ("correction", "time_limit", "include_law")}
-        return DiagnosisPipeline(search, inside, self.labels, rows, **asked, **more)
-
-    def candidates(self, effects: list[BaseEffect]) -> list[BaseEffect]:
-        """Effects that are not ruled out, by the user or by inputs that stand still."""
-        library = without_excluded(effects, self.diagnoser.exclude, self.plant)
-        return driven_effects(library, self.effects, self.plant, self.whole)
-
-
-def diagnosed(task: Task) -> tuple[DiagnosisPipeline[Any], GapReport]:
-    """Diagnose, and again as long as a fault of the record is found; the pipeline of the last round."""
-    book = first_look(task.plant, task.runs, task.whole)
-    begin = begin_trajectory if task.plant.access == "trajectory" else begin_ode
-    while True:
-        pipeline = begin(replace(task, whole=book.record))
-        pipeline.book = book
-        with pipeline.search.second, pipeline.search.later:
-            report = pipeline.run(task.progress)
-        if report is not None:
-            return pipeline, report
-        book = pipeline.book
-
-
-def begin_ode(task: Task) -> DiagnosisPipeline[Any]:
+def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     """Of a simulator with a right-hand side or a step."""
-    diagnoser, plant, whole = task.diagnoser, task.plant, task.whole
+    plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-    library = task.candidates(build_effects(plant, balances, task.effects))
+    library = _allowed(build_effects(plant, balances, effects), diagnoser, effects, task)
     with _right_unit(model, record), finite_along(model, whole, task.labels):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
-    second, later = WorkerProcess(fixed, apart), WorkerProcess(fixed, apart, later=True)
-    common = {**task.for_search, "second": second, "later": later, "lost": model.said}
-    search = Search(problem, library, smoothed.x, **common)
+    processes = {"second": WorkerProcess(fixed, apart), "later": WorkerProcess(fixed, apart, later=True)}
+    search = Search(problem, library, smoothed.x, lost=model.said, **processes, **_common(diagnoser, task))
     inside = OdeInside(search, task.seed, whole, excluded_places(diagnoser.exclude))
-    return task.pipeline(search, inside, rows)
+    return _prepared(diagnoser, task, search, inside, rows)
+
+
+def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
+    """Of a simulator with ``simulate`` alone.
+
+    Raises
+    ------
+    SimulatorError
+        None of the effects that were asked for can be tested.
+    """
+    plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
+    wanted = [e for e in build_effects(plant, (), effects) if e.access == "trajectory"]
+    _check_asked(plant, effects, wanted)
+    with np.errstate(all="ignore"):
+        problem = build_trajectory(plant, whole, task.free, task.labels, task.known)
+    testable = _testable(problem, wanted)
+    _check_asked(plant, effects, testable)
+    library = _allowed(testable, diagnoser, effects, task)
+    search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(diagnoser, task))
+    inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
+    return _prepared(diagnoser, task, search, inside, np.arange(whole.n_samples), left_out(effects, testable))
+
+
+def _asked(diagnoser: Any) -> Any:
+    """Candidates as they were asked for."""
+    return list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
+
+
+def _allowed(effects: list[BaseEffect], diagnoser: Any, asked: Any, task: Task) -> list[BaseEffect]:
+    """Effects that are not ruled out, by the user or by inputs that stand still."""
+    library = without_excluded(effects, diagnoser.exclude, task.plant)
+    return driven_effects(library, asked, task.plant, task.whole)
+
+
+def _common(diagnoser: Any, task: Task) -> dict[str, Any]:
+    """What every search is told."""
+    return {"tolerance": float(diagnoser.tolerance), "n_jobs": diagnoser.n_jobs, "report": task.progress.say}
+
+
+def _prepared(
+    diagnoser: Any, task: Task, search: Any, inside: Any, rows: np.ndarray, untestable: Sequence[str] = ()
+) -> Prepared:
+    """All stages of a search."""
+    n_samples = search.problem.record.n_samples
+    task.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(task.runs)} run(s)")
+    asked = {name: getattr(diagnoser, name) for name in ("correction", "time_limit", "include_law")}
+    pipeline = DiagnosisPipeline(search, inside, task.labels, rows, untestable=untestable, **asked)
+    return pipeline, rows, (search.second, search.later)
 
 
 @contextmanager
@@ -116,27 +130,6 @@ def _right_unit(model: PlantModel, record: Record) -> Iterator[None]:
         yield
     except SimulatorError as error:
         raise type(error)(f"{error} {other_unit_of_time(model, record)}".rstrip()) from error
-
-
-def begin_trajectory(task: Task) -> DiagnosisPipeline[Any]:
-    """Of a simulator with ``simulate`` alone.
-
-    Raises
-    ------
-    SimulatorError
-        None of the effects that were asked for can be tested.
-    """
-    plant, whole = task.plant, task.whole
-    wanted = [e for e in build_effects(plant, (), task.effects) if e.access == "trajectory"]
-    _check_asked(plant, task.effects, wanted)
-    with np.errstate(all="ignore"):
-        problem = build_trajectory(plant, whole, task.free, task.labels, task.known)
-    testable = _testable(problem, wanted)
-    _check_asked(plant, task.effects, testable)
-    library = task.candidates(testable)
-    search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **task.for_search)
-    inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
-    return task.pipeline(search, inside, np.arange(whole.n_samples), untestable=left_out(task.effects, testable))
 
 
 def _check_asked(plant: Plant, effects: Any, kept: list[BaseEffect]) -> None:

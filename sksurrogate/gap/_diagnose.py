@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any, ClassVar
@@ -17,9 +17,10 @@ from sksurrogate._stamps import on_grid, with_rows_in_gaps
 from sksurrogate._warned_once import warned_once
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
-from sksurrogate.gap._begin import Task, diagnosed
+from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
 from sksurrogate.gap._origin import with_origin
 from sksurrogate.gap._progress import Progress, progress_shown
+from sksurrogate.gap._rounds import diagnosed_in_rounds
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
@@ -224,13 +225,19 @@ class GapDiagnoser(BaseEstimator):
             runs, offsets = on_grid(runs, plant.dt, plant.hold, self.time)
         parts = [r.X for r in runs], [r.y for r in runs], [r.t for r in runs]
         whole = Record.from_runs(*parts, plant.dt, offsets, uneven)
-        effects = list(self.effects) if isinstance(self.effects, Iterator) else self.effects
-        pipeline, report = diagnosed(Task(self, effects, plant, runs, whole, free, user_knows, seed, progress))
+        begin = begin_trajectory if plant.access == "trajectory" else begin_ode
+        pipeline, rows, report = diagnosed_in_rounds(
+            lambda record: begin(self, Task(plant, runs, record, free, user_knows, seed, progress)),
+            plant,
+            runs,
+            whole,
+            progress,
+        )
         self.n_features_in_ = runs[0].X.shape[1]
         self.report_ = with_origin(report, self, plant, pipeline.final.candidate, len(runs), whole.n_samples, free)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
-        first = pipeline.rows[pipeline.problem.record.starts]
+        first = rows[pipeline.problem.record.starts]
         known = np.isin(first, whole.starts)
         self.initial_states_ = np.full((len(runs), at_start.shape[1]), np.nan)
         self.initial_states_[np.searchsorted(whole.starts, first[known])] = at_start[known]

@@ -217,6 +217,11 @@ class BaseCandidate(ABC):
         """Parameters of effect i."""
         return self.fit.theta[self.slice_of(i)]
 
+    def theta_with(self, added: np.ndarray) -> np.ndarray:
+        """Parameters with those of one effect more, the last."""
+        n = self.n_parameters
+        return np.concatenate([self.fit.theta[:n], added, self.fit.theta[n:]])
+
     def without_effect(self, *out: int) -> tuple[tuple[BaseEffect, ...], np.ndarray]:
         """The effects but some, and the parameters but theirs."""
         keep = np.ones(len(self.fit.theta), bool)

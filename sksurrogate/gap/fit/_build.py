@@ -122,7 +122,7 @@ def _caps(problem: OdeBackend, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarr
     record, n = problem.record, len(problem.plant.states)
     nominal = replace(problem, free=()).augmented(())
     _, C = output_jacobian(nominal.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
-    places = [problem.plant.states.index(name) for name in problem.balances]
+    places = problem.rows_of_balances
     push = record.dt * np.eye(n)[:, places]
     gain = gain_of_forces(recursion_band(smoothed.A, record.starts), push, C, record.starts, record.spread)
     seen = np.isfinite(gain) & (gain > 0)

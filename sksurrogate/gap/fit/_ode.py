@@ -227,6 +227,11 @@ class OdeBackend(KnownOfParameters):
         return float(np.min(self.rate[moved] / gain[moved])) if moved.any() else 0.0
 
     @property
+    def rows_of_balances(self) -> list[int]:
+        """Places of the balances among the states."""
+        return [self.plant.states.index(name) for name in self.balances]
+
+    @property
     def rigid(self) -> np.ndarray:
         """Kinematic rows, in which no balance can be wrong."""
         return np.array([name not in self.balances for name in self.plant.states])
@@ -317,12 +322,11 @@ class OdeBackend(KnownOfParameters):
         return Disturbance(A, B, C, self.record.starts, start_sd, slack, self.record.known)
 
     def first_noise(self) -> Noise:
-        places = [self.plant.states.index(name) for name in self.balances]
-        return Noise(self.sd.copy(), 0.01 * self.rate[places] + 1e-300, 10.0, 0.1 * self.sd, 10.0)
+        return Noise(self.sd.copy(), 0.01 * self.force_unit() + 1e-300, 10.0, 0.1 * self.sd, 10.0)
 
     def force_unit(self) -> np.ndarray:
         """RMS of dx/dt of every balance."""
-        return self.rate[[self.plant.states.index(name) for name in self.balances]]
+        return self.rate[self.rows_of_balances]
 
     def quiet_force(self) -> np.ndarray:
         """Force of every balance that moves no output by more than :data:`QUIET_OUTPUT` of its noise."""

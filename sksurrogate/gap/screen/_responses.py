@@ -184,7 +184,7 @@ class Responses:
             force, states = ConstantBias(place), problem.plant.states
             size = problem.rate[states.index(place)] if place in states else problem.port_rate(place)
             unit = 1e-2 * float(size) or 1e-6
-            theta = np.r_[base.fit.theta[: self.n_effect], unit, base.fit.theta[self.n_effect :]]
+            theta = base.theta_with(np.array([unit]))
             bound = problem.augmented((*base.effects, force)).bind(theta[:, None])
             self.pushes[place] = (bound(self.smoothed.x[:, None]) - self.after)[:, 0] / unit
         return self.pushes[place]

@@ -78,7 +78,9 @@ class Screen:
     #: low, high: (n_starts,): range in which the amplitude of a column stands for the effect
     low: np.ndarray
     high: np.ndarray
-    left_by: np.ndarray  #: (1 + MOST_TOGETHER,): squares over the noise expected beside the best 0, 1, ... columns together
+    left_by: (
+        np.ndarray
+    )  #: (1 + MOST_TOGETHER,): squares over the noise expected beside the best 0, 1, ... columns together
 
 
 def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
@@ -195,8 +197,7 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     drop, amplitude = scores(g, h, low, high)
     for k, c in enumerate(columns):
         if len(c.through):
-            own = whole[few + k], c.through / sd, J_x, problem.record.starts, precision, pull, low[k], high[k]
-            drop[k], amplitude[k] = score_beside(known, *own)
+            drop[k], amplitude[k] = score_beside(s, whole[few + k], c.through / sd, low[k], high[k])
 
     def among(chosen: list[int]) -> np.ndarray:
         """Gram of the residual and the chosen columns."""

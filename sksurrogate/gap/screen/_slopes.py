@@ -47,7 +47,7 @@ class Slopes:
         s, problem, base = self.responses, self.responses.problem, self.responses.base
         bias = InputBias(name)
         _, push = pushed_input(problem.record.u, problem.plant.inputs.index(name))
-        theta = np.r_[base.fit.theta[: s.n_effect], push, base.fit.theta[s.n_effect :]]
+        theta = base.theta_with(np.array([push]))
         with np.errstate(all="ignore"):
             bound = problem.augmented((*base.effects, bias)).bind(theta[:, None])
             moved = (bound(s.smoothed.x[:, None]) - s.after)[:, 0]

@@ -69,36 +69,13 @@ class Unseen:
         return np.array(found).reshape(-1, *s.problem.record.y.shape)
 
 
-def score_beside(
-    known: np.ndarray,
-    column: np.ndarray,
-    through: np.ndarray,
-    J_x: np.ndarray,
-    starts: np.ndarray,
-    precision: np.ndarray,
-    pull: np.ndarray,
-    low: float,
-    high: float,
-) -> tuple[float, float]:
-    """Drop and amplitude of one column beside what initial states do through its effect.
-
-    Parameters
-    ----------
-    known : ndarray (1 + n_theta, n_outputs, n_samples)
-        The residual and the sensitivities of the fitted parameters, over the noise.
-    column : ndarray (n_outputs, n_samples)
-    through : ndarray (n_unseen, n_outputs, n_samples)
-    J_x : ndarray (n_outputs, n_states, n_samples)
-        Sensitivities of the initial states that are seen.
-    starts : ndarray (n_runs,)
-    precision, pull : ndarray (n_theta,)
-        Gaussian prior on the fitted parameters.
-    low, high : float
-        Range of the amplitude.
-    """
-    stack = np.concatenate([known, column[None]])
-    total = project_starts(stack[:-1], J_x, starts)
-    both = np.concatenate([J_x, through.transpose(1, 0, 2)], axis=1)
+def score_beside(s: Responses, column: np.ndarray, through: np.ndarray, low: float, high: float) -> tuple[float, float]:
+    """Drop and amplitude within ``low`` and ``high`` of one column (n_outputs, n_samples) beside what unseen initial states do
+    through its effect (n_unseen, n_outputs, n_samples), both over the noise."""
+    starts, (precision, pull) = s.problem.record.starts, s.base.held
+    stack = np.concatenate([s.known, column[None]])
+    total = project_starts(stack[:-1], s.J_x, starts)
+    both = np.concatenate([s.J_x, through.transpose(1, 0, 2)], axis=1)
     flat, before = (part.reshape(len(part), -1) for part in (project_starts(stack, both, starts), total))
     rest, whole = (eliminate(part @ part.T, len(precision), precision, pull) for part in (flat, before))
     drop, amplitude = scores(rest[:1, 1], rest[1:, 1], np.array([low]), np.array([high]))

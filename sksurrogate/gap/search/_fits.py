@@ -39,14 +39,13 @@ NEARER = (1.0, 0.3, 0.1)
 def fit_added(problem: OdeBackend, base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCandidate | None:
     """Fit a base with one effect more, from the best of several starts; one that cannot come near to the others is abandoned."""
     found: OdeCandidate | None = None
-    split = base.n_parameters
     values = [base.theta_of(i) for i in range(len(base.effects))]
     if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
         problem = problem.at(replace(problem.numerics, n_sub=max(problem.numerics.n_sub, STICKING_SUBSTEPS)))
     for start in starts:
         for share in NEARER if start.effect.linear and len(start.theta) else (1.0,):
             own = np.r_[share * start.theta[:1], start.theta[1:]]
-            theta = np.concatenate([base.fit.theta[:split], own, base.fit.theta[split:]])
+            theta = base.theta_with(own)
             near = best if found is None else min(best, found.fit.cost)
             try:
                 candidate = fit_last(problem, (*base.effects, start.effect), theta, start.x, base.fit, near)

@@ -179,8 +179,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
 
     def change(self, base: TrajectoryCandidate, effect: BaseEffect, start: np.ndarray) -> np.ndarray | None:
         """Change of the outputs by an effect at a start: inputs through the surrogate, the rest as it is."""
-        problem, n = self.problem, base.n_parameters
-        theta = np.concatenate([base.fit.theta[:n], start, base.fit.theta[n:]])
+        problem, theta = self.problem, base.theta_with(start)
         effects = (*base.effects, effect)
         if effect.kind == "input":
             acting = problem.simulations.acting
@@ -219,8 +218,7 @@ def _fit(
     problem: TrajectoryBackend, base: TrajectoryCandidate, effect: BaseEffect, start: np.ndarray, change: np.ndarray
 ) -> TrajectoryCandidate | None:
     """The base with one effect more, fitted."""
-    n = base.n_parameters
-    theta = np.concatenate([base.fit.theta[:n], start, base.fit.theta[n:]])
+    n, theta = base.n_parameters, base.theta_with(start)
     known, own = base.fit.J.transpose(1, 0, 2), np.full((len(start), *base.fit.y.shape), np.nan)
     if effect.linear and len(start) == 1 and effect.kind != "input" and start[0] != effect.parameters[0].null:
         own[0] = change / (start[0] - effect.parameters[0].null)

@@ -11,7 +11,7 @@ from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
-from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._channel import STARTS, Channel
 from sksurrogate.gap.unnamed._drivers import drivers_at
 from sksurrogate.gap.unnamed._formula_search import Draft, drafts_at
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push, paths
@@ -25,8 +25,6 @@ from sksurrogate.kernels.record import Record
 
 __all__ = ["Channels", "channel_of", "missing_term", "places_by_law", "where_and_when"]
 
-#: Correlation times, in samples, from which the size of the signal is fitted.
-STARTS = (5.0, 25.0)
 #: Places that are compared by the law that fits there.
 COMPARED = 3
 

@@ -139,8 +139,7 @@ def fitted_draft(
     """A formula as an effect on top of the base, fitted in the free run from a path x."""
     candidate = base.candidate
     effect = drivers.effect(draft.terms, draft.values, True)
-    problem, split = search.searching(candidate), candidate.n_parameters
-    theta = np.concatenate([candidate.fit.theta[:split], draft.values, candidate.fit.theta[split:]])
+    problem, theta = search.searching(candidate), candidate.theta_with(draft.values)
     assert x is not None
     x = x[: candidate.model.n_nominal]  # hidden states of effects and laws settle along it
     try:

@@ -13,6 +13,7 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._record_parts import row_folds
+from sksurrogate.gap.unnamed._channel import STARTS
 from sksurrogate.gap.unnamed._curve_shapes import channel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -158,8 +159,7 @@ def moved_by(candidate: OdeCandidate, latent: LatentForce) -> np.ndarray:
     """What each force on top of a candidate moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
     problem, n = candidate.problem, len(latent.A)
     record = problem.record
-    rows = [problem.plant.states.index(name) for name in problem.balances]
-    push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, rows] * latent.force
+    push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, problem.rows_of_balances] * latent.force
     b = a_sample_later(push, record.starts)
     with np.errstate(all="ignore"):
         states = solve_recursion(recursion_band(latent.A, record.starts), b)
@@ -215,7 +215,7 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
     one and with the white noise of differences.
     """
-    starts, most = ((10.0,), 6) if rough else ((5.0, 25.0), 10)
+    starts, most = ((10.0,), 6) if rough else (STARTS, 10)
     problem, theta, model = null.problem, null.fit.theta, null.model
     record = problem.record
     with np.errstate(all="ignore"):

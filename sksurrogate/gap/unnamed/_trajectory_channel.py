@@ -9,8 +9,7 @@ import numpy as np
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm
-from sksurrogate.gap.unnamed._channel import Channel
-from sksurrogate.gap.unnamed._disturbance_channel import STARTS
+from sksurrogate.gap.unnamed._channel import STARTS, Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, repeatable
