@@ -69,8 +69,9 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     with _right_unit(model, record), finite_along(model, whole, task.labels):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
-    processes = {"second": WorkerProcess(fixed, apart), "later": WorkerProcess(fixed, apart, later=True)}
-    search = Search(problem, library, smoothed.x, lost=model.said, **processes, **_common(diagnoser, task))
+    common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
+    later = WorkerProcess(fixed, apart, later=True)
+    search = Search(problem, library, smoothed.x, lost=model.said, later=later, **common)
     inside = OdeInside(search, task.seed, whole, excluded_places(diagnoser.exclude))
     return _prepared(diagnoser, task, search, inside, rows)
 

@@ -10,7 +10,7 @@ from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._units import TIME, with_unit
 from sksurrogate.gap.render._values import change_of, confidence, number, percent, place_of, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, TIED_LISTED
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
 
@@ -26,8 +26,6 @@ __all__ = [
     "separating",
 ]
 
-#: Candidates that a line lists.
-LISTED = 4
 #: A formula longer than this (characters) is not read in a sentence.
 LONGEST_LINE = 80
 
@@ -176,8 +174,8 @@ def first_of(names: Sequence[str]) -> str:
     >>> first_of(["drag", "friction", "hysteresis", "lag", "bias", "gain"])
     'drag; friction; hysteresis; lag; and 2 more'
     """
-    more = len(names) - LISTED
-    return "; ".join([*names[:LISTED], *([f"and {more} more"] if more > 0 else [])])
+    more = len(names) - TIED_LISTED
+    return "; ".join([*names[:TIED_LISTED], *([f"and {more} more"] if more > 0 else [])])
 
 
 def _key(key: Sequence[str | None]) -> str:
@@ -221,7 +219,7 @@ def _to_separate(report: ReportData) -> list[str]:
         return []
     best = separating(report)
     if not best:
-        others = joined([place_of(tied[0]), *not_identified(tied[0])[:LISTED]])
+        others = joined([place_of(tied[0]), *not_identified(tied[0])[:TIED_LISTED]])
         return [f"Measure another signal, or use knowledge of the plant, to decide between {others}."]
     nats = number(best[0]["gain"], 2) if best[0]["gain"] < 1000 else "more than 1000"
     beyond = "" if best[0].get("within", True) else "; its inputs leave the recorded range"

@@ -24,58 +24,29 @@ _PAIRS = 240
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One line of a panel.
+    """One line of a panel."""
 
-    Attributes
-    ----------
-    label : str
-        For the legend and the pointer; empty: in neither.
-    x, y : ndarray (n_points,)
-    colour : str
-        Name in the style sheet: "ink", "measured", "before", "accent", "second" or "third".
-    dash : str
-    width : float
-    steps : bool
-        Whether values are held from one point to the next.
-    """
-
-    label: str
+    label: str  #: For the legend and the pointer; empty: in neither
+    #: x, y: (n_points,)
     x: np.ndarray
     y: np.ndarray
-    colour: str = "ink"
+    colour: str = "ink"  #: Name in the style sheet: "ink", "measured", "before", "accent", "second" or "third"
     dash: str = ""
     width: float = 1.6
-    steps: bool = False
+    steps: bool = False  #: Whether values are held from one point to the next
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Lines over the common axis, with a vertical axis of their own.
-
-    Attributes
-    ----------
-    lines : sequence of Line
-    label : str
-        Name of the vertical axis.
-    ylim : (float, float), optional
-        Lines are cut off beyond it.
-    band : (x, low, high), optional
-        A grey band behind the lines.
-    band_label : str
-        What the band is, for the legend.
-    height : int
-        Of the field, in units of the picture.
-    legend : bool
-        Whether the lines are named above the field, where no panel above has named the same.
-    """
+    """Lines over the common axis, with a vertical axis of their own."""
 
     lines: Sequence[Line]
-    label: str
-    ylim: tuple[float, float] | None = None
-    band: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-    band_label: str = ""
-    height: int = 180
-    legend: bool = True
+    label: str  #: Name of the vertical axis
+    ylim: tuple[float, float] | None = None  #: Lines are cut off beyond it
+    band: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  #: A grey band behind the lines
+    band_label: str = ""  #: What the band is, for the legend
+    height: int = 180  #: Of the field, in units of the picture
+    legend: bool = True  #: Whether the lines are named above the field, where no panel above has named the same
 
 
 def ticks(low: float, high: float, wanted: int = 5) -> list[float]:
