@@ -14,8 +14,7 @@ import numpy as np
 from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
-from sksurrogate.gap._progress import Progress
-from sksurrogate.gap._stage import INTERRUPTED, SOON, Stage, quiet
+from sksurrogate.gap._progress import INTERRUPTED, SOON, Progress, Stage, quiet
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
 from sksurrogate.gap.decide._equivalence import Slot, canonical_classes, probabilities

@@ -1,14 +1,44 @@
-"""How far a diagnosis is: stage, share done, estimate of what remains; a bar on a terminal, plain lines elsewhere."""
+"""A stage of a diagnosis as data, and how far it is: share done, estimate of what remains; a bar on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
-__all__ = ["Progress", "progress_shown"]
+import numpy as np
+
+from sksurrogate._parallel._worker_process import one_thread
+
+__all__ = ["INTERRUPTED", "SOON", "Progress", "Stage", "progress_shown", "quiet"]
+
+#: A fault of the record is looked for before this share of a time limit is over: the diagnosis then begins again.
+SOON = 0.3
+INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a diagnosis."""
+
+    name: str
+    ask: Callable[[Any], None]
+    summary: str = ""  #: What is said while it is asked
+    share: float = 0.0  #: Usual share of the time
+    #: Share of a time limit at which it must be over; inf where nothing can be said without it
+    until: float = 0.95
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Linear algebra in one thread; candidates that run away are met everywhere with finite checks."""
+    with np.errstate(all="ignore"), one_thread():
+        yield
+
 
 #: Seconds before which an estimate would say nothing.
 TOO_EARLY = 0.5

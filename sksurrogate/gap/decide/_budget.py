@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sksurrogate.gap.results._interval import BAND
+from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._remainder import Remainder
 from sksurrogate.gap.results._shrink import Shrink

@@ -7,7 +7,7 @@ import numpy as np
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._normal_equations import seen_inverse
-from sksurrogate.gap.results._interval import BAND
+from sksurrogate.gap.results._effect_estimate import BAND
 
 __all__ = ["intervals"]
 

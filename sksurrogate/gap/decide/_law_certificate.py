@@ -16,7 +16,7 @@ from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import blocked, run_folds
-from sksurrogate.gap.results._interval import BAND
+from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._search import Search

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap.faults._correction import BaseFault, Names
+from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
 from sksurrogate.gap.faults._look import fault_left, tone_left
-from sksurrogate.gap.faults._noisy_input import NoisyInput
 from sksurrogate.gap.faults._readings import outlying, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED

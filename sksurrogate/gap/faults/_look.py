@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap.faults._correction import BaseFault
-from sksurrogate.gap.faults._noisy_input import NoisyInput, smoother_inputs
+from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, smoother_inputs
 from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
-from sksurrogate.gap.faults._run_faults import Hum
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.gap.faults._correction import BaseFault
-from sksurrogate.gap.faults._run_faults import Gains, Hum, Offsets, Shifts
+from sksurrogate.gap.faults._corrections import BaseFault, Gains, Hum, Offsets, Shifts
 from sksurrogate.kernels.record import Record
 
 __all__ = ["WHOLE", "Proposal", "proposals", "tone", "tones"]

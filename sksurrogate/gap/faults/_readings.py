@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sksurrogate.gap.faults._correction import WrongReadings
+from sksurrogate.gap.faults._corrections import WrongReadings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.kernels.readings import Stretch, flat_stretches, spikes

@@ -18,7 +18,7 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["balance_axis", "curve_html", "effect_curve", "effect_html", "form_of"]
+__all__ = ["curve_html", "effect_curve", "effect_html", "form_of"]
 
 #: Points of a curve.
 POINTS = 201

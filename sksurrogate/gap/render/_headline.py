@@ -18,7 +18,6 @@ __all__ = [
     "changes",
     "first_of",
     "headline",
-    "joined",
     "next_steps",
     "not_identified",
     "richer_forms",

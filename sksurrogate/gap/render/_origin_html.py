@@ -10,7 +10,7 @@ from sksurrogate.gap.render._units import TIME, with_unit
 from sksurrogate.gap.render._values import number
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["origin_html", "origin_line", "origin_pairs"]
+__all__ = ["origin_html", "origin_line"]
 
 
 def origin_pairs(report: ReportData) -> list[tuple[str, str]]:

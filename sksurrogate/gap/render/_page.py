@@ -22,7 +22,7 @@ from sksurrogate.gap.render._headline import (
 from sksurrogate.gap.render._law import law_html, law_line
 from sksurrogate.gap.render._origin_html import origin_html
 from sksurrogate.gap.render._record import record_html
-from sksurrogate.gap.render._runs_page import runs_html
+from sksurrogate.gap.render._runs import runs_html
 from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars

@@ -8,8 +8,7 @@ from typing import Any
 from sksurrogate._files import write_text
 from sksurrogate.gap.render._display import GapDisplay
 from sksurrogate.gap.render._page import html_fragment, html_page
-from sksurrogate.gap.render._summary import GapSummary, summary_of
-from sksurrogate.gap.render._tables import table_of
+from sksurrogate.gap.render._summary import GapSummary, summary_of, table_of
 from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._json import SCHEMA_ID, json_text, plain, schema_of
 from sksurrogate.gap.results._report_data import ReportData

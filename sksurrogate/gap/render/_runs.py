@@ -1,13 +1,17 @@
-"""The runs of a report: their errors, their order, the noise of their outputs."""
+"""Every run on the page, the worst first: outputs, residuals with the band of the noise, inputs; their errors and the noise of their outputs."""
 
 from __future__ import annotations
 
+from html import escape
+
 import numpy as np
 
+from sksurrogate.gap.render._svg import Line, Panel, figure, limits
+from sksurrogate.gap.render._units import TIME, axis
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
 
-__all__ = ["noise_of", "run_error", "worst_first", "worst_output"]
+__all__ = ["noise_of", "run_error", "runs_html", "worst_first"]
 
 
 def deviations(report: ReportData) -> np.ndarray:
@@ -42,3 +46,159 @@ def noise_of(report: ReportData, j: int) -> float:
     name = report.outputs[j] if j < len(report.outputs) else None
     rows = [row for row in report.shrink.by_output if row["output"] == name]
     return float(rows[0]["floor"]) if rows else float("nan")
+
+
+#: Runs that are drawn; further ones stand in a table.
+DRAWN = 24
+#: Outputs and inputs of the run that is drawn large.
+MOST_SIGNALS = 6
+#: Residuals within this many deviations of the noise are noise.
+NOISE_BAND = 2.0
+#: Below this share of the residual before, the one after could not be seen beside it.
+MUCH_SMALLER = 0.3
+
+
+def runs_html(report: ReportData) -> str:
+    """The worst run large, the others as small multiples in the order of their error."""
+    if not report.traces:
+        return ""
+    order = worst_first(report)
+    first, others = report.traces[order[0]], [report.traces[k] for k in order[1:DRAWN]]
+    out = [
+        "<h2>Every run, the worst first</h2>",
+        '<p class="small">Each run was left out of the fit that drew it. Drag over a picture to zoom, double-click to go back.'
+        "</p>",
+        _large(first, report),
+    ]
+    if others:
+        out.append(f'<div class="grid">{"".join(_small(trace, report) for trace in others)}</div>')
+    rest = [report.traces[k] for k in order[DRAWN:]]
+    if rest:
+        errors = "; ".join(f"{escape(str(t.label))}: {_errors(t, report)}" for t in rest)
+        out.append(f'<details><summary>{len(rest)} more runs</summary><p class="small">{errors}</p></details>')
+    return "".join(out)
+
+
+def run_name(label: object, blocks: bool = False) -> str:
+    """A run as a heading; one run that was cut gives blocks.
+
+    Examples
+    --------
+    >>> run_name(3), run_name("run 3"), run_name("calm"), run_name(0, blocks=True)
+    ('Run 3', 'run 3', 'Run calm', 'Block 0')
+    """
+    if blocks:
+        return f"Block {label}"
+    return str(label) if str(label).lower().startswith("run") else f"Run {label}"
+
+
+def _called(trace: Trace, report: ReportData) -> str:
+    """The heading of a run of this report."""
+    return run_name(trace.label, report.provenance.n_runs == 1 and len(report.traces) > 1)
+
+
+def _errors(trace: Trace, report: ReportData) -> str:
+    before, after = run_error(report, trace)
+    return f"{before:.3g} -> {after:.3g}"
+
+
+def _caption(trace: Trace, report: ReportData) -> str:
+    return (
+        f"<figcaption><strong>{escape(_called(trace, report))}</strong>: RMSE / deviation {_errors(trace, report)}"
+        "</figcaption>"
+    )
+
+
+def _large(trace: Trace, report: ReportData) -> str:
+    """All outputs with their residuals, and the inputs."""
+    outputs = range(min(trace.measured.shape[1], MOST_SIGNALS))
+    panels = [panel for j in outputs for panel in (_output(trace, j, report, 150), *_residuals(trace, j, report, 70))]
+    panels += _inputs(trace, report, 70)
+    label = axis(TIME, report.units)
+    picture = figure(panels, label, _called(trace, report), width=900)
+    return f'<figure><div class="wide">{picture}</div>{_caption(trace, report)}</figure>'
+
+
+def _small(trace: Trace, report: ReportData) -> str:
+    """The output that is missed most, its residual, the first input."""
+    j = worst_output(report, trace)
+    panels = [_output(trace, j, report, 120), *_residuals(trace, j, report, 50), *_inputs(trace, report, 45)[:1]]
+    picture = figure(panels, axis(TIME, report.units), _called(trace, report))
+    return f"<figure>{picture}{_caption(trace, report)}</figure>"
+
+
+def _name(names: tuple[str, ...], j: int, letter: str) -> str:
+    return names[j] if j < len(names) else f"{letter}{j}"
+
+
+def _output(trace: Trace, j: int, report: ReportData, height: int) -> Panel:
+    """Measured, simulator, simulator with the effects."""
+    measured, before, after = trace.measured[:, j], trace.before[:, j], trace.after[:, j]
+    low, high = limits([measured, before, after])
+    known = np.isfinite(measured)
+    finite = measured[known]
+    if len(finite):
+        room = 0.6 * float(np.ptp(finite)) + 1e-12  # a simulator that runs away must not flatten the measurement
+        low, high = max(low, float(finite.min()) - room), min(high, float(finite.max()) + room)
+    lines = [
+        Line("measured", trace.t[known], finite, "measured", width=4.0),
+        Line("simulator", trace.t, before, "before", "6 4", 1.8),
+        Line("with the effects", trace.t, after, "ink", width=1.3),
+    ]
+    return Panel(lines, axis(_name(report.outputs, j, "y"), report.units), (low, high), height=height)
+
+
+def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Panel]:
+    """Measured minus simulated, before and after, over the band of the noise.
+
+    A residual after that is much smaller than the one before has a panel of its own: it is to be compared with the noise.
+    """
+    known = np.isfinite(trace.measured[:, j])
+    t = trace.t[known]
+    before, after = (trace.measured[known, j] - run[known, j] for run in (trace.before, trace.after))
+    noise = NOISE_BAND * noise_of(report, j)
+    ends = np.array([trace.t[0], trace.t[-1]])
+    band = (ends, np.full(2, -noise), np.full(2, noise)) if np.isfinite(noise) and noise > 0 else None
+    summary = "noise, two deviations" if band else ""
+    first = Line("residual before", t, before, "before", "6 4", 1.2)
+    second = Line("residual after", t, after, "ink", width=1.0)
+    name = _name(report.outputs, j, "y")
+    if not known.any() or np.nanstd(after) > MUCH_SMALLER * np.nanstd(before):
+        label = f"residual, {axis(name, report.units)}"
+        return [Panel([first, second], label, _range(before, after), band, summary, height)]
+    return [
+        Panel(
+            [first],
+            f"residual before, {axis(name, report.units)}",
+            _range(before, before),
+            height=height,
+            legend=False,
+        ),
+        Panel([second], f"residual after, {axis(name, report.units)}", _range(after, after), band, summary, height),
+    ]
+
+
+def _range(before: np.ndarray, after: np.ndarray) -> tuple[float, float] | None:
+    """Residuals of a simulator that runs away are cut at ten times the 95th percentile of the rest."""
+    sizes = np.abs(np.concatenate([before, after]))
+    sizes = sizes[np.isfinite(sizes)]
+    if not len(sizes) or not sizes.max() > 10 * np.quantile(sizes, 0.95):
+        return None
+    end = 10 * float(np.quantile(sizes, 0.95)) or float(sizes.max())
+    return -end, end
+
+
+def _inputs(trace: Trace, report: ReportData, height: int) -> list[Panel]:
+    """The inputs, held between samples."""
+    if trace.inputs is None:
+        return []
+    colours = ("accent", "second", "third")
+    return [
+        Panel(
+            [Line(name, trace.t, trace.inputs[:, i], colours[i % 3], width=1.4, steps=True)],
+            axis(name, report.units),
+            height=height,
+            legend=False,
+        )
+        for i, name in ((i, _name(report.inputs, i, "u")) for i in range(min(trace.inputs.shape[1], MOST_SIGNALS)))
+    ]

@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 
-__all__ = ["change_of", "confidence", "interval_text", "number", "percent", "place_of", "readable"]
+__all__ = ["change_of", "confidence", "number", "percent", "place_of", "readable"]
 
 #: Probability from which a word applies, the first that is reached.
 WORDS = ((0.99, "very likely"), (0.9, "likely"), (0.5, "more likely than not"), (0.0, "uncertain"))

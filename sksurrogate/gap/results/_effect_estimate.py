@@ -6,7 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["EffectEstimate"]
+__all__ = ["BAND", "EffectEstimate"]
+
+
+#: Half width of a 90 % interval in standard deviations.
+BAND = 1.645
 
 
 @dataclass(frozen=True)

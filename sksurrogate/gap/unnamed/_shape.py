@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.gap.fit._normal_equations import solve
-from sksurrogate.gap.results._interval import BAND
+from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._curve_shapes import hats_at

@@ -1,0 +1,314 @@
+"""Faults of a record as corrections of it, each of which gives the record without the fault: wrong readings, noisy inputs, runs."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.results._data_faults import DataFault
+from sksurrogate.kernels.record import Record, bridged
+
+__all__ = [
+    "BaseFault",
+    "Gains",
+    "Hum",
+    "Names",
+    "NoisyInput",
+    "Offsets",
+    "Shifts",
+    "WrongReadings",
+    "smoother_inputs",
+    "smoothings",
+]
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the signals and runs of a record are called."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    labels: Sequence[Any]  #: Of the runs
+    first_rows: np.ndarray  #: int (n_runs,): row of the user's data at which every run begins
+
+    def user_rows(self, record: Record, rows: np.ndarray) -> tuple[int, ...]:
+        """Rows of the user's data."""
+        run = record.run_of_row[rows]
+        return tuple((self.first_rows[run] + rows - record.starts[run]).tolist())
+
+
+class BaseFault(ABC):
+    """One fault of a record."""
+
+    @abstractmethod
+    def corrected(self, record: Record) -> Record:
+        """The record without the fault."""
+
+    def and_also(self, other: Any) -> BaseFault:
+        """With what another fault of the same key found on top."""
+        return self
+
+    @abstractmethod
+    def described(self, record: Record, names: Names, share: float) -> DataFault:
+        """For the report."""
+
+    @property
+    @abstractmethod
+    def key(self) -> tuple[Any, ...]:
+        """Faults of one key are one fault."""
+
+
+@dataclass(frozen=True, eq=False)
+class WrongReadings(BaseFault):
+    """Single readings or stretches of one output that were not measured."""
+
+    kind: str  #: {"spikes", "dropouts", "stuck"}
+    output: int
+    rows: np.ndarray  #: Of the record
+    size: float  #: Largest deviation
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        return (self.kind, self.output)
+
+    def and_also(self, other: WrongReadings) -> WrongReadings:
+        """With these and those."""
+        return replace(self, rows=np.union1d(self.rows, other.rows), size=max(self.size, other.size))
+
+    def corrected(self, record: Record) -> Record:
+        """Without these readings."""
+        wrong = np.zeros(record.y.shape, bool)
+        wrong[self.output, self.rows] = True
+        return masked(record, wrong)
+
+    def described(self, record: Record, names: Names, share: float) -> DataFault:
+        """With rows and runs."""
+        remedy = {
+            "spikes": "Look at the wiring; OutlierFilter removes them before the data are used elsewhere.",
+            "dropouts": "Set these readings to nan (not measured), and look at the connection.",
+            "stuck": "Set these readings to nan (not measured), and look at the sensor and the logger.",
+        }[self.kind]
+        return DataFault(
+            self.kind,
+            names.outputs[self.output],
+            "output",
+            tuple(names.labels[run] for run in np.unique(record.run_of_row[self.rows])),
+            names.user_rows(record, self.rows),
+            self.size,
+            share,
+            remedy=remedy,
+        )
+
+
+def masked(record: Record, wrong: np.ndarray) -> Record:
+    """A record some of whose readings (n_outputs, n_samples) were not measured."""
+    known = ~wrong if record.known is None else record.known & ~wrong
+    return replace(record, y=bridged(record.y, known, record.starts), known=known)
+
+
+#: Rows of the running medians (inputs held for some samples) and means (inputs that move smoothly) that are tried.
+MEDIANS, MEANS = (5, 9, 15), (3, 5, 9)
+
+
+@dataclass(frozen=True, eq=False)
+class NoisyInput(BaseFault):
+    """The measurement of an input is noisy; the plant got a smoother one."""
+
+    input: int
+    way: int  #: Of :func:`smoothings`
+    removed: float = 0.0  #: Share of the gap that it removes
+    #: Whether the record is corrected: noise that is slow beside the plant cannot be distinguished from the input
+    taken_out: bool = True
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        return ("input_noise", self.input)
+
+    def and_also(self, other: NoisyInput) -> NoisyInput:
+        """The latest."""
+        return other
+
+    def corrected(self, record: Record) -> Record:
+        """With the smoother input."""
+        return self.smoother(record) if self.taken_out else record
+
+    def smoother(self, record: Record) -> Record:
+        """The record with the smoother input."""
+        u = record.u.copy()
+        for a, b in record.spans:
+            u[self.input, a:b] = smoothings(record.u[self.input, a:b])[self.way]
+        return replace(record, u=u)
+
+    def described(self, record: Record, names: Names, share: float) -> DataFault:
+        """With the deviation of the noise."""
+        size = float(np.std(record.u[self.input] - self.smoother(record).u[self.input]))
+        remedy = "Record the input that the actuator is given, or filter its measurement forwards and backwards."
+        share = self.removed if self.taken_out else np.nan
+        where = (names.inputs[self.input], "input", tuple(names.labels), ())
+        return DataFault("input_noise", *where, size, share, remedy=remedy, taken_out=self.taken_out)
+
+
+def smoothings(u: np.ndarray) -> list[np.ndarray]:
+    """An input (n_samples,) of one run without its noise, in several ways.
+
+    Examples
+    --------
+    >>> smoothings(np.array([0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0]))[0]
+    array([0., 0., 0., 0., 0., 0., 0.])
+    """
+    medians = [median_filter(u, rows, mode="nearest") for rows in MEDIANS]
+    means = [uniform_filter1d(u, rows, mode="nearest") for rows in MEANS]
+    # A median keeps the edges; a mean between them is the quieter estimate.
+    return [*medians, *(_between_edges(u, median) for median in medians[1:]), *means]
+
+
+def _between_edges(u: np.ndarray, median: np.ndarray) -> np.ndarray:
+    """Means over the stretches between the edges of a running median."""
+    noise = 1.4826 * float(np.median(np.abs(u - median)))
+    edges = np.flatnonzero(np.abs(np.diff(median)) > 1.5 * noise) + 1
+    out = np.empty_like(u)
+    for part in np.split(np.arange(len(u)), edges):
+        if len(part):
+            out[part] = u[part].mean()
+    return out
+
+
+def smoother_inputs(model: BaseCandidate) -> list[tuple[NoisyInput, np.ndarray]]:
+    """Every input smoothed in several ways, and what that moves the readings of a model by (n_outputs, n_samples)."""
+    record, found = model.problem.record, []
+    for i, u in enumerate(record.u):
+        for way in range(len(smoothings(u[:9])) if np.ptp(u) > 0 else 0):
+            fault = NoisyInput(i, way)
+            other = model.refitted(fault.corrected(record))
+            if other is not None:
+                found.append((fault, other.fit.y - model.fit.y))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _OfRuns(BaseFault):
+    """What differs from run to run, at one output or at all of them (None)."""
+
+    kind: ClassVar[str]
+    effect: ClassVar[str]
+    remedy: ClassVar[str]
+
+    output: int | None
+    values: np.ndarray  #: (n_runs, ...): of every run; 0 in runs without the fault
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        return (self.kind, self.output)
+
+    @property
+    def of_runs(self) -> np.ndarray:
+        """One number a run (n_runs,)."""
+        return self.values
+
+    def and_also(self, other: Any) -> BaseFault:
+        return replace(self, values=self.values + other.values)
+
+    def described(self, record: Record, names: Names, share: float) -> DataFault:
+        """With one value a run."""
+        size = self.of_runs
+        values = {names.labels[int(r)]: float(size[r]) for r in np.flatnonzero(size)}
+        where = (None if self.output is None else names.outputs[self.output], "output", tuple(values), ())
+        largest = float(np.max(np.abs(size)))
+        return DataFault(self.kind, *where, largest, share, values, self.effect, self.remedy.format(fault=self))
+
+
+@dataclass(frozen=True, eq=False)
+class Offsets(_OfRuns):
+    """The zero of one output differs from run to run: ``values`` are measured less true."""
+
+    kind, effect = "offset", "sensor_bias"
+    remedy = "Take the zero of the sensor before every run, or subtract these values."
+
+    def corrected(self, record: Record) -> Record:
+        """Without the offsets."""
+        y = record.y.copy()
+        y[self.output] -= self.values[record.run_of_row]
+        return replace(record, y=y)
+
+
+@dataclass(frozen=True, eq=False)
+class Gains(_OfRuns):
+    """The scale of one output differs from run to run: measured = (1 + value) true."""
+
+    kind, effect = "gain", "sensor_gain"
+    remedy = "Calibrate the sensor for every run, or divide by 1 + these values."
+
+    def and_also(self, other: Any) -> BaseFault:
+        return replace(self, values=(1.0 + self.values) * (1.0 + other.values) - 1.0)
+
+    def corrected(self, record: Record) -> Record:
+        """Every run by its own scale."""
+        y = record.y.copy()
+        y[self.output] /= 1.0 + self.values[record.run_of_row]
+        return replace(record, y=y)
+
+
+@dataclass(frozen=True, eq=False)
+class Hum(_OfRuns):
+    """A tone on one output, with a phase of its own in every run.
+
+    Attributes
+    ----------
+    values : ndarray (n_runs, 2)
+        Weights of sine and cosine of the time since the start of the run.
+    angular_frequency : float
+        Per unit of time.
+    """
+
+    angular_frequency: float
+
+    kind, effect = "hum", "periodic_disturbance"
+    remedy = (
+        "The tone has {fault.cycles:.4g} cycles per unit of time: look for mains or a motor near the cable, and for "
+        "aliasing; a notch filter removes it."
+    )
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        return (self.kind, self.output, self.angular_frequency)
+
+    @property
+    def of_runs(self) -> np.ndarray:
+        """Amplitude in every run."""
+        return np.asarray(np.hypot(*self.values.T))
+
+    @property
+    def cycles(self) -> float:
+        """Per unit of time."""
+        return self.angular_frequency / (2 * np.pi)
+
+    def corrected(self, record: Record) -> Record:
+        """Without the tone."""
+        y, run = record.y.copy(), record.run_of_row
+        phase = self.angular_frequency * (record.t - record.t[record.starts[run]])
+        y[self.output] -= self.values[run, 0] * np.sin(phase) + self.values[run, 1] * np.cos(phase)
+        return replace(record, y=y)
+
+
+@dataclass(frozen=True, eq=False)
+class Shifts(_OfRuns):
+    """All outputs of a run come some samples later than its inputs say, or earlier: ``values`` are these samples."""
+
+    kind, effect = "shift", "sensor_delay"
+    remedy = "Give inputs and outputs one clock; shift the outputs of these runs by these samples."
+
+    def corrected(self, record: Record) -> Record:
+        """Outputs moved back; what is then missing at an end of the run was not measured."""
+        rows, wrong = np.arange(record.n_samples), np.zeros(record.y.shape, bool)
+        for (a, b), k in zip(record.spans, self.values):
+            source = np.arange(a, b) + int(k)
+            wrong[:, a:b] = (source < a) | (source >= b)
+            rows[a:b] = np.clip(source, a, b - 1)
+        known = None if record.known is None else record.known[:, rows]
+        return masked(replace(record, y=record.y[:, rows], known=known), wrong)
