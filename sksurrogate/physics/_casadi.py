@@ -10,6 +10,7 @@ from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._foreign import at_points, offered
+from sksurrogate.physics._inner import InnerRunsMixin
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._wrappers import StepSimulator
@@ -29,7 +30,7 @@ def _has_output(self: CasadiSimulator) -> bool:
     return self.output_function is not None or self.function.n_out() > 1
 
 
-class CasadiSimulator(ParametricSimulator):
+class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
     """A ``casadi.Function`` as right-hand side, or as the map from sample to sample.
 
     Parameters
@@ -125,19 +126,6 @@ class CasadiSimulator(ParametricSimulator):
         return self._asked(
             self.function if own else self.output_function, 1 if own else 0, len(self.outputs), t, x, u, p
         )
-
-    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
-        """Free run of one run: (n_samples, n_outputs)."""
-        return self._inner().simulate(U, x0, t)
-
-    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
-        return self._inner().simulate_batch(U, X0, t)
-
-    @available_if(_is_continuous)
-    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
-        """States and their derivatives of one run, both (n_samples, n_states)."""
-        return self._inner().simulate_states(U, x0, t)
 
     def _inner(self) -> Any:
         """The same system as one of this package's simulators."""

@@ -13,6 +13,7 @@ from sklearn.utils.metaestimators import available_if
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._events import EventMap
+from sksurrogate.physics._inner import InnerRunsMixin
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator, Plant, describe, units_of
 from sksurrogate.physics._wrappers import StepSimulator
@@ -58,7 +59,7 @@ def _is_stepped(self: ClosedLoopSimulator) -> bool:
     return not self._layout().continuous
 
 
-class ClosedLoopSimulator(BaseSimulator):
+class ClosedLoopSimulator(InnerRunsMixin, BaseSimulator):
     """A plant and the controller that drives it, run freely together.
 
     Recorded in a closed loop, the inputs of a plant follow what disturbs its outputs. A model fitted to them takes the
@@ -181,20 +182,7 @@ class ClosedLoopSimulator(BaseSimulator):
             self.plant = clone(self.plant).set_params(**single)
         return self
 
-    # ---- simulation -------------------------------------------------------------------------------------------------
-    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
-        """Free run of one run: (n_samples, n_outputs)."""
-        return self._inner().simulate(U, x0, t)
-
-    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
-        return self._inner().simulate_batch(U, X0, t)
-
-    @available_if(_is_continuous)
-    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
-        """States and their derivatives of one run, both (n_samples, n_states)."""
-        return self._inner().simulate_states(U, x0, t)
-
+    # ---- equations --------------------------------------------------------------------------------------------------
     @available_if(_is_continuous)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any = None) -> list[Any]:
         """dx/dt of plant and controller."""

@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._inner import InnerRunsMixin
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._wrappers import StepSimulator
@@ -25,7 +26,7 @@ def _is_discrete(self: ControlSimulator) -> bool:
     return bool(self.system.dt)
 
 
-class ControlSimulator(ParametricSimulator):
+class ControlSimulator(InnerRunsMixin, ParametricSimulator):
     """A linear or nonlinear input/output system of python-control.
 
     Parameters
@@ -195,19 +196,6 @@ class ControlSimulator(ParametricSimulator):
             )
         method = "exact" if hasattr(self._realised(), "A") else "auto"
         return ODESimulator(self.rhs, output=self.output, dt=self.dt, hold=self.hold, method=method, **names)
-
-    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
-        """Free run of one run: (n_samples, n_outputs)."""
-        return self._inner().simulate(U, x0, t)
-
-    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all at once."""
-        return self._inner().simulate_batch(U, X0, t)
-
-    @available_if(_is_continuous)
-    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
-        """States and their derivatives of one run, both (n_samples, n_states)."""
-        return self._inner().simulate_states(U, x0, t)
 
 
 def _full(x: np.ndarray) -> Any:

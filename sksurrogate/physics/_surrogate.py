@@ -11,6 +11,7 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph
 from sksurrogate.physics._foreign import at_points
+from sksurrogate.physics._inner import InnerRunsMixin
 from sksurrogate.physics._simulator import BaseSimulator
 from sksurrogate.physics._wrappers import StepSimulator
 
@@ -36,7 +37,7 @@ class _Wiring(NamedTuple):
     start: np.ndarray
 
 
-class SurrogateSimulator(BaseSimulator):
+class SurrogateSimulator(InnerRunsMixin, BaseSimulator):
     """A fitted model with states as a nominal model: its map from sample to sample.
 
     Parameters
@@ -156,14 +157,6 @@ class SurrogateSimulator(BaseSimulator):
     def _read(self, what: str, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any]) -> np.ndarray:
         """An output of the graph at flat points."""
         return self._wiring().graph(x=x.T, u=u.T)[what].T
-
-    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
-        """Free run of one run: (n_samples, n_outputs)."""
-        return self._inner().simulate(U, x0, t)
-
-    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
-        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
-        return self._inner().simulate_batch(U, X0, t)
 
     def _inner(self) -> StepSimulator:
         """The same map as one of this package's simulators."""

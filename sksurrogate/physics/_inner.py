@@ -1,0 +1,30 @@
+"""Simulators whose runs are those of another one of this package."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.utils.metaestimators import available_if
+
+__all__ = ["InnerRunsMixin"]
+
+
+class InnerRunsMixin:
+    """Free runs of the same system as an ODESimulator or a StepSimulator."""
+
+    def _inner(self) -> Any:
+        """That simulator."""
+
+    def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
+        """Free run of one run: (n_samples, n_outputs)."""
+        return self._inner().simulate(U, x0, t)
+
+    def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
+        """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
+        return self._inner().simulate_batch(U, X0, t)
+
+    @available_if(lambda self: hasattr(self, "rhs"))
+    def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """States and their derivatives of one run, both (n_samples, n_states)."""
+        return self._inner().simulate_states(U, x0, t)
