@@ -67,6 +67,8 @@ def _cut(a: int, b: int, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 #: Runs are put into at most this many folds.
 MOST_FOLDS = 6
+#: Fewer runs are cut into blocks: of two, the one that is left would have to choose alone.
+FEWEST_RUNS = 3
 #: Rows of the shortest block of a run that is cut.
 SHORTEST_BLOCK = 20
 
@@ -77,9 +79,9 @@ def run_folds(record: Record) -> np.ndarray:
     return np.arange(n_runs) % min(MOST_FOLDS, n_runs)
 
 
-def blocked(record: Record, least: int = 3) -> Record:
-    """The record with its runs cut into blocks where there are fewer than ``least``."""
-    if len(record.starts) >= least:
+def blocked(record: Record) -> Record:
+    """The record with its runs cut into blocks where there are fewer than :data:`FEWEST_RUNS`."""
+    if len(record.starts) >= FEWEST_RUNS:
         return record
     pieces = int(np.ceil(4 / len(record.starts)))
     starts = []

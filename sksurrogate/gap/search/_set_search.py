@@ -36,6 +36,8 @@ RUNNERS = 3
 COMES_BACK = 0.9
 #: A fit with so many times the cost of the null has diverged.
 DIVERGED_COST = 100.0
+#: Candidates of a round that are polished before the best of them is chosen.
+MOST_POLISHED = 4
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
@@ -296,12 +298,12 @@ class SetSearch(BaseSearch[C]):
         likeliest = max(singles, key=self.score)
         return self.polish(likeliest) if names_steps(likeliest) else self.best_polished(singles)
 
-    def best_polished(self, candidates: Sequence[C], most: int = 4) -> C:
+    def best_polished(self, candidates: Sequence[C]) -> C:
         """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them."""
-        least = min(candidate.fit.cost for candidate in candidates[:most])
+        least = min(candidate.fit.cost for candidate in candidates[:MOST_POLISHED])
         near = [
             candidate
-            for candidate in candidates[:most]
+            for candidate in candidates[:MOST_POLISHED]
             if candidate is candidates[0] or candidate.fit.cost < 3.0 * least + 50.0
         ]
         polished = [self.polish(candidate) for candidate in near]
