@@ -20,14 +20,13 @@ from sksurrogate.gap.decide._choice_by_fold import names_by_fold
 from sksurrogate.gap.decide._equivalence import Slot, canonical_classes, probabilities
 from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import name_of, next_experiment
-from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
 from sksurrogate.gap.decide._held_out import Baseline, held_out, measure, notes_on_names, same_names, shares, traces
 from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._retuning import parameter_errors, retuned_table
-from sksurrogate.gap.decide._rules import decide
+from sksurrogate.gap.decide._rules import DecisionFeatures, certified, decide, share_left
 from sksurrogate.gap.faults._book import RecordBook, faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR

@@ -5,8 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from sksurrogate.gap.decide._features import DecisionFeatures, certified, share_left
-from sksurrogate.gap.decide._rules import RULES, decide, first_rule
+from sksurrogate.gap.decide._rules import RULES, DecisionFeatures, certified, decide, first_rule, share_left
 from sksurrogate.gap.results._shrink import Shrink
 
 #: One certain name that leaves 2 % of a gap of a tenth of the outputs.

@@ -7,11 +7,11 @@ from typing import Any, Generic
 
 import numpy as np
 
-from sksurrogate.gap.decide._features import DecisionFeatures
 from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.decide._posterior import Posterior
+from sksurrogate.gap.decide._rules import DecisionFeatures
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._shrink import Shrink

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap.decide._features import DecisionFeatures, share_left
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
 from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._posterior import Posterior
+from sksurrogate.gap.decide._rules import DecisionFeatures, share_left
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm

@@ -10,9 +10,9 @@ import numpy as np
 from sksurrogate._units import over, times, to_power
 from sksurrogate.effects._formula import SHAPES, signal_names
 from sksurrogate.gap.decide._choice_by_fold import by_run, chosen_without
-from sksurrogate.gap.decide._features import CERTIFICATE
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
+from sksurrogate.gap.decide._rules import CERTIFICATE
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import blocked, run_folds

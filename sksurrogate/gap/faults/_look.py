@@ -12,7 +12,7 @@ from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, smoo
 from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import CLOSED
-from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
+from sksurrogate.gap.fit._evidence import Evidence, bar, estimate_noise
 from sksurrogate.gap.fit._normal_equations import weights_beside
 from sksurrogate.gap.search._base import EXTRA, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
@@ -149,7 +149,7 @@ class _Fit:
     def cost(self, proposal: Proposal, tried: int) -> float:
         """``k ln N + 2 ln M``."""
         k = proposal.columns.shape[1] + proposal.extra
-        return float(k * np.log(self.n) + 2.0 * np.log(tried))
+        return float(bar(k, tried, self.n))
 
     def fitted(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
         """The largest log likelihood with the noise fitted, and the weights there."""

@@ -6,7 +6,7 @@ candidates, carries a coloured disturbance to the outputs, and says where a dist
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -118,15 +118,7 @@ def learn(record: Record, y: np.ndarray) -> LinearSurrogate:
         )
     best = min(error for error, _, _ in trials)
     _, _, model = min((item for item in trials if item[0] <= WORSE * best + 1e-4), key=lambda item: item[1:2])
-    return LinearSurrogate(
-        model.A,
-        model.B / size.T,
-        spread * model.C,
-        spread * model.D / size.T,
-        np.ones(len(model.A)),
-        record.starts,
-        record.n_samples,
-    )
+    return replace(model, B=model.B / size.T, C=spread * model.C, D=spread * model.D / size.T)
 
 
 def _free_error(model: LinearSurrogate, u: np.ndarray, z: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
