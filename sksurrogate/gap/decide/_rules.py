@@ -84,8 +84,8 @@ MOST_LEFT = 0.5
 GRID_SHARE = 0.01
 #: R2 of a law of states and inputs in what is left, and its least value over the number of samples: less may be chance.
 LAW, LEAST_LAW_PER_SAMPLE = 0.10, 20.0
-#: A gap below these shares of the outputs' deviation is of no practical size, the second only where no law is in it.
-PRACTICAL, PRACTICAL_LAWLESS = 0.005, 0.02
+#: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where no law is in it.
+PRACTICAL = 0.005
 #: A free run beyond both (error over the deviation, over the noise) is wrong by more than a disturbance.
 LARGE_ERROR, LEFT_OF_LARGE = LARGEST_DISTURBANCE, 2.0
 
@@ -159,7 +159,7 @@ RULES: tuple[Rule, ...] = (
     Rule("below_practical", lambda f: f.error < PRACTICAL, "none", "The gap is too small to matter."),
     Rule(
         "small_and_lawless",
-        lambda f: f.error < PRACTICAL_LAWLESS and not lawful(f),
+        lambda f: f.error < SMALL_GAP and not lawful(f),
         "none",
         "The gap is small, and no law of states and inputs is in it.",
     ),

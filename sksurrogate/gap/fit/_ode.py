@@ -14,7 +14,7 @@ from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_wh
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._normal_equations import project_starts
-from sksurrogate.gap.fit._pushes import pushed_input
+from sksurrogate.gap.fit._pushes import REMEMBERED, pushed_input
 from sksurrogate.gap.fit._recent import recent_property
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.output_error import Fit, Linearised, linearise, output_error, settle_hidden
@@ -95,7 +95,7 @@ class OdeCandidate(BaseCandidate):
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
         """Forces of three sizes beside quiet sensors, white noise near the data."""
         problem, rms = self.problem, self.problem.record.rms(self.residual)
-        quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=10.0)
+        quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=REMEMBERED)
         forces = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
         near = np.all(rms < NEARLY_WHITE * problem.sd)
         return forces, [as_white(start, rms, problem.quiet_force())] if near else []
@@ -322,7 +322,7 @@ class OdeBackend(KnownOfParameters):
         return Disturbance(A, B, C, self.record.starts, start_sd, slack, self.record.known)
 
     def first_noise(self) -> Noise:
-        return Noise(self.sd.copy(), 0.01 * self.force_unit() + 1e-300, 10.0, 0.1 * self.sd, 10.0)
+        return Noise(self.sd.copy(), 0.01 * self.force_unit() + 1e-300, REMEMBERED, 0.1 * self.sd, REMEMBERED)
 
     def force_unit(self) -> np.ndarray:
         """RMS of dx/dt of every balance."""

@@ -18,7 +18,7 @@ from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
 from sksurrogate.gap.fit._normal_equations import project_starts, solve
-from sksurrogate.gap.fit._pushes import pushed_input
+from sksurrogate.gap.fit._pushes import REMEMBERED, pushed_input
 from sksurrogate.gap.fit._simulations import Simulations
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -265,7 +265,7 @@ class TrajectoryBackend(KnownOfParameters):
 
     def first_noise(self) -> Noise:
         n = len(self.surrogate.A)
-        return Noise(self.sd.copy(), np.full(n, 3e-3), 10.0, 0.1 * self.sd, 10.0)
+        return Noise(self.sd.copy(), np.full(n, 3e-3), REMEMBERED, 0.1 * self.sd, REMEMBERED)
 
     # ---- least squares ----------------------------------------------------------------------------------------------
     def cost_of(self, y: np.ndarray, projected: bool = True) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.gap.render._svg import Line, chart
+from sksurrogate.gap.render._svg import POINTS, Line, chart
 from sksurrogate.gap.render._units import axis, derivative_unit
 from sksurrogate.gap.render._values import place_of, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -19,9 +19,6 @@ from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
 
 __all__ = ["curve_html", "effect_curve", "effect_html", "form_of"]
-
-#: Points of a curve.
-POINTS = 201
 
 
 def effect_curve(effect: EffectEstimate, report: ReportData) -> Curve | None:

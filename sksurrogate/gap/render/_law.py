@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from sksurrogate.gap.render._svg import Line
+from sksurrogate.gap.render._svg import POINTS, Line
 from sksurrogate.gap.render._units import with_unit
 from sksurrogate.gap.render._values import number, percent
 from sksurrogate.gap.results._law import Law
@@ -66,7 +66,7 @@ def law_line(report: ReportData, curve: Curve) -> list[Line]:
         return []
     try:
         with np.errstate(all="ignore"):
-            at = np.linspace(np.min(curve.at), np.max(curve.at), 201)
+            at = np.linspace(np.min(curve.at), np.max(curve.at), POINTS)
             value = np.broadcast_to(law.value({curve.variable: at}), at.shape)
     except (KeyError, TypeError, ValueError):
         return []  # a law of more than its variable, of a recent past for instance

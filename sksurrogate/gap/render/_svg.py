@@ -12,12 +12,14 @@ from html import escape
 
 import numpy as np
 
-__all__ = ["Line", "Panel", "bars", "chart", "figure", "limits", "ticks"]
+__all__ = ["POINTS", "Line", "Panel", "bars", "chart", "figure", "limits", "ticks"]
 
 #: Letters of 14 in a picture 480 wide are about 11 px on a phone.
 _FONT = 14
 _LEFT, _RIGHT, _LEGEND, _LABEL, _BOTTOM = 62, 14, 26, 20, 44
 
+#: Points of a curve that is computed.
+POINTS = 201
 #: Pairs of lowest and highest points that a line is thinned to.
 _PAIRS = 240
 

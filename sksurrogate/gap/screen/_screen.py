@@ -33,7 +33,7 @@ from sksurrogate.kernels.disturbance import Noise
 __all__ = ["LOST_TO_ROUNDING", "Screen", "Start", "grown", "grows", "screen"]
 
 #: Numbers of the null's columns that are kept (single precision).
-MOST_KEPT = 60_000_000
+MOST_NUMBERS_KEPT = 60_000_000
 #: Least share of a column's power that counts as beyond what the initial states can make of it.
 LOST_TO_ROUNDING = 1e-12
 #: A parameter is not started from below this share of its value: at 0 many plants have no free run.
@@ -215,7 +215,7 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
 
     forced = _forced(s, whole, few, noise, (precision, pull, low, high))
     starts = _starts(columns, among, drop, amplitude, forced)
-    kept = None if base.effects or whole.size > MOST_KEPT else whole[few:].astype(np.float32)
+    kept = None if base.effects or whole.size > MOST_NUMBERS_KEPT else whole[few:].astype(np.float32)
     left_by = left_by_several(float(among([])[0, 0]), g, h, products, MOST_TOGETHER)
     return Screen(starts, [c.theta for c in columns], kept, *rest, left_by)
 

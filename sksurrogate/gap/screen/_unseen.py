@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts, scores
-from sksurrogate.gap.fit._pushes import PUSH_OF_STATE
+from sksurrogate.gap.fit._pushes import DIFFERENCE
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_recursion
 
@@ -63,9 +63,9 @@ class Unseen:
                 continue
             ends = [
                 s.acted(s.pushed(model, start[:, None], (s.smoothed.x + offset)[:, None], offset))
-                for offset in (PUSH_OF_STATE * free, -PUSH_OF_STATE * free)
+                for offset in (DIFFERENCE * free, -DIFFERENCE * free)
             ]
-            found.append((ends[0] - ends[1])[:, 0] / (2.0 * PUSH_OF_STATE))
+            found.append((ends[0] - ends[1])[:, 0] / (2.0 * DIFFERENCE))
         return np.array(found).reshape(-1, *s.problem.record.y.shape)
 
 

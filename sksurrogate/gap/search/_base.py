@@ -16,6 +16,7 @@ from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST
 from sksurrogate.gap.fit._evidence import C, Evidence, bar, estimate_noise, judged_under
 from sksurrogate.gap.fit._prior import retuning_cost
+from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.kernels.disturbance import Noise
 
 __all__ = ["CORRELATED", "EQUAL", "EXTRA", "BaseSearch", "Wanted"]
@@ -26,8 +27,8 @@ EQUAL = 6.0
 EXTRA = 10.0
 #: Fits that are compared when the time is up.
 LOOKED_AT = 6
-#: Samples of a structural error that count as one.
-CORRELATED = 10.0
+#: Samples of a structural error that count as one: as of a disturbance.
+CORRELATED = REMEMBERED
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._pushes import DIFFERENCE
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
 
 __all__ = ["as_regressors", "linear_along"]
-
-#: Step of the parameters of an effect, over their size, for its regressors.
-DIFFERENCE_OF_PARAMETER = 1e-4
 
 
 def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
@@ -42,7 +40,7 @@ def as_regressors(
         return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
 
     _, J, precision, pull = none.columns()
-    steps = DIFFERENCE_OF_PARAMETER * problem.units(candidate.effects, theta)[:n]
+    steps = DIFFERENCE * problem.units(candidate.effects, theta)[:n]
     values = np.repeat(theta[:, None], 1 + n, axis=1)
     values[np.arange(n), 1 + np.arange(n)] += steps
     found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))

@@ -9,16 +9,19 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._pushes import DIFFERENCE
 from sksurrogate.kernels.disturbance import Disturbance
 
-__all__ = ["CERTAIN", "Curve", "channel", "hats", "hats_at", "reading", "response"]
+__all__ = ["CERTAIN", "FINE_KNOTS", "OUT_OF_REACH", "Curve", "channel", "hats", "hats_at", "reading", "response"]
 
-#: Knots of a piecewise linear curve of an input in its place, which may be a staircase.
-KNOTS_OF_INPUT = 40
+#: Knots of a piecewise linear curve that may be a staircase: of an input in its place, of the time.
+FINE_KNOTS = 40
 #: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
 RUNS_THAT_SHARE = 3
 #: A law without a name, beside names or in their place, is certain from this gain (twice nats) on.
 CERTAIN = 10.0
+#: What is this many nats below the best is out of the question, however rough the comparison.
+OUT_OF_REACH = 200.0
 
 
 class Curve(NamedTuple):
@@ -59,7 +62,7 @@ def channel(candidate: OdeCandidate, i: int, x: np.ndarray | None = None) -> tup
     """
     problem = candidate.problem
     record, u = problem.record, problem.record.u.copy()
-    step = 1e-4 * max(float(np.std(u[i])), 1e-9)
+    step = DIFFERENCE * max(float(np.std(u[i])), 1e-9)
     u[i] += step
     theta, x = candidate.fit.theta[:, None], (candidate.fit.x if x is None else x)[:, None]
     given = candidate.model.bind(theta)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
@@ -150,7 +151,7 @@ def _about(
     if sensor is not None:
         held[m : m + 2], held[m + 2 + sensor], held[-1] = True, False, False
         force, coloured[sensor] = 1e-4 * unit, 0.1 * float(record.spread[sensor]) + 1e-12
-    times = [(t, 10.0) if sensor is None else (10.0, t) for t in STARTS]
+    times = [(t, REMEMBERED) if sensor is None else (REMEMBERED, t) for t in STARTS]
     starts = [Noise(problem.sd.copy(), np.array([force]), a, coloured, b) for a, b in times]
     noise = _fitted(D, r, starts if known is None else [known], unit, held)
     Z, names = features(problem, x)

@@ -14,8 +14,10 @@ import numpy as np
 
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._fits import fit_last
 from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.unnamed._curve_shapes import OUT_OF_REACH
 from sksurrogate.gap.unnamed._disturbance_channel import Channels
 from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers, drivers_at
 from sksurrogate.gap.unnamed._formula_search import Draft, curve_at
@@ -25,10 +27,6 @@ __all__ = ["FittedLaw", "fitted_laws"]
 
 #: Places that are compared; formulae that are fitted in the free run at the likeliest place, and at each of the others.
 MOST_PLACES, FITTED_HERE, FITTED_ELSEWHERE = 3, 4, 2
-#: A draft this many nats below the best is not fitted.
-HOPELESS_DRAFT = 200.0
-#: Formulae within so many nats of the best are as good: the one with the fewest parameters is given.
-AS_GOOD = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +80,7 @@ def fitted_laws(
         drivers = drivers_at(base.candidate, channel, location, kind)
         drafts = channels.drafts(location, kind)
         best = max([best, *(draft.level for draft in drafts)])
-        chosen = [draft for draft in drafts if draft.level > best - HOPELESS_DRAFT]
+        chosen = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]
         chosen = chosen[: FITTED_ELSEWHERE if rank else FITTED_HERE]
         curve = None if rank else curve_at(channel, drivers, drafts)
         for draft in [*chosen, *([] if curve is None else [curve])]:
@@ -128,7 +126,7 @@ def ranked_laws(search: Search, base: Evidence[OdeCandidate], fits: list[FittedL
     value = {id(law): score(law.found.candidate) - law.price for law in fits}
     fits.sort(key=lambda law: -value[id(law)])
     best = value[id(fits[0])]
-    near = [law for law in fits if value[id(law)] > best - AS_GOOD]
+    near = [law for law in fits if value[id(law)] > best - NATS_THAT_SETTLE]
     first = min(near, key=lambda law: law.found.candidate.n_parameters)
     return [first, *(law for law in fits if law is not first)]
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from sksurrogate.effects._formula import Term, equation_of
 from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
+from sksurrogate.gap.fit._pushes import DIFFERENCE
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import NO_TERMS, Library, price_of, structure
@@ -39,8 +40,8 @@ MOST_AFFINE = 4
 OWN = 1e-5
 #: Pieces of a free curve; share of the samples beyond either end of it.
 SPLINE_PIECES, EDGE = 10, 0.002
-#: Share of its size by which a constant moves in a difference, and at most in a step.
-DIFFERENCE_OF_CONSTANT, FARTHEST_STEP = 1e-4, 1.0
+#: Share of its size by which a constant moves at most in a step.
+FARTHEST_STEP = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,9 +341,9 @@ class _Regression:
         moved = []
         for k, size in enumerate(unit):
             other = constants.copy()
-            other[k] += DIFFERENCE_OF_CONSTANT * size
+            other[k] += DIFFERENCE * size
             there = draft.coefficients @ self.values(_at(draft.terms, other), draft.late)
-            moved.append((there - here) / (DIFFERENCE_OF_CONSTANT * size))
+            moved.append((there - here) / (DIFFERENCE * size))
         return self.channel.respond(np.stack(moved))
 
 

@@ -11,7 +11,7 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sksurrogate.gap.fit._build import measured_guess
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
-from sksurrogate.gap.fit._pushes import a_sample_later
+from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
 from sksurrogate.gap.fit._record_parts import row_folds
 from sksurrogate.gap.unnamed._channel import STARTS
 from sksurrogate.gap.unnamed._curve_shapes import channel
@@ -109,7 +109,7 @@ def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentF
     if quiet_sensors:
         m = len(r)
         start = replace(
-            start, sigma=problem.sd, force=0.1 * problem.force_unit(), coloured=1e-2 * problem.sd, tau_sensor=10.0
+            start, sigma=problem.sd, force=0.1 * problem.force_unit(), coloured=1e-2 * problem.sd, tau_sensor=REMEMBERED
         )
         held = np.zeros(2 * m + len(problem.balances) + 2, bool)
         held[m + len(problem.balances) + 1 :] = True
@@ -215,7 +215,7 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
     one and with the white noise of differences.
     """
-    starts, most = ((10.0,), 6) if rough else (STARTS, 10)
+    starts, most = ((REMEMBERED,), 6) if rough else (STARTS, 10)
     problem, theta, model = null.problem, null.fit.theta, null.model
     record = problem.record
     with np.errstate(all="ignore"):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.unnamed._curve_shapes import KNOTS_OF_INPUT, RUNS_THAT_SHARE, hats
+from sksurrogate.gap.unnamed._curve_shapes import FINE_KNOTS, RUNS_THAT_SHARE, hats
 from sksurrogate.gap.unnamed._latent_force import past_of
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold, play, rate_limit
@@ -34,8 +34,6 @@ HINGES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 DEGREES = (2, 3, 4)
 #: Knots of a smooth curve, and of a smooth surface along each of its signals.
 KNOTS_OF_LAW, KNOTS_OF_SURFACE = 10, 6
-#: Knots of one of time, which may step or swing.
-KNOTS_OF_TIME_LAW = 40
 #: What the name of a signal with its past ends with.
 AND_ITS_PAST = " and its past"
 #: Samples back of the values that a linear filter weighs.
@@ -92,7 +90,7 @@ def pairs(f: np.ndarray) -> list[np.ndarray]:
 def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
     """A fine curve of an input or a reading, which may be a staircase."""
     if moves(z):
-        f = hats(z, KNOTS_OF_INPUT)
+        f = hats(z, FINE_KNOTS)
         yield Law(name, f, (Form(np.arange(len(f))),))
 
 
@@ -111,7 +109,7 @@ def of_time(record: Record) -> Iterator[Law]:
     """A smooth curve of the time since the start, where runs of different inputs can share it."""
     different = {record.u[:, a : a + n].tobytes() for a, n in zip(record.starts, record.lengths)}
     if len(different) >= RUNS_THAT_SHARE:
-        f = hats(record.t - record.t[record.starts][record.run_of_row], KNOTS_OF_TIME_LAW)
+        f = hats(record.t - record.t[record.starts][record.run_of_row], FINE_KNOTS)
         yield Law("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.unnamed._channel import STARTS, Channel
@@ -52,9 +53,9 @@ def channel_of(candidate: TrajectoryCandidate, location: str | None) -> Channel:
         force = np.full(b, 1e-4)
         coloured = coloured.copy()
         coloured[sensor] = max(0.1 * float(record.spread[sensor]), 1e-12)
-    noise, best = Noise(problem.sd.copy(), force, 10.0, coloured, 10.0), -np.inf
+    noise, best = Noise(problem.sd.copy(), force, REMEMBERED, coloured, REMEMBERED), -np.inf
     for tau in STARTS:
-        start = replace(noise, tau=tau, tau_sensor=tau if sensor is not None else 10.0)
+        start = replace(noise, tau=tau, tau_sensor=tau if sensor is not None else REMEMBERED)
         try:
             found, value, _ = fit_noise(D, r, start, np.full(b, unit), held=held, max_iterations=10)
         except np.linalg.LinAlgError:

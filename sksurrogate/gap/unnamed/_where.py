@@ -11,9 +11,10 @@ from sklearn.tree import DecisionTreeRegressor
 from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.fit._record_parts import row_folds
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
-from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
+from sksurrogate.gap.unnamed._curve_shapes import CERTAIN, OUT_OF_REACH
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, forest
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
@@ -31,8 +32,6 @@ __all__ = [
     "times",
 ]
 
-#: Nats within which a state is the likely one rather than an input or a sensor, and within which its own law may clear an input.
-AS_LIKELY, NOT_HOPELESS = 3.0, 200.0
 #: R2 from which a force counts as predicted, by how much states must tell it better than the likely input to clear that, and
 #: by how much they may where the two places push alike.
 PREDICTED, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
@@ -52,9 +51,9 @@ def likely_place(found: Sequence[Place], predictability: Callable[[str, str], tu
     """
     best = found[0]
     state = next((place for place in found if place.kind == "state"), best)
-    if state.log_likelihood > best.log_likelihood - AS_LIKELY:
+    if state.log_likelihood > best.log_likelihood - NATS_THAT_SETTLE:
         best = state
-    if best.kind == "input" and state.log_likelihood > best.log_likelihood - NOT_HOPELESS:
+    if best.kind == "input" and state.log_likelihood > best.log_likelihood - OUT_OF_REACH:
         alone, everything = predictability(state.location, best.location)
         if everything > PREDICTED and alone < everything - CLEARLY:
             best = state
