@@ -14,7 +14,7 @@ from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.search._base import CORRELATED, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["ByRun", "by_run", "chosen_without", "names_by_fold"]
+__all__ = ["ByRun", "by_run", "chosen_without", "elected", "names_by_fold"]
 
 #: Candidates that stand for election again in every fold, the best on all runs.
 MOST_RIVALS = 8
@@ -115,21 +115,26 @@ def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slo
     slots : sequence of Slot
         Its classes: their members count as the same names.
     """
-    record = blocked(search.problem.record)
-    starts, fold = record.starts, run_folds(record)
     named = final.candidate
     others = _others(search, named, slots)
+    known = [[noise for noise in (search.noise_of(one), final.noise) if noise is not None] for one in others]
+    return elected(search, [(named, [final.noise], 0.0), *((one, noises, 0.0) for one, noises in zip(others, known))])
+
+
+def elected(search: BaseSearch[C], entrants: Sequence[tuple[C, Sequence[Noise], float]]) -> list[C]:
+    """Of each fold of runs the candidate that the others choose; the first stands unless they reject it.
+
+    Entrants are candidates with the noises that they may have, and a price (-2 log p) beside that of their values.
+    """
+    record = blocked(search.problem.record)
+    fold, candidates = run_folds(record), [candidate for candidate, _, _ in entrants]
     n_folds = len(np.unique(fold))
-    if not others or n_folds < 2:
-        return [named] * n_folds
-    by_size = all(search.is_far(candidate) for candidate in (named, *others))
-    own = by_run(named, [final.noise], starts, by_size, search.prior_cost(named))
-    known = [
-        [noise for noise in (search.noise_of(candidate), final.noise) if noise is not None] for candidate in others
-    ]
-    against = [by_run(r, noises, starts, by_size, search.prior_cost(r)) for r, noises in zip(others, known)]
-    picks = chosen_without(own, against, fold, record.counts.sum(axis=1), len(search.library), by_size)
-    return [named if pick is None else others[pick] for pick in picks]
+    if len(candidates) < 2 or n_folds < 2:
+        return [candidates[0]] * n_folds
+    by_size = all(search.is_far(candidate) for candidate in candidates)
+    runs = [by_run(c, noises, record.starts, by_size, search.prior_cost(c) + price) for c, noises, price in entrants]
+    picks = chosen_without(runs[0], runs[1:], fold, record.counts.sum(axis=1), len(search.library), by_size)
+    return [candidates[0 if pick is None else 1 + pick] for pick in picks]
 
 
 def _others(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]]) -> list[C]:

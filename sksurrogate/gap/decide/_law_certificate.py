@@ -9,13 +9,12 @@ import numpy as np
 
 from sksurrogate._units import over, times, to_power
 from sksurrogate.effects._formula import SHAPES, signal_names
-from sksurrogate.gap.decide._choice_by_fold import by_run, chosen_without
+from sksurrogate.gap.decide._choice_by_fold import elected
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.decide._rules import CERTIFICATE
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
@@ -48,20 +47,8 @@ class CertifiedLaw:
 
 def held_out_law(search: Search, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
     """Beside the free runs of what is named those with the law that the runs outside each fold choose."""
-    first, *others = laws[:MOST_FORMULAE]
-    record = blocked(search.problem.record)
-    fold = run_folds(record)
-    picks: list[int | None] = [None] * len(np.unique(fold))
-    if others and len(picks) > 1:
-        candidates = [law.found.candidate for law in (first, *others)]
-        by_size = all(search.is_far(candidate) for candidate in candidates)
-        runs = [
-            by_run(c, [law.found.noise], record.starts, by_size, search.prior_cost(c) + 2.0 * law.price)
-            for c, law in zip(candidates, (first, *others))
-        ]
-        lengths = record.lengths * len(record.y)
-        picks = chosen_without(runs[0], runs[1:], fold, lengths, len(search.library), by_size)
-    finals = [(first if pick is None else others[pick]).found.candidate for pick in picks]
+    entrants = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
+    finals = elected(search, entrants)
     return law_held_out(finals, held)
 
 
