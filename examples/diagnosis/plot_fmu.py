@@ -40,7 +40,7 @@ class Reactor(Fmi2Slave):
 """
 
 try:
-    builder = require("pythonfmu.builder", "test")
+    builder = require("pythonfmu.builder", "fmu")
     require("fmpy", "fmu")
 except SurrogateError as error:
     print(f"Skipped: {error}")
