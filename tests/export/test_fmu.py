@@ -64,7 +64,9 @@ def test_the_unit_of_a_corrected_simulator_solves_its_equation(tmp_path):
     plant, x, expected = make_reactor(second=100.0), [4.0], []
     for u in U:
         expected.append(x[0])
-        x = solve_ivp(lambda t, x: plant.rhs(t, x, u, plant.params), (0, 0.02), x, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+        x = solve_ivp(
+            lambda t, x, u=u: plant.rhs(t, x, u, plant.params), (0, 0.02), x, "DOP853", rtol=1e-12, atol=1e-12
+        ).y[:, -1]
     found = unit_of(path, ["state.y"], U)[:, 0]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found, model.simulate(U, x0=[4.0])[:, 0], rtol=0, atol=1e-7)  # simulate's own error
