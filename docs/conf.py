@@ -43,7 +43,10 @@ nitpick_ignore_regex = [
     ("py:.*", r"(?!sksurrogate\.).*"),  # other projects' inventories are not fetched: builds are offline
     ("py:.*", r".*\._.*"),  # private places
     ("py:data", r".*"),
-    ("py:obj", r"sksurrogate\..*\.(get_params|set_params|set_output|fit_transform|fit_predict|score|transform|count|index)"),  # scikit-learn's
+    (
+        "py:obj",
+        r"sksurrogate\..*\.(get_params|set_params|set_output|fit_transform|fit_predict|score|transform|count|index)",
+    ),  # scikit-learn's
 ]
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
@@ -79,7 +82,7 @@ html_css_files = ["site.css"]
 sphinx_gallery_conf = {
     "examples_dirs": [str(HERE.parent / "examples")],
     "gallery_dirs": ["auto_examples"],
-    "filename_pattern": r"/plot_",
+    "filename_pattern": r"/(plot|tutorial)_",
     "plot_gallery": "True",
     "abort_on_example_error": False,
     "only_warn_on_example_error": False,

@@ -2,7 +2,7 @@
 
 ``python docs/_scripts/gallery.py [NAME ...]`` runs all examples, or some, and stores what they print and draw in ``docs/_gallery``.
 A build shows what is stored for an example whose code is the same (its texts may change). Other examples are shown unrun.
-``SKSURROGATE_GALLERY=1`` runs all of them in the build.
+Tutorials (``tutorial_*.py``) run in every build. ``SKSURROGATE_GALLERY=1`` runs all of them in the build.
 """
 
 import ast
@@ -52,13 +52,13 @@ def execute_script(script_blocks, script_vars, gallery_conf, file_conf):
     stored = STORE / f"{name}.json"
     known = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else {}
     same = known.get("code") == digest(script_vars["src_file"]) and len(known["outputs"]) == len(script_blocks)
-    wanted = MODE == "1" or (MODE == "store" and (not CHOSEN or name in CHOSEN))
+    wanted = MODE == "1" or name.startswith("tutorial_") or (MODE == "store" and (not CHOSEN or name in CHOSEN))
     if same and not wanted:
         return from_store(known, name, script_vars)
     if not wanted:
         script_vars["execute_script"] = False
     outputs, seconds = run_script(script_blocks, script_vars, gallery_conf, file_conf)
-    if MODE == "store" and script_vars.get("passing"):
+    if MODE == "store" and not name.startswith("tutorial_") and script_vars.get("passing"):
         keep(name, outputs, script_vars)
     return outputs, seconds
 

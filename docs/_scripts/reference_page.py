@@ -85,7 +85,13 @@ def summary(face: str) -> str:
 def module_page(face: str, title: str) -> list[str]:
     """Page of one module: classes, functions, data."""
     lines = [f".. _api-{face}:", "", *heading(title, "="), f"``sksurrogate.{face}``", ""]
-    lines += [f".. automodule:: sksurrogate.{face}", "   :no-members:", "", f".. currentmodule:: sksurrogate.{face}", ""]
+    lines += [
+        f".. automodule:: sksurrogate.{face}",
+        "   :no-members:",
+        "",
+        f".. currentmodule:: sksurrogate.{face}",
+        "",
+    ]
     values = {name: getattr(import_module(f"sksurrogate.{face}"), name) for name in public_names(face)}
     for kind, names in (
         ("Classes", [name for name, value in values.items() if inspect.isclass(value)]),
