@@ -160,21 +160,25 @@ def oracle_error(case: Case) -> float:
     keys = [(i, name) for i, truth in enumerate(case.truths) for name in truth.params]
     if not keys:
         return 0.0
-    groups = case.question.groups
-    n_runs, n_samples = int(groups.max()) + 1, int(np.sum(groups == 0))
-    U = case.question.X.reshape(n_runs, n_samples, -1)
+    U, recorded = _side_by_side(case.question.X, case.question.groups)
     steps = [max(abs(float(case.truths[i].params[name])) * 1e-3, 1e-9) for i, name in keys]
-    train = _columns(case, U, case.starts, keys, steps)
+    train = [run[recorded] for run in _columns(case, U, case.starts, keys, steps)]
     test = _columns(case, case.question.X_test, case.question.x0_test, keys, steps)
-    noise = (case.question.y.reshape(n_runs, n_samples, -1) - train[0]).ravel() / np.tile(
-        case.noise, n_runs * n_samples
-    )
+    noise = ((case.question.y - train[0]) / case.noise).ravel()
     J = np.stack([((a - train[0]) / case.noise).ravel() / h for a, h in zip(train[1:], steps)], axis=1)
     J_test = np.stack([((a - test[0]) / case.scale).ravel() / h for a, h in zip(test[1:], steps)], axis=1)
     usable = np.isfinite(J).all(axis=1) & np.isfinite(noise)
     size = np.linalg.norm(J[usable], axis=0) + 1e-300
     step = np.linalg.lstsq(J[usable] / size, noise[usable], rcond=1e-8)[0] / size
     return float(np.sqrt(np.mean((J_test @ step) ** 2)))  # fmt: skip
+
+
+def _side_by_side(X: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Runs as (n_runs, longest, n_inputs), shorter ones held at their last row, and a mask of the recorded rows."""
+    lengths = np.bincount(groups)
+    runs = np.split(X, np.cumsum(lengths)[:-1])
+    held = [np.pad(run, ((0, int(lengths.max()) - len(run)), (0, 0)), mode="edge") for run in runs]
+    return np.stack(held), np.arange(lengths.max()) < lengths[:, None]
 
 
 def _columns(

@@ -23,7 +23,7 @@ CLEARER_THAN_CHANCE = 1.2
 LATTICE_STEPS_SPANNED = 1.7
 
 #: Steps up to the largest value between which likely ones are sought, bins to the finest one, and bins per cycle at the largest.
-COARSE, FINE, FINEST_BINS, TURN = 10.0, 2000.0, 10, 8
+COARSE, FINE, FINEST_BINS, TURN = 20.0, 2000.0, 10, 8
 #: Harmonics of the saw tooth, and steps that are kept in every octave.
 HARMONICS, PER_OCTAVE = 3, 3
 

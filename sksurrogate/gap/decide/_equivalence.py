@@ -155,14 +155,15 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     slots, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
-        first = _first_twin(slots[i], own)
-        if first is None or slots[i].own is None:
+        twin = _first_twin(slots[i], own)
+        first = None if twin is None or slots[i].own is None else _beside_the_others(search, final, i, twin)
+        if twin is None or first is None:
             continue
         final = search.final = search.judge(estimate_noise(first, final.noise, final.curvature, max_iterations=8))
         search.richer.setdefault(first.effects[-1].key, []).extend(search.richer.get(own.key, []))
         order = [*(k for k in range(len(slots)) if k != i), i]  # the twin stands last in its candidate
         slots = [replace(slots[k], index=n) for n, k in enumerate(order)]
-        slots[-1] = _seen_from(slots[-1], first)
+        slots[-1] = _seen_from(slots[-1], twin)
         kept = [kept[k] for k in order] if kept else kept
     search.settle()
     return slots, replace(posterior, probabilities=tuple(kept))
@@ -172,6 +173,15 @@ def _first_twin(slot: Slot[C], own: BaseEffect) -> C | None:
     """The exact twin that comes before the named effect; None where that is the first itself."""
     exact = [twin for twin, same in zip(slot.twins, slot.identical) if same and rank(twin.effects[-1]) < rank(own)]
     return min(exact, key=lambda twin: rank(twin.effects[-1]), default=None)
+
+
+def _beside_the_others(search: BaseSearch[C], final: Evidence[C], i: int, twin: C) -> C | None:
+    """A twin of effect i beside the other effects that stand; fitted again where one of these was replaced by a twin of its own."""
+    others = {effect.key for k, effect in enumerate(final.effects) if k != i}
+    if others == set(twin.keys[:-1]):
+        return twin
+    again = (one for one in search.in_place_of(final, i) if one.keys[-1] == twin.keys[-1])
+    return next(again, None)
 
 
 def _seen_from(slot: Slot[C], twin: C) -> Slot[C]:
