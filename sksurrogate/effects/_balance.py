@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
-from sksurrogate.effects._friction import grows_with_speed
 from sksurrogate.effects._smooth import TINY, positive, sign
 from sksurrogate.physics._simulator import Plant
 
@@ -173,7 +172,10 @@ class AsymmetricFriction(_DryFriction):
 
 
 class StribeckFriction(BalanceEffect):
-    """Dry friction that is larger when slow: ``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``."""
+    """Dry friction that is larger when slow: ``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``, with ``cs`` at least ``c``.
+
+    A friction that is smaller at rest is none: a ``static_level`` below ``level`` acts as one at ``level``.
+    """
 
     name = "stribeck_friction"
     natural_drivers = ("own",)
@@ -193,26 +195,26 @@ class StribeckFriction(BalanceEffect):
         """``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``."""
         level, static, velocity = theta
         ratio = np.minimum(np.abs(v) / np.maximum(velocity, TINY), 30.0)
-        return -(level + (static - level) * np.exp(-ratio * ratio)) * sign(v, width)
+        return -(level + np.maximum(static - level, 0.0) * np.exp(-ratio * ratio)) * sign(v, width)
 
     def jump(self, theta: Sequence[Any]) -> Any:
         """The larger of both levels."""
         return np.maximum(theta[0], theta[1])
 
-    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+    def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
         """No less at rest than in motion."""
-        level, static, _ = theta
-        return not grows_with_speed(level, static)
+        level, static, velocity = theta
+        return level, max(static, level), velocity
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Two levels, friction at rest twice as large or nil, two velocities on the reached range; levels that stop the state."""
+        """Two levels, friction at rest hardly and twice as large, two velocities on the reached range; levels that stop the state."""
         assert probe.v is not None
         speed = float(np.sqrt(np.mean(probe.v**2)))
         level = probe.unit(np.sign(probe.v))
         if speed == 0:
             return []
         levels = (0.5 * level, 2 * level)
-        slowing = [(c, ratio * c, share * speed) for c in levels for ratio in (2.0, 0.5) for share in (0.15, 0.6)]
+        slowing = [(c, ratio * c, share * speed) for c in levels for ratio in (2.0, 1.2) for share in (0.15, 0.6)]
         return [*slowing, *((c, 2 * c, share * speed) for c in stopping(self, probe) for share in (0.15, 0.6))]
 
 

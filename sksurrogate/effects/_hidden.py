@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
-from sksurrogate.effects._friction import grows_with_speed, slow_enough
 from sksurrogate.effects._smooth import TINY, follow, magnitude
 
 __all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
@@ -75,7 +74,7 @@ class Hysteresis(HiddenEffect):
 class LugreFriction(HiddenEffect):
     """Bristle friction (LuGre): ``- c z, dz/dt = v - c abs(v) z / g(v)``.
 
-    ``g = level + (static_level - level) exp(-(v/velocity)^2)``.
+    ``g = level + (static_level - level) exp(-(v/velocity)^2)``; a ``static_level`` below ``level`` acts as one at ``level``.
     """
 
     name = "lugre_friction"
@@ -109,7 +108,7 @@ class LugreFriction(HiddenEffect):
         """``c abs(v) / g(v)``."""
         stiffness, level, static, velocity = theta
         ratio = np.minimum(np.abs(v) / velocity, 30.0)
-        g = level + (static - level) * np.exp(-ratio * ratio)
+        g = level + np.maximum(static - level, 0.0) * np.exp(-ratio * ratio)
         return stiffness * magnitude(v, width) / np.maximum(g, TINY)
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
@@ -117,13 +116,19 @@ class LugreFriction(HiddenEffect):
         return -theta[0] * z[0]
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """No less at rest than in motion."""
+        """Springy: bristles that give way within a sample are a dry friction."""
         assert probe.v is not None
-        _, level, static, velocity = theta
-        return not (grows_with_speed(level, static) and slow_enough(probe.v, velocity))
+        stiffness, level, *_ = theta
+        travel = WITHIN_SAMPLE * probe.dt * float(np.sqrt(np.mean(probe.v**2)))
+        return bool(level > stiffness * travel)
+
+    def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """No less at rest than in motion."""
+        stiffness, level, static, velocity = theta
+        return stiffness, level, max(static, level), velocity
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Bristles that give way after a part of a typical travel or more; friction at rest above and below the other."""
+        """Bristles that give way after a part of a typical travel or more; friction at rest clearly and hardly above the other."""
         assert probe.v is not None
         speed = float(np.sqrt(np.mean(probe.v**2)))
         level = probe.unit(np.sign(probe.v))
@@ -133,7 +138,7 @@ class LugreFriction(HiddenEffect):
             return []
         found: list[tuple[float, ...]] = []
         for share in (0.02, 0.1, 0.5, 2.0):
-            found.extend((level / (share * travel), level, ratio * level, 0.3 * speed) for ratio in (1.5, 0.8))
+            found.extend((level / (share * travel), level, ratio * level, 0.3 * speed) for ratio in (1.5, 1.1))
         return found
 
 

@@ -132,7 +132,8 @@ def law_beside(
     D = here.disturbance
     if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
-    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance)
+    named = frozenset((effect.location, effect.variable or effect.location) for effect in candidate.effects)
+    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance, named)
     try:
         picks = set(fit.likeliest(noises))
         found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
@@ -174,6 +175,7 @@ class _Fit:
     prior_square: float
     unit: float
     tolerance: float
+    named: frozenset[tuple[str, str]]
     made: dict[int, list[list[np.ndarray]]] = field(default_factory=dict)
 
     @cached_property
@@ -182,9 +184,16 @@ class _Fit:
         return list(in_all_places(self.base))
 
     @cached_property
-    def price(self) -> float:
-        """Log of the number of forms that the likeliest was chosen from."""
-        return float(np.log(sum(len(law.forms) for _, law, _ in self.candidates)))
+    def prices(self) -> np.ndarray:
+        """Minus the log prior of each law's forms, as a small and as a large law, (n_laws, 2).
+
+        A large law may be any. A small one corrects a form that is named, in its place and variable, or is any: both are as likely.
+        """
+        n_forms = np.array([len(law.forms) for _, law, _ in self.candidates], dtype=float)
+        corrects = np.array([(curve.location, curve.variable) in self.named for curve, _, _ in self.candidates])
+        anywhere = np.full(len(n_forms), 1.0 / np.sum(n_forms))
+        small = 0.5 * (anywhere + corrects / np.sum(n_forms[corrects])) if corrects.any() else anywhere
+        return -np.log(np.stack([small, anywhere], axis=1))
 
     @cached_property
     def priors(self) -> np.ndarray:
@@ -217,7 +226,7 @@ class _Fit:
         known, forms = np.arange(1 + self.J.shape[1]), self.candidates[k][1].forms
         places = [np.r_[known, len(known) + form.functions] for form in forms]
         sized = [self.sized(G[np.ix_(own, own)], roots)[0] for own, roots in zip(places, self.roots_of(k, moved))]
-        return [float(np.logaddexp(*value)) for value in sized]
+        return [float(np.logaddexp(*(np.array(value) - self.prices[k]))) for value in sized]
 
     @cached_property
     def _known(self) -> tuple[np.ndarray, np.ndarray]:
@@ -325,7 +334,7 @@ class _Fit:
         G, logdet = self.D.gram(np.concatenate([self.r[:, None], self.J, F], axis=1), noise)
         metric = self.metric(F)
         (small, large), posterior, root = self.sized(G, self.roots(form, metric))
-        base = self.none(G, logdet) - self.price
+        none, (at_small, at_large) = self.none(G, logdet), self.prices[k]
         size, n = float(posterior @ SIZES) * self.unit, self.J.shape[1]
         # Weights at the mean size, in the coordinates of the prior's root.
         R = np.zeros((len(G) - 1, n + root.shape[1]))
@@ -337,7 +346,8 @@ class _Fit:
         slope = R.T @ np.r_[np.zeros(n), metric @ theta[n:]]  # of half the mean square movement
         moved = np.sqrt(max(float(theta[n:] @ metric @ theta[n:]), 1e-300))
         spread = np.sqrt(max(float(slope @ covariance @ slope), 0.0)) / moved
-        return _Found(base + small, base + large, moved / self.unit, spread / self.unit, theta, noise, k, f)
+        small, large = none + small - at_small, none + large - at_large
+        return _Found(small, large, moved / self.unit, spread / self.unit, theta, noise, k, f)
 
     def refined(self, k: int, f: int, start: Noise) -> _Found:
         """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""
