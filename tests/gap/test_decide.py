@@ -124,5 +124,6 @@ def test_a_simulator_that_runs_away_leaves_no_vanishing_share():
 def test_the_certificate_asks_for_a_share_of_the_gap_on_runs_left_out():
     shrink = Shrink(before=0.3, after=0.28, floor=0.01, fraction=0.07, interval=(0.0, 0.1))
     assert not certified(shrink, 3.0)
-    assert certified(replace(shrink, fraction=0.2), 3.0)
+    assert not certified(replace(shrink, fraction=0.4), 3.0)  # more is left than is closed
+    assert certified(replace(shrink, fraction=0.6), 3.0)
     assert not certified(replace(shrink, before=0.015, fraction=0.5), 2.0)  # of a small gap beyond the noise most

@@ -12,7 +12,6 @@ from sksurrogate.effects._formula import SHAPES, signal_names
 from sksurrogate.gap.decide._choice_by_fold import elected
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
-from sksurrogate.gap.decide._rules import CERTIFICATE
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._effect_estimate import BAND
@@ -25,6 +24,9 @@ from sksurrogate.physics._simulator import Plant
 from sksurrogate.physics._simulator import units_of as units_by_name
 
 __all__ = ["CertifiedLaw", "held_out_law", "law_of"]
+
+#: Share of what is left beside the names (amplitude) that a law must close on runs left out.
+CERTIFICATE = 0.15
 
 #: Formulae that stand for election again in every fold.
 MOST_FORMULAE = 3

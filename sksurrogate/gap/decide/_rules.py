@@ -17,10 +17,10 @@ from sksurrogate.gap.unnamed._latent_force import LatentForce
 
 __all__ = ["RULES", "DecisionFeatures", "certified", "decide", "first_rule", "left_over", "share_left"]
 
-#: Share of the gap (amplitude) that named effects must close on runs left out; of a small gap (error over the deviation of the
-#: outputs) beyond the noise most of it.
-CERTIFICATE, CERTIFICATE_OF_SMALL = 0.15, 0.6
-SMALL_GAP = 0.02
+#: Names that leave more than this share of the gap (amplitude) on runs left out explain less of it than they leave.
+MOST_LEFT = 0.5
+#: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.
+CERTIFICATE_OF_SMALL, SMALL_GAP = 0.6, 0.02
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,12 @@ class DecisionFeatures:
 
 
 def certified(shrink: Shrink, left: float) -> bool:
-    """Whether the effects close a practical share of the gap on runs left out: any of a gap within the noise, most of a small one beyond."""
-    small = shrink.before < SMALL_GAP and left > NEARLY_WHITE
-    least = CERTIFICATE_OF_SMALL if small else CERTIFICATE
-    return shrink.fraction > least if np.isfinite(shrink.fraction) else not shrink.after > shrink.before
+    """Whether the effects close most of the gap on runs left out."""
+    if not np.isfinite(shrink.fraction):
+        return not shrink.after > shrink.before
+    if shrink.before < SMALL_GAP and left > NEARLY_WHITE:
+        return shrink.fraction > CERTIFICATE_OF_SMALL
+    return share_left(shrink) <= MOST_LEFT
 
 
 def share_left(shrink: Shrink) -> float:
@@ -78,8 +80,6 @@ def left_over(final: Evidence, latent: LatentForce, most_noise: np.ndarray, retu
 
 #: Probability from which a name is given.
 CERTAIN_NAME = 0.9
-#: Names that leave more than this share of the gap (amplitude) explain less of it than they leave.
-MOST_LEFT = 0.5
 #: A reading's grid counts from this share of the output's deviation on.
 GRID_SHARE = 0.01
 #: R2 of a law of states and inputs in what is left, and its least value over the number of samples: less may be chance.

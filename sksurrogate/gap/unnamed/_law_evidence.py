@@ -132,7 +132,7 @@ def law_beside(
     D = here.disturbance
     if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
-    named = frozenset((effect.location, effect.variable or effect.location) for effect in candidate.effects)
+    named = frozenset((str(one.location), one.variable or str(one.location)) for one in candidate.effects)
     fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance, named)
     try:
         picks = set(fit.likeliest(noises))
