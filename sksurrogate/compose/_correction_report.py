@@ -29,6 +29,9 @@ class CorrectionReport:
         Share of the range of the data by which a feature may leave it before the correction fades.
     simulator_rmse, whole_rmse, rmse : ndarray (n_outputs,)
         Of the simulator alone, of the whole correction, and of the share that is kept; nan where nothing was left out.
+    gain, standard_error : float
+        Share of the simulator's squared error on left-out runs that the kept share removes, mean over outputs, and its
+        standard error; nan without a simulator.
     n_blocks : int
         Blocks that the standard errors are made of; 0 where the record is too short to leave any out.
     sentence : str
@@ -39,6 +42,8 @@ class CorrectionReport:
     simulator_rmse: np.ndarray
     whole_rmse: np.ndarray
     rmse: np.ndarray
+    gain: float
+    standard_error: float
     n_blocks: int
     sentence: str
 
@@ -72,7 +77,7 @@ def keep_supported(
         correction.keep(np.zeros(o), FADES[0] if fade is None else fade)
         correction.judge(inputs, measured)
         nothing = np.full(o, np.nan)
-        return CorrectionReport(np.zeros(o), correction.domain.fade, nothing, nothing, nothing, 0, _TOO_SHORT)
+        return CorrectionReport(np.zeros(o), correction.domain.fade, nothing, nothing, nothing, 0.0, 0.0, 0, _TOO_SHORT)
     size = np.maximum(np.std(np.concatenate(measured), axis=0), 1e-300)
     fades = FADES if fade is None else (fade,)
     best = (_best_inside if correction.inside else _best_outside)(left_out, fades, size)
@@ -87,7 +92,10 @@ def keep_supported(
         _sentence(name, *numbers) for name, *numbers in zip(names, kept, best.rmse[0], best.rmse[-1], chosen)
     )
     n_blocks = best.supports[0].n_blocks
-    return CorrectionReport(kept, best.fade, best.rmse[0], best.rmse[-1], chosen, n_blocks, sentence)
+    error = float(np.mean([support.standard_error for support in best.supports]))
+    return CorrectionReport(
+        kept, best.fade, best.rmse[0], best.rmse[-1], chosen, best.closed, error, n_blocks, sentence
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,17 +139,14 @@ def _best_outside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -
 
 def _best_inside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
     """One share for all outputs: none, half or all of the term, each simulated."""
-    alone = left_out.errors(np.zeros(1), fades[0])
+    factors = np.array([0.0, 0.5, 1.0])
+    errors = left_out.errors(np.tile(factors, len(fades)), np.repeat(fades, len(factors)))
 
-    def judged(fade: float, parts: list[list[np.ndarray]], factors: np.ndarray) -> _Judged:
-        power, rmse = _power([np.concatenate(same) for same in zip(*parts)])
+    def judged(fade: float, some: slice) -> _Judged:
+        power, rmse = _power([error[some] for error in errors])
         return _Judged(factors, fade, [supported(np.sum(power / size**2, axis=2), factors)] * len(size), rmse)
 
-    whole = {fade: left_out.errors(np.ones(1), fade) for fade in fades}
-    tried = [judged(fade, [alone, whole[fade]], np.array([0.0, 1.0])) for fade in fades]
-    fade = _reaching(tried).fade
-    half = left_out.errors(np.array([0.5]), fade)
-    return judged(fade, [alone, half, whole[fade]], np.array([0.0, 0.5, 1.0]))
+    return _reaching([judged(fade, slice(3 * k, 3 * k + 3)) for k, fade in enumerate(fades)])
 
 
 def _power(errors: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -165,7 +170,7 @@ def surrogate_alone(
     every = every[np.isfinite(every).all(axis=1)]
     rmse = np.sqrt(np.mean(every**2, axis=0)) if len(every) else np.full(o, np.nan)
     correction.keep(np.ones(o), fade)
-    return CorrectionReport(np.ones(o), fade, np.full(o, np.nan), rmse, rmse, 0, _NO_SIMULATOR)
+    return CorrectionReport(np.ones(o), fade, np.full(o, np.nan), rmse, rmse, np.nan, np.nan, 0, _NO_SIMULATOR)
 
 
 _NO_SIMULATOR = "There is no simulator to fall back on: the surrogate is used as it is."

@@ -14,6 +14,7 @@ from sksurrogate.compose._hybrid_output import Free, simulate_runs
 from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._plant_path import plant_path, training_substeps
 from sksurrogate.compose._term import Basis, TermModel
+from sksurrogate.compose._term_evidence import COEFFICIENT_UNIT, TermFit, fit_term
 from sksurrogate.effects._catalogue import kinematic_states
 from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
 from sksurrogate.kernels.output_error import output_error
@@ -24,8 +25,8 @@ from sksurrogate.physics._simulator import Plant, describe
 
 __all__ = ["DynamicsCorrection", "ends_linear"]
 
-#: Most functions that a default basis may have.
-MOST_FUNCTIONS = 40
+#: Lengths of the default's smooth part, in units of :class:`Basis`: from bends within the data to nearly a polynomial.
+LENGTHS = (1.4, 0.7, 2.8)
 
 
 class DynamicsCorrection:
@@ -35,23 +36,26 @@ class DynamicsCorrection:
     ----------
     simulator : simulator with a right-hand side or a step
     residual : pipeline of transformers and a linear model, or None
-        Its transformers give the functions g is made of, its last step gets the coefficients. None: monomials whose
-        degree is chosen on runs left out.
+        Its transformers give the functions g is made of, its last step gets the coefficients. None: a linear and a
+        smooth part, whose length and sizes are those of the largest evidence.
     form : {"dynamics", "input"}
     loss : {"one_step", "shooting"}
     states : list of str, optional
         States whose derivative is corrected ("dynamics"); by default all whose balance is not an identity.
     fade : float
     shrinkage : float
-        Precision of the prior around no correction, coefficients in units of the spread of the derivative (or input).
+        Precision of the prior around no correction, coefficients in units of the spread of the derivative (or input);
+        without ``residual`` the evidence sets it ("shooting").
     """
 
     #: Rows that a free run starts from; share of the term that acts.
-    n_lags, factor = 1, 1.0
+    n_lags = 1
+    factor: float | np.ndarray = 1.0
     #: It acts inside the simulator.
     inside = True
-    #: Degree of the default's monomials; None: not chosen yet.
-    degree: int | None = None
+    #: Length of the default's smooth part, its penalties and the noise; None: not known yet.
+    length: float | None = None
+    smooth: TermFit | None = None
     #: Substeps of Runge-Kutta a sample, chosen on the training runs: fixed, so that an export steps as ``predict`` does.
     #: None: as many as a run asks for.
     n_sub: int | None = None
@@ -78,37 +82,20 @@ class DynamicsCorrection:
         z = model.record.u if self.form == "input" else np.concatenate([guess, model.record.u])
         self.domain = Domain.of(z.T, self.fade)
         self.terms: Any = None
-        bases = self._bases(z)
-        if self.degree is None and len(bases) > 1:
-            self.degree = 1 + self._chosen(bases, inputs, measured, (plant, model, guess))
-        chosen = bases[0 if self.degree is None else self.degree - 1]
-        everything = list(range(len(inputs)))
-        self._learn(plant, model, guess, chosen, everything, before)
+        if isinstance(before, DynamicsCorrection) and self.length is None:
+            self.length = before.length
+        if self.residual is None and self.loss == "shooting":
+            self._learn_smooth(plant, model, guess, z)
+        else:
+            self._learn(plant, model, guess, self._basis(z), before)
         self.fitted = self._filled()
-
-    def _chosen(
-        self, bases: list[Basis], inputs: list, measured: list, whole: tuple[Plant, FitModel, np.ndarray]
-    ) -> int:
-        """Which basis runs best on every fourth run; few runs judge themselves."""
-        everything = list(range(len(inputs)))
-        judges = everything[1::4] if len(everything) >= 4 else everything
-        pupils = [r for r in everything if r not in judges] or everything
-        errors = []
-        self.n_sub = None if whole[1].stiff else whole[1].n_sub
-        for basis in bases:
-            self._learn(*whole, basis, pupils, None)
-            errors.append(
-                self._error([inputs[r] for r in judges], [measured[r] for r in judges], self.n_sub is not None)
-            )
-        self.n_sub = None
-        return int(np.argmin(errors))
 
     def taught_on(
         self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], blocks: Sequence[tuple[int, int, int]]
     ) -> DynamicsCorrection:
         """The same correction, fitted to these rows (run, start, stop)."""
         other = type(self)(self.simulator, self.residual, self.form, self.loss, self.states, self.fade, self.shrinkage)
-        other.degree = self.degree  # one number of all runs; its coefficients are those of the other runs
+        other.length, other.smooth = self.length, self.smooth  # penalties of all runs, coefficients of these
         other.n_sub = self.n_sub
         other._fit_term([inputs[r][a:b] for r, a, b in blocks], [measured[r][a:b] for r, a, b in blocks], None)
         return other
@@ -116,20 +103,39 @@ class DynamicsCorrection:
     def errors_at(
         self, factors: np.ndarray, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], pieces: Sequence[Piece]
     ) -> list[np.ndarray]:
-        """Errors (n_factors, n_rows, n_outputs) of free runs of the pieces, where they are judged."""
-        U = [inputs[piece.run][piece.start : piece.stop] for piece in pieces]
-        y = [measured[piece.run][piece.start : piece.stop] for piece in pieces]
-        runs, whole = [], self.factor
-        for self.factor in factors:
+        """Errors (n_factors, n_rows, n_outputs) of free runs of the pieces, where they are judged.
+
+        ``domain.fade`` is one number, or one for every factor.
+        """
+        plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+        length = max(piece.stop - piece.start for piece in pieces)
+        rows = [np.minimum(piece.start + np.arange(length), piece.stop - 1) for piece in pieces]
+        U = np.stack([inputs[piece.run][own] for piece, own in zip(pieces, rows)])
+        X0 = np.stack([self._start(plant, measured[piece.run][piece.start :]) for piece in pieces])
+        whole, n = (self.factor, self.domain), len(pieces)
+        fades = np.broadcast_to(self.domain.fade, len(factors))
+        quick = self.n_sub is not None  # then all are marched at once
+        runs = []
+        for group in [slice(None)] if quick else [slice(k, k + 1) for k in range(len(factors))]:
+            count = len(factors[group])
+            self.factor = np.repeat(factors[group], n) if quick else float(factors[group][0])
+            self.domain = replace(whole[1], fade=np.repeat(fades[group], n) if quick else float(fades[group][0]))
             try:
-                runs.append(self.run(U, [part[:1] for part in y], quick=self.n_sub is not None).y)
+                X = self._rolled(plant, np.tile(U, (count, 1, 1)), np.tile(X0, (count, 1)), quick)
             except (SimulationDiverged, FloatingPointError):
-                runs.append([np.full(part.shape, np.inf) for part in y])
-        self.factor = whole
-        return [
-            np.stack([free[k] - part for free in runs])[:, max(piece.judged - piece.start, 1) :]
-            for k, (piece, part) in enumerate(zip(pieces, y))
-        ]
+                X = np.full((count * n, length, X0.shape[1]), np.inf)
+            runs.append(X.reshape(count, n, length, -1))
+        self.factor, self.domain = whole
+        t, out = plant.dt * np.arange(length), []
+        for k, (piece, own) in enumerate(zip(pieces, rows)):
+            some = slice(max(piece.judged - piece.start, 1), piece.stop - piece.start)
+            each = []
+            for X in np.concatenate([part[:, k] for part in runs]):
+                with np.errstate(all="ignore"):
+                    y = self._inner.output(t, X.T, U[k].T).T
+                each.append((y - measured[piece.run][own])[some])
+            out.append(np.stack(each))
+        return out
 
     def keep(self, factor: np.ndarray, fade: float) -> None:
         """Multiply the term by ``factor`` (one number for all outputs); fade it beyond ``fade``."""
@@ -209,7 +215,7 @@ class DynamicsCorrection:
     # ---- parts ------------------------------------------------------------------------------------------------------
     def _rate(self) -> Any:
         """dx/dt (or the next states) with the correction as a function of (t, x, u)."""
-        return self.terms.derivative(self.terms.coefficients(self.factor * self.theta[:, None]), self.domain)
+        return self.terms.derivative(self.terms.coefficients(self.theta[:, None]), self.domain, self.factor)
 
     @property
     def _inner(self) -> PlantModel:
@@ -258,13 +264,12 @@ class DynamicsCorrection:
         fixed = kinematic_states(inner) if plant.access == "rhs" else ()
         return tuple(k for k, name in enumerate(plant.states) if name not in fixed)
 
-    def _bases(self, z: np.ndarray) -> list[Basis]:
-        """Candidates for the functions that the term is made of."""
-        if self.residual is not None:
-            many = len(getattr(self.residual, "steps", ())) > 1
-            return [Basis(z.T, 1, clone(self.residual)[:-1] if many else None)]
-        found = [Basis(z.T, degree) for degree in (1, 2, 3, 4)]
-        return [basis for basis in found if basis.size <= MOST_FUNCTIONS] or found[:1]
+    def _basis(self, z: np.ndarray) -> Basis:
+        """Functions that the term is made of."""
+        if self.residual is None:
+            return Basis(z.T, self.length or LENGTHS[0])
+        many = len(getattr(self.residual, "steps", ())) > 1
+        return Basis(z.T, None, clone(self.residual)[:-1] if many else None)
 
     def _size(self, plant: Plant, model: FitModel, guess: np.ndarray, targets: tuple[int, ...]) -> np.ndarray:
         """Unit of every term: the spread of the derivative (of the step, of the input) that it is added to."""
@@ -275,27 +280,45 @@ class DynamicsCorrection:
             size = size / plant.dt if plant.access == "rhs" else size
         return np.where(size > 0, size, 1.0)
 
-    def _learn(self, plant: Plant, model: Any, guess: np.ndarray, basis: Basis, runs: list[int], before: Any) -> None:
-        """Coefficients of one basis on some of the runs: one step ahead where all states are measured, then shooting."""
-        record = model.record.select(runs)
-        rows = np.isin(model.record.run_of_row, runs)
-        inner = type(model)(model.inner, [], record, model.n_sub, model.scale, model.stiff)
-        x = guess[:, rows]
+    def _term(self, plant: Plant, model: FitModel, guess: np.ndarray, basis: Basis) -> TermModel:
+        """The plant with the functions, coefficients to be found."""
+        inner = type(model)(model.inner, [], model.record, model.n_sub, model.scale, model.stiff)
         targets = self._targets(plant, model.inner)
-        term = TermModel(inner, basis, targets, self._size(plant, model, guess, targets), self.form == "input")
+        return TermModel(inner, basis, targets, self._size(plant, model, guess, targets), self.form == "input")
+
+    def _sd(self, y: np.ndarray) -> np.ndarray:
+        """Noise of the outputs, (n_outputs,)."""
+        return np.maximum(self.noise, 1e-3 * np.std(y, axis=1) + 1e-300)
+
+    def _learn_smooth(self, plant: Plant, model: FitModel, guess: np.ndarray, z: np.ndarray) -> None:
+        """The default: of all lengths the one of the largest evidence, or the one that is known."""
+        found: list[tuple[float, TermModel, TermFit]] = []
+        for length in LENGTHS if self.length is None else (self.length,):
+            term = self._term(plant, model, guess, Basis(z.T, length))
+            fit = fit_term(term, guess, self._sd(model.record.y), self.smooth)
+            if fit is not None:
+                found.append((fit.log_evidence, term, fit))
+        if not found:
+            raise DataError(f'form="{self.form}": no term keeps the free run finite; use form="output".')
+        _, self.terms, self.smooth = max(found, key=lambda entry: entry[0])
+        self.theta, self.length = self.smooth.theta, self.terms.basis.length / np.sqrt(len(z))
+
+    def _learn(self, plant: Plant, model: FitModel, guess: np.ndarray, basis: Basis, before: Any) -> None:
+        """Coefficients: one step ahead where all states are measured, then shooting."""
+        term = self._term(plant, model, guess, basis)
         theta = np.zeros(term.n_theta)
         if before is not None and isinstance(before, DynamicsCorrection) and len(before.theta) == len(theta):
             theta = before.theta * np.repeat(before.terms.size / term.size, basis.size)
         elif plant.output_states is not None and len(set(plant.output_states)) == len(plant.states):
-            theta = self._one_step_fit(term, x)
+            theta = self._one_step_fit(term, guess)
         elif self.loss == "one_step":
             self._whole_state(plant)
         if self.loss == "shooting":
-            sd = np.maximum(self.noise, 1e-3 * np.std(record.y, axis=1) + 1e-300)
             unlimited = (np.full(len(theta), -np.inf), np.full(len(theta), np.inf))
             prior = np.full(len(theta), 1.0 / np.sqrt(max(self.shrinkage, 1e-12)))
+            unit = np.full(len(theta), COEFFICIENT_UNIT)
             fit = output_error(
-                term, theta, x, sd, unit=np.full(len(theta), 0.1), bounds=unlimited, prior=prior, open_steps=2, max_steps=30
+                term, theta, guess, self._sd(model.record.y), unit=unit, bounds=unlimited, prior=prior, open_steps=2, max_steps=30
             )  # fmt: skip
             theta = fit.theta if fit is not None else theta
         self.terms, self.theta = term, theta

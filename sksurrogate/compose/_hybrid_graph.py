@@ -198,8 +198,13 @@ class _Corrected:
             ratio = np.maximum(far - domain.fade, 0.0) / max(domain.fade, 1e-12)
             weight = np.exp(-(ratio * ratio))
         scaled = [(v - m) / s for v, m, s in zip(held, basis.mean, basis.scale)]
-        values: dict[tuple[int, ...], Any] = {(): 1.0}
-        for factors in basis.powers:
-            values[factors] = values[factors[:-1]] * scaled[factors[-1]]
-        found = [sum(float(c) * values[f] for c, f in zip(row, values)) for row in self._c.coef]
+        kernels = []
+        for centre in basis.centres:
+            away = sum((v - c) * (v - c) for v, c in zip(scaled, centre))
+            kernels.append(np.exp(away * (-0.5 / basis.length**2)))
+        of_kernels = self._c.coef[:, 1 + len(scaled) :] @ basis.mix  # one weight a kernel
+        found = [
+            float(row[0]) + sum(float(c) * v for c, v in zip([*row[1:], *weights], [*scaled, *kernels]))
+            for row, weights in zip(self._c.coef[:, : 1 + len(scaled)], of_kernels)
+        ]
         return found if weight is None else [v * weight for v in found]

@@ -10,8 +10,9 @@ import numpy as np
 
 __all__ = ["RUN_FOLDS", "Fold", "LeftOut", "Piece", "folds_of"]
 
-#: Fits beside the one of all runs: folds of runs; blocks where there are fewer runs than three.
-RUN_FOLDS, BLOCK_FOLDS = 3, 4
+#: Fits beside the one of all runs: folds of runs; blocks where there are fewer than three runs, fewer in short ones. A fit
+#: keeps seven eighths of one run: without a quarter of it most free runs leave what the fit knows.
+RUN_FOLDS, FEWEST_BLOCK_FOLDS, BLOCK_FOLDS = 3, 4, 8
 #: Longest block that starts anew: longer ones are cut, and all run in one batch.
 LONGEST_LEFT_OUT = 2000
 
@@ -35,7 +36,7 @@ class Fold:
 
 
 def folds_of(lengths: Sequence[int], n_lags: int) -> list[Fold]:
-    """Every third run in turn; of one or two runs, one of four blocks in turn. Empty where blocks would be too short.
+    """Every third run in turn; of one or two runs, one of eight blocks in turn. Empty where blocks would be too short.
 
     A block is judged twice: started anew from its own first rows, as ``predict`` does, and in a free run from the start
     of its run on, as a long prediction does.
@@ -51,7 +52,7 @@ def folds_of(lengths: Sequence[int], n_lags: int) -> list[Fold]:
     if n >= RUN_FOLDS:
         blocks = [[(r, 0, lengths[r]) for r in range(k, n, RUN_FOLDS)] for k in range(RUN_FOLDS)]
     else:
-        per_run = BLOCK_FOLDS // n
+        per_run = int(np.clip(min(lengths) // shortest, FEWEST_BLOCK_FOLDS // n, BLOCK_FOLDS // n))
         edges = [np.linspace(0, length, per_run + 1).astype(int) for length in lengths]
         blocks = [[(r, int(a), int(b))] for r, edge in enumerate(edges) for a, b in zip(edge, edge[1:])]
     if min(stop - start for group in blocks for _, start, stop in group) < shortest:
@@ -105,14 +106,14 @@ class LeftOut:
             except (ValueError, np.linalg.LinAlgError):
                 continue
 
-    def errors(self, factors: np.ndarray, fade: float | None = None) -> list[np.ndarray]:
+    def errors(self, factors: np.ndarray, fade: float | np.ndarray | None = None) -> list[np.ndarray]:
         """Errors (n_factors, n_rows, n_outputs) of every piece at these shares of the correction, behind its first rows.
 
         Parameters
         ----------
         factors : ndarray (n_factors,)
         fade : float, optional
-            Reach of the correction beyond its data in place of its own.
+            Reach of the correction beyond its data in place of its own; inside a plant also one for every factor.
         """
         errors: list[np.ndarray] = []
         for correction, judged in self.fitted:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
@@ -17,30 +16,46 @@ from sksurrogate.physics._fit_model import FitModel
 __all__ = ["Basis", "BoundTermModel", "TermModel"]
 
 
+#: Kernels of a smooth basis, at most; eigenvalues of their Gram below this share of the largest are rounding.
+MOST_KERNELS, KERNEL_ROUNDING = 24, 1e-10
+
+
 class Basis:
-    """Functions of states and inputs: monomials of scaled features, or the transformers of the user's pipeline.
+    """Functions of states and inputs: 1, the scaled features, and smooth functions of them; or the user's transformers.
+
+    The smooth functions span squared-exponential kernels about rows that cover the data. They are scaled such that
+    independent coefficients of variance s^2 are a Gaussian process of variance s^2 there (Nystroem): far from the data
+    nothing is left of it but the linear part.
 
     Parameters
     ----------
     z : ndarray (n_rows, n_features)
-        Where it will be used; sets the scaling.
-    degree : int
-        Of the monomials.
+        Where it will be used; sets scaling and centres.
+    length : float, optional
+        Length of the kernels, in standard deviations of a feature times the root of their number. None: no smooth functions.
     transformer : transformer, optional
-        In place of monomials.
+        In place of all this.
     """
 
-    def __init__(self, z: np.ndarray, degree: int, transformer: Any = None):
+    def __init__(self, z: np.ndarray, length: float | None = None, transformer: Any = None):
         self.mean = z.mean(axis=0)
         spread = z.std(axis=0)
         self.scale = np.where(spread > 1e-9 * (np.abs(self.mean) + 1e-300), spread, np.inf)
         self.scale = np.where(np.isfinite(self.scale), self.scale, 1e12 * (1.0 + np.abs(self.mean)))
-        self.powers: list[tuple[int, ...]] = []
         self.transformer = None if transformer is None else clone(transformer).fit(z)
-        if transformer is None:
-            every = range(z.shape[1])
-            self.powers = [p for k in range(1, degree + 1) for p in combinations_with_replacement(every, k)]
+        self.length = 1.0 if length is None else length * np.sqrt(z.shape[1])
+        self.centres, self.mix = np.zeros((0, z.shape[1])), np.zeros((0, 0))
+        if length is not None and transformer is None:
+            self.centres = _covering((z - self.mean) / self.scale, MOST_KERNELS)
+            values, vectors = np.linalg.eigh(self._kernels(self.centres.T))
+            seen = values > KERNEL_ROUNDING * values[-1]
+            self.mix = (vectors[:, seen] / np.sqrt(values[seen])).T
         self.size = self(z[:1].T).shape[0]
+
+    @property
+    def group(self) -> np.ndarray:
+        """0 for the constant and the linear functions, 1 for the smooth ones, (n_basis,)."""
+        return np.repeat([0, 1], [self.size - len(self.mix), len(self.mix)])
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """(n_features, *s) -> (n_basis, *s); the first function is 1."""
@@ -51,13 +66,24 @@ class Basis:
             return np.concatenate([one, rows.T.reshape(-1, *shape)])
         wide = (slice(None), *(None,) * len(shape))
         scaled = (z - self.mean[wide]) / self.scale[wide]
-        out = np.empty((1 + len(self.powers), *shape))
-        out[0] = 1.0
-        place: dict[tuple[int, ...], int] = {(): 0}
-        for k, factors in enumerate(self.powers, start=1):
-            np.multiply(out[place[factors[:-1]]], scaled[factors[-1]], out=out[k])
-            place[factors] = k
-        return out
+        smooth = [np.tensordot(self.mix, self._kernels(scaled), 1)] if len(self.mix) else []
+        return np.concatenate([one, scaled, *smooth])
+
+    def _kernels(self, scaled: np.ndarray) -> np.ndarray:
+        """(n_features, *s) -> (n_centres, *s)."""
+        wide = (slice(None), *(None,) * (scaled.ndim - 1))
+        squares = np.sum(self.centres**2, axis=1)[wide] + np.sum(scaled**2, axis=0)
+        return np.exp((np.tensordot(self.centres, scaled, 1) - 0.5 * squares) / self.length**2)
+
+
+def _covering(rows: np.ndarray, most: int) -> np.ndarray:
+    """Rows that cover all others: from the one nearest the mean on, each the farthest from those before."""
+    chosen = [int(np.argmin(np.sum(rows**2, axis=1)))]
+    away = np.sum((rows - rows[chosen[0]]) ** 2, axis=1)
+    while len(chosen) < most and away.max() > 0:
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, np.sum((rows - rows[chosen[-1]]) ** 2, axis=1))
+    return rows[chosen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +152,17 @@ class TermModel:
         """The model at coefficients ``theta`` (n_theta, n_columns)."""
         return BoundTermModel(self, theta)
 
-    def derivative(self, coef: np.ndarray, domain: Domain | None = None) -> Any:
-        """dx/dt (or the next states of a step) as a function of (t, x, u), with coefficients (n_targets, n_basis, n_columns or 1)."""
+    def derivative(self, coef: np.ndarray, domain: Domain | None = None, factor: float | np.ndarray = 1.0) -> Any:
+        """dx/dt (or the next states of a step) as a function of (t, x, u), with coefficients (n_targets, n_basis, n_columns or 1).
+
+        ``factor`` and ``domain.fade`` are one number, or one a column.
+        """
         inner, targets, amount = self.plant.inner, list(self.targets), self.size[:, None]
 
         def term(z: np.ndarray) -> np.ndarray:
-            # monomials grow fast: outside the data they keep the value they had at its edge
-            B = self.basis(z if domain is None else domain.held(z))
+            # functions of the user's may grow fast: outside the data they keep the value they had at its edge
+            own = self.basis.transformer is not None and domain is not None
+            B = self.basis(domain.held(z) if own else z)  # type: ignore[union-attr]
             columns = B.shape[1:]
             if len(columns) == 2 and coef.shape[2] > 1:
                 value = np.einsum("bct,kbc->kct", B, coef)
@@ -141,7 +171,7 @@ class TermModel:
             value = value * amount.reshape(-1, *(1,) * len(columns))
             if domain is not None:
                 value = value * domain.weight(z.reshape(len(z), -1).T).reshape(columns)
-            return value
+            return value * factor
 
         def rate(now: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
             u = np.broadcast_to(u, (len(u), *x.shape[1:]))

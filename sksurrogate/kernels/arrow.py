@@ -98,6 +98,10 @@ class Arrow:
         drop = 2 * (self.gt @ dt + np.sum(self.gx * dx)) - quadratic
         return dt / self.t_scale, (dx / self.x_scale).T, float(drop)
 
+    def information(self) -> np.ndarray:
+        """Normal matrix of theta with the initial states eliminated, (n_theta, n_theta)."""
+        return self._eliminated(0.0)[0] * np.outer(self.t_scale, self.t_scale)
+
     def covariance(self) -> np.ndarray:
         """Covariance of theta with the initial states eliminated (white residual of unit variance); inf where not seen."""
         S, _, _ = self._eliminated(0.0)

@@ -54,15 +54,15 @@ def test_left_out_runs_are_those_of_the_folds():
     np.testing.assert_allclose(hybrid.free_run_rmse_, levels.std())
 
 
-def test_one_run_is_judged_on_each_of_its_four_blocks():
+def test_one_run_is_judged_on_each_of_its_eight_blocks():
     """A constant residual: off by the mean of the other blocks; the first row of a block starts it, at both its runs."""
-    y = np.r_[np.zeros(40), np.ones(20)]
-    hybrid = HybridRegressor(None, DummyRegressor(), form="static", n_lags=1).fit(np.zeros((60, 1)), y)
+    y = np.r_[np.zeros(42), np.ones(22)]
+    hybrid = HybridRegressor(None, DummyRegressor(), form="static", n_lags=1).fit(np.zeros((64, 1)), y)
     expected = []
-    for k in range(4):
-        taught = [np.arange(15 * k)] * (k > 0) + [np.arange(15 * (k + 1), 60)] * (k < 3)
+    for k in range(8):
+        taught = [np.arange(8 * k)] * (k > 0) + [np.arange(8 * (k + 1), 64)] * (k < 7)
         mean = np.concatenate([y[rows[1:]] for rows in taught]).mean()
-        block = y[15 * k : 15 * (k + 1)] - mean
+        block = y[8 * k : 8 * (k + 1)] - mean
         expected += [block[1:], block] if k else [block[1:]]
     np.testing.assert_allclose(hybrid.left_out_rmse_, np.sqrt(np.mean(np.concatenate(expected) ** 2)))
 

@@ -33,7 +33,7 @@ def models(hold, output):
     inner.probe(np.zeros(1))
     fit = FitModel(inner, ["k"], record, 3, SCALE)
     bare = FitModel(inner, [], record, 3, SCALE)
-    term = TermModel(bare, Basis(np.ones((4, 3)), 1), (1,), np.ones(1), False)
+    term = TermModel(bare, Basis(np.ones((4, 3))), (1,), np.ones(1), False)
     return fit, AugmentedModel(inner, (), ("k",), record, n_sub=3, scale=SCALE), term
 
 
