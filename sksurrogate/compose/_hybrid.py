@@ -44,14 +44,15 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         polynomials, chosen on runs left out.
         For "dynamics" and "input": features are the states (measured or not) and inputs ("input": the inputs alone), the
         target is the term; transformers with a linear model are fitted through the free run, any other regressor to the
-        term that a smoother finds along the runs. Default: monomials, degree chosen on runs left out.
+        term that a smoother finds along the runs. Default: a linear and a smooth part; how smooth, how large and how
+        noisy the outputs are follows from the evidence.
     form : {"output", "static", "series", "dynamics", "input", "auto"}, default="output"
         "output": past deviations are features, as in the paper. "static": only inputs (with their lags) and the
         simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
         "dynamics": a term of states and inputs is added to dx/dt (or the next states of a step). "input": a term of the
-        inputs is added to them. The last two need a simulator with ``rhs`` or ``step``. "auto": the one of "output", "static"
-        and, where the simulator allows them, "dynamics" and "input", whose free runs have the smallest error on runs left out;
-        "output" with fewer than three runs.
+        inputs is added to them. The last two need a simulator with ``rhs`` or ``step``. "auto": of "input" or "dynamics" (the
+        one of the larger evidence, where the simulator allows them), "static" and "output" the first that closes as much
+        of the gap on what is left out as the best of them, within one standard error.
     loss : {"one_step", "shooting"}, optional
         Whether the correction is fitted one step ahead or through its own free run ("shooting": residuals whose slopes
         are known; a ValueError says so for others). Default: "shooting" for the default residual and, inside the
@@ -89,8 +90,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     report_ : CorrectionReport
         The same with the errors of simulator, whole correction and kept share on left-out runs; ``print`` gives a sentence.
     left_out_rmse_ : ndarray (n_outputs,)
-        What ``return_std`` starts from: on runs left out (every third of them; of one or two runs one of four blocks), at
-        the price of three or four more fits. Without a simulator the default residual, whose nets show by their spread what
+        What ``return_std`` starts from: on runs left out (every third of them; of one or two runs one of eight blocks), at
+        the price of three to eight more fits. Without a simulator the default residual, whose nets show by their spread what
         they do not know, is judged on the training runs.
     region_ : Domain
         Ranges of inputs and outputs in the training data.

@@ -188,16 +188,14 @@ class _Corrected:
     def _terms(self, z: list[Any]) -> list[Any]:
         """Values of the terms, one a target."""
         basis, domain = self._c.terms.basis, self._c.domain
-        held, weight = z, None
+        weight = None
         if np.isfinite(domain.fade):
-            room = 0.1 * (domain.high - domain.low)
-            held = [np.minimum(np.maximum(v, a), b) for v, a, b in zip(z, domain.low - room, domain.high + room)]
             far: Any = 0.0
             for v, a, b, size in zip(z, domain.low, domain.high, domain.size):
                 far = np.maximum(np.maximum((a - v) / size, (v - b) / size), far)
             ratio = np.maximum(far - domain.fade, 0.0) / max(domain.fade, 1e-12)
             weight = np.exp(-(ratio * ratio))
-        scaled = [(v - m) / s for v, m, s in zip(held, basis.mean, basis.scale)]
+        scaled = [(v - m) / s for v, m, s in zip(z, basis.mean, basis.scale)]
         kernels = []
         for centre in basis.centres:
             away = sum((v - c) * (v - c) for v, c in zip(scaled, centre))

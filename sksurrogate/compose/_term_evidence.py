@@ -16,9 +16,9 @@ __all__ = ["COEFFICIENT_UNIT", "TermFit", "fit_term"]
 
 #: Size of a coefficient, for differences near 0: terms are in units of the spread of what they are added to.
 COEFFICIENT_UNIT = 0.1
-#: Rounds in which the penalty follows the evidence; the factor it changes by at most, and the logarithm of the
-#: change at which it has settled.
-ROUNDS, LARGEST_CHANGE, SETTLED = 10, 20.0, 0.1
+#: Rounds in which the penalty follows the evidence; the factor it changes by at most, and the nats between rounds
+#: at which it has settled: no choice hangs on fewer.
+ROUNDS, LARGEST_CHANGE, SETTLED = 10, 20.0, 0.5
 #: Steps of the first fit and of those that follow it.
 FIRST_STEPS, MORE_STEPS = 30, 8
 #: Least noise, as a share of an output's deviation: what differences and integration leave.
@@ -81,11 +81,13 @@ def fit_term(term: TermModel, x: np.ndarray, sd: np.ndarray, known: TermFit | No
         if known is not None:
             return TermFit(theta, penalty, sd, np.nan)
         moved, log_evidence = _weighed(term, theta, x, fit.y, sd, groups, penalty)
-        best = TermFit(theta, penalty, sd, log_evidence - larger * np.count_nonzero(np.isfinite(record.y)))
+        log_evidence -= larger * np.count_nonzero(np.isfinite(record.y))
+        settled = best is not None and abs(log_evidence - best.log_evidence) < SETTLED
+        best = TermFit(theta, penalty, sd, log_evidence)
+        if settled:
+            break
         change = np.clip(moved.penalty / penalty, 1.0 / LARGEST_CHANGE, LARGEST_CHANGE)
         factor = max(np.sqrt(moved.noise), least / np.exp(larger))
-        if np.all(np.abs(np.log(np.r_[change, factor])) < SETTLED):
-            break
         # the noise is the unit of the squares: descents end by the size of the squares
         penalty, sd, larger = penalty * change / factor**2, sd * factor, larger + np.log(factor)
     return best

@@ -40,7 +40,7 @@ def bent(bend):
 def test_the_evidence_finds_the_noise_and_takes_the_smoothest_functions_of_a_parabola():
     rng = np.random.default_rng(0)
     X = 0.3 * rng.normal(size=(200, 1))
-    y = bent(0.2).simulate(X)[:, 0] + 0.01 * rng.normal(size=200)
+    y = bent(0.05).simulate(X)[:, 0] + 0.01 * rng.normal(size=200)
     found = HybridRegressor(bent(0.0), form="dynamics").fit(X, y).correction_
     assert found.smooth.sd == pytest.approx(0.01, rel=0.15) and found.length == 2.8
 
