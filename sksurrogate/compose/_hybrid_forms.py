@@ -72,7 +72,8 @@ def chosen_form(
 
     ``start``: a fitted correction to go on from, and its form.
     """
-    plant, found = None, []
+    plant: Plant | None = None
+    found: list[tuple[str, Any]] = []
     if simulator is not None and form == "auto":
         plant = describe(simulator, n_inputs=inputs[0].shape[1], n_outputs=measured[0].shape[1])
     for one in _possible(plant, settings.residual) if form == "auto" else [form]:

@@ -105,5 +105,5 @@ def _weighed(
     padded = np.zeros((len(record.lengths), int(np.max(record.lengths)), len(sd)))
     for part, (a, b) in zip(padded, record.spans):
         part[: b - a] = error[:, a:b].T
-    given = gram, theta, groups, penalty, float(np.sum(error**2)), np.count_nonzero(np.isfinite(record.y))
+    given = gram, theta, groups, penalty, float(np.sum(error**2)), float(np.isfinite(record.y).sum())
     return weigh(*given, correlation_length(padded)), weigh(*given).log_evidence
