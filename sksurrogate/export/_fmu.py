@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._files import write_bytes, write_text
 from sksurrogate.exceptions import SurrogateError, require
 from sksurrogate.export import _unit_step
 from sksurrogate.export._describe import to_graph
@@ -116,12 +117,11 @@ def to_fmu(model: Any, path: Any, x0: Any = None, u0: Any = None, n_sub: int | N
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the builder's own parsing
         script, data = Path(folder) / f"{name}.py", Path(folder) / f"{name}.json"
-        script.write_text(
-            Path(_unit_step.__file__).read_text(encoding="utf-8") + _UNIT.format(name=name), encoding="utf-8"
-        )
-        data.write_text(json.dumps(described), encoding="utf-8")
+        write_text(script, Path(_unit_step.__file__).read_text(encoding="utf-8") + _UNIT.format(name=name))
+        write_text(data, json.dumps(described))
         try:
-            builder.build_FMU(script, dest=path, project_files=[data])
+            built = builder.build_FMU(script, dest=Path(folder) / path.name, project_files=[data])
+            write_bytes(path, Path(built).read_bytes())
         finally:  # the builder imports the script
             sys.path[:] = found
             sys.modules.pop(name, None)

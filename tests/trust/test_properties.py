@@ -33,7 +33,7 @@ lengths = st.lists(st.integers(8, 30), min_size=1, max_size=5)
 
 def printed(report):
     """The terminal page without when it was made and how long it took."""
-    return re.sub(r"\S+T[0-9:]+\+00:00; time taken: [0-9.]+ s", "", str(report))
+    return re.sub(r"date:\s+\S+\s+[0-9:]+;\s+time\s+taken:\s+[0-9.]+\s+s", "", str(report))
 
 
 def recordings(seed, rows, n_inputs=2, n_outputs=1):
