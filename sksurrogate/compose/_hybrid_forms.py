@@ -67,7 +67,7 @@ def chosen_form(
     """The form, its correction and report.
 
     With "auto" the first of :func:`_possible` whose gain on what is left out is within one standard error of the largest:
-    with few data forms that know more of the plant are not told apart by runs left out, but go astray less often. Of two
+    with few data forms that know more of the plant are not separated by held-out runs, but err less on other runs. Of two
     terms inside the plant the one of the larger evidence is a candidate.
 
     ``start``: a fitted correction to go on from, and its form.

@@ -18,11 +18,11 @@ __all__ = ["COEFFICIENT_UNIT", "TermFit", "fit_term"]
 COEFFICIENT_UNIT = 0.1
 #: Rounds in which the penalty follows the evidence; the factor it changes by at most, and the nats between rounds
 #: at which it has settled: no choice hangs on fewer.
-ROUNDS, LARGEST_CHANGE, SETTLED = 10, 20.0, 0.5
+TERM_ROUNDS, LARGEST_MOVE, NATS_AT_REST = 10, 20.0, 0.5
 #: Steps of the first fit and of those that follow it.
 FIRST_STEPS, MORE_STEPS = 30, 8
 #: Least noise, as a share of an output's deviation: what differences and integration leave.
-LEAST_NOISE = 1e-4
+LEAST_NOISE_SHARE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +68,9 @@ def fit_term(term: TermModel, x: np.ndarray, sd: np.ndarray, known: TermFit | No
     groups = np.tile(term.basis.group, len(term.targets))
     penalty, sd = (np.ones(2), sd) if known is None else (known.penalty, known.sd)
     theta, free = np.zeros(len(groups)), np.full(len(groups), np.inf)
-    least = np.max(LEAST_NOISE * np.nanstd(record.y, axis=1) / sd)  # of the factor of the noise
+    least = np.max(LEAST_NOISE_SHARE * np.nanstd(record.y, axis=1) / sd)  # of the factor of the noise
     unit, best, larger = np.full(len(groups), COEFFICIENT_UNIT), None, 0.0
-    for k in range(ROUNDS):
+    for k in range(TERM_ROUNDS):
         fit = output_error(
             term, theta, x, sd, unit=unit, bounds=(-free, free), prior=1.0 / np.sqrt(penalty[groups]),
             open_steps=0 if k else 2, max_steps=MORE_STEPS if k else FIRST_STEPS,
@@ -82,11 +82,11 @@ def fit_term(term: TermModel, x: np.ndarray, sd: np.ndarray, known: TermFit | No
             return TermFit(theta, penalty, sd, np.nan)
         moved, log_evidence = _weighed(term, theta, x, fit.y, sd, groups, penalty)
         log_evidence -= larger * np.count_nonzero(np.isfinite(record.y))
-        settled = best is not None and abs(log_evidence - best.log_evidence) < SETTLED
+        settled = best is not None and abs(log_evidence - best.log_evidence) < NATS_AT_REST
         best = TermFit(theta, penalty, sd, log_evidence)
         if settled:
             break
-        change = np.clip(moved.penalty / penalty, 1.0 / LARGEST_CHANGE, LARGEST_CHANGE)
+        change = np.clip(moved.penalty / penalty, 1.0 / LARGEST_MOVE, LARGEST_MOVE)
         factor = max(np.sqrt(moved.noise), least / np.exp(larger))
         # the noise is the unit of the squares: descents end by the size of the squares
         penalty, sd, larger = penalty * change / factor**2, sd * factor, larger + np.log(factor)

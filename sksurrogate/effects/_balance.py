@@ -174,7 +174,7 @@ class AsymmetricFriction(_DryFriction):
 class StribeckFriction(BalanceEffect):
     """Dry friction that is larger when slow: ``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``, with ``cs`` at least ``c``.
 
-    A friction that is smaller at rest is none: a ``static_level`` below ``level`` acts as one at ``level``.
+    Dry friction is never smaller at rest than in motion: a ``static_level`` below ``level`` counts as ``level``.
     """
 
     name = "stribeck_friction"

@@ -74,7 +74,7 @@ class Hysteresis(HiddenEffect):
 class LugreFriction(HiddenEffect):
     """Bristle friction (LuGre): ``- c z, dz/dt = v - c abs(v) z / g(v)``.
 
-    ``g = level + (static_level - level) exp(-(v/velocity)^2)``; a ``static_level`` below ``level`` acts as one at ``level``.
+    ``g = level + (static_level - level) exp(-(v/velocity)^2)``; a ``static_level`` below ``level`` counts as ``level``.
     """
 
     name = "lugre_friction"

@@ -109,7 +109,7 @@ def _allowed(effects: list[BaseEffect], diagnoser: Any, asked: Any, task: Task) 
 
 
 def _common(diagnoser: Any, task: Task) -> dict[str, Any]:
-    """What every search is told."""
+    """Options that every search gets."""
     return {"tolerance": float(diagnoser.tolerance), "n_jobs": diagnoser.n_jobs, "report": task.progress.say}
 
 
