@@ -116,15 +116,17 @@ def to_fmu(model: Any, path: Any, x0: Any = None, u0: Any = None, n_sub: int | N
     found, name = list(sys.path), path.stem
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the builder's own parsing
-        script, data = Path(folder) / f"{name}.py", Path(folder) / f"{name}.json"
+        module = f"unit_of_{name}"  # units that run in this process share its modules: no other script has this name
+        script, data = Path(folder) / f"{module}.py", Path(folder) / f"{name}.json"
         write_text(script, Path(_unit_step.__file__).read_text(encoding="utf-8") + _UNIT.format(name=name))
         write_text(data, json.dumps(described))
+        sys.modules.pop(module, None)  # of a unit built or run before
         try:
             built = builder.build_FMU(script, dest=Path(folder) / path.name, project_files=[data])
             write_bytes(path, Path(built).read_bytes())
         finally:  # the builder imports the script
             sys.path[:] = found
-            sys.modules.pop(name, None)
+            sys.modules.pop(module, None)
     return path
 
 

@@ -1,5 +1,7 @@
 """An exported unit, loaded again by FMPy, runs as the graph does."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -70,6 +72,7 @@ def test_the_unit_of_a_corrected_simulator_solves_its_equation(tmp_path):
     found = unit_of(path, ["state.y"], U)[:, 0]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found, model.simulate(U, x0=[4.0])[:, 0], rtol=0, atol=1e-7)  # simulate's own error
+    assert "reactor" not in sys.modules  # a unit that runs here takes no module name of somebody else
 
 
 def test_the_unit_of_a_difference_equation_equals_simulate(tmp_path):
