@@ -115,6 +115,9 @@ def _add_blind(commands: Any) -> None:
         "--follow-up", type=float, default=1.0, metavar="SHARE",
         help="share of the cases with tied names whose suggested experiment is carried out (default 1)",
     )  # fmt: skip
+    blind.add_argument(
+        "--record", default="complete", help="how the cases are recorded: complete, missing, two_rate or jitter"
+    )
     blind.add_argument("--simulator", metavar="FILE:NAME", help="your own simulator in place of the built-in plants")
     blind.add_argument("--data", metavar="CSV", help="with --simulator: recorded inputs by name")
     blind.add_argument("--run", metavar="COL", help="column of --data that names the run of each row")
@@ -136,7 +139,7 @@ def _blind(arguments: argparse.Namespace) -> int:
         own = {"simulator": simulator, "X": np.column_stack([columns[n] for n in simulator.inputs]), "groups": labels}
     result = run_blind_check(
         arguments.cases, arguments.arms, seed=arguments.seed, resume=arguments.resume, n_jobs=arguments.jobs,
-        follow_up=arguments.follow_up, verbose=0 if arguments.quiet else 1, **own,
+        follow_up=arguments.follow_up, verbose=0 if arguments.quiet else 1, record=arguments.record, **own,
     )  # fmt: skip
     arguments.known = True
     said, whole = _written("page", arguments.html, result.to_html)

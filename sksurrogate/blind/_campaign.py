@@ -18,6 +18,7 @@ from sksurrogate._fingerprint import fingerprint
 from sksurrogate.blind._cases import ARMS, draw
 from sksurrogate.blind._follow import followed
 from sksurrogate.blind._own import plant_of
+from sksurrogate.blind._records import RECORDS, as_recorded
 from sksurrogate.blind._retune import beyond_retuning
 from sksurrogate.blind._robot_arms import ROBOT_ARMS, draw_robot_case, score_robot_case
 from sksurrogate.blind._score import score
@@ -45,6 +46,7 @@ def run_blind_check(
     limit: float = 600.0,
     follow_up: float = 1.0,
     verbose: int = 0,
+    record: str = "complete",
 ) -> BlindResult:
     """Check the diagnosis on plants whose effect is withheld from it.
 
@@ -84,6 +86,10 @@ def run_blind_check(
         among the tied names, with its run added and, as a control, with the first run recorded once more.
     verbose : int, default=0
         1 prints the hash of each sealed truth before the diagnosis starts, and each row.
+    record : {"complete", "missing", "two_rate", "jitter"}, default="complete"
+        How the same cases are recorded: all readings; a fifth of them lost; every other output read at every fifth sample;
+        stamps that jitter by a fifth of a sample, with inputs held between them. Suggested experiments of records that are
+        not complete are not carried out.
 
     Returns
     -------
@@ -101,7 +107,11 @@ def run_blind_check(
     >>> result = run_blind_check(1, "none", seed=3)  # doctest: +SKIP
     """
     names = _arms(arms)
-    _options(cases, n_jobs, follow_up, resume)
+    _options(cases, n_jobs, follow_up, resume, record)
+    if record != "complete" and set(names) & set(ROBOT_ARMS):
+        raise SurrogateError(
+            f"record={record!r}: robots are recorded complete; leave {sorted(set(names) & set(ROBOT_ARMS))} out."
+        )
     module, _, function = diagnosis.partition(":")
     if not all(part.isidentifier() for part in [*module.split("."), function]):
         raise SurrogateError(
@@ -113,7 +123,7 @@ def run_blind_check(
     own = None  # the value of your own simulator and of what its cases are drawn from
     if simulator is not None and resume is not None:
         own = fingerprint((simulator, X, groups, input_ranges, x0_spread), "with resume=, simulator")
-    rows = [row for row in stored_rows(resume) if _belongs(row, diagnosis, own)]
+    rows = [row for row in stored_rows(resume) if _belongs(row, diagnosis, own, record)]
     wanted = [(names[k % len(names)], k // len(names)) for k in range(int(cases))]
     if seed is None:
         have = {arm: sum(row["arm"] == arm for row in rows) for arm in names}
@@ -121,7 +131,7 @@ def run_blind_check(
     else:
         known = {(row["arm"], row["seed"]) for row in rows}
         todo = [(arm, s) for arm, k in wanted if (arm, s := _entropy(seed, k)) not in known]
-    jobs = ((arm, entropy, plant, runs, diagnosis, limit, follow_up, verbose) for arm, entropy in todo)
+    jobs = ((arm, entropy, plant, runs, diagnosis, limit, follow_up, verbose, record) for arm, entropy in todo)
     complete = True
     try:
         for row in _answered(jobs, n_jobs):
@@ -138,8 +148,10 @@ def run_blind_check(
     return BlindResult(tuple(row for row in rows if row["arm"] in names), complete)
 
 
-def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any) -> None:
+def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any, record: Any) -> None:
     """Refuse what cannot be done before anything is drawn."""
+    if record not in RECORDS:
+        raise SurrogateError(f"record={record!r} is unknown; use one of {list(RECORDS)}.")
     if not (isinstance(cases, (int, np.integer)) and cases >= 1):
         raise SurrogateError(f"cases={cases!r}: expected a whole number of at least 1.")
     if n_jobs == 0:
@@ -195,6 +207,7 @@ def run_case(
     limit: float = 600.0,
     follow_up: float = 1.0,
     verbose: int = 0,
+    record: str = "complete",
     *,
     solver: Solver | None = None,
     look: Callable[[Any, Any], None] | None = None,
@@ -208,7 +221,7 @@ def run_case(
         Fresh by default.
     plant, runs : PlantSpec, list of ndarray, optional
         A plant of the user's own.
-    diagnosis, limit, follow_up, verbose : str, float, float, int
+    diagnosis, limit, follow_up, verbose, record : str, float, float, int, str
         As in :func:`run_blind_check`.
     solver : Solver, optional
         Process to be asked; kept from case to case.
@@ -229,7 +242,8 @@ def run_case(
     """
     started, robot = time.perf_counter(), arm in ROBOT_ARMS
     try:
-        case: Any = draw_robot_case(arm, entropy) if robot else draw(arm, entropy, plant=plant, runs=runs)
+        drawn: Any = draw_robot_case(arm, entropy) if robot else draw(arm, entropy, plant=plant, runs=runs)
+        case = drawn if robot else as_recorded(drawn, record)
     except SurrogateError as error:
         return {"arm": arm, "seed": entropy, "error": f"not drawn: {error}", "right": None}
     solver = solver or _SOLVERS.setdefault(diagnosis, Solver(diagnosis))
@@ -244,10 +258,12 @@ def run_case(
         raise SurrogateError("the seal holds another truth than the case: the run does not count.")
     if look is not None:
         look(case, answer)
-    row = score_robot_case(case, answer) if robot else score(case, answer)
+    row = score_robot_case(case, answer) if robot else score(drawn, answer)  # of the even, complete record
     if arm == "detuned":
-        row["gap_beyond_retuning"] = beyond_retuning(case)
-    if not robot and np.random.default_rng([case.facts["seed"], 18]).random() < follow_up:
+        row["gap_beyond_retuning"] = beyond_retuning(drawn)
+    if record != "complete":
+        row["record"] = record
+    elif not robot and np.random.default_rng([case.facts["seed"], 18]).random() < follow_up:
         row |= followed(case, answer, row, solver.ask)
     return {**row, "diagnosis": diagnosis, "sha256": seal.sha256, "whole_seconds": time.perf_counter() - started}
 
@@ -278,6 +294,7 @@ def _store(path: Any, row: dict[str, Any]) -> None:
         )
 
 
-def _belongs(row: dict[str, Any], diagnosis: str, own: str | None) -> bool:
+def _belongs(row: dict[str, Any], diagnosis: str, own: str | None, record: str) -> bool:
     """Whether a stored row answers what is asked now."""
-    return row.get("diagnosis", diagnosis) == diagnosis and row.get("simulator") == own
+    alike = row.get("diagnosis", diagnosis) == diagnosis and row.get("record", "complete") == record
+    return alike and row.get("simulator") == own

@@ -81,6 +81,8 @@ class Question:
     x0_test : ndarray (n_runs, n_states)
     X_far, x0_far : ndarray, optional
         Of the arm ``law`` runs at 1.5 times the range, to be predicted too.
+    time : int, optional
+        Column of ``X`` that holds the stamps of samples that are not even.
 
     Examples
     --------
@@ -100,6 +102,7 @@ class Question:
     x0_test: np.ndarray
     X_far: np.ndarray | None = None
     x0_far: np.ndarray | None = None
+    time: int | None = None
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
 
     simulator = question.simulator
     diagnoser = GapDiagnoser(
-        simulator, effects=question.effects, free_params=question.free_params, random_state=0
+        simulator, effects=question.effects, free_params=question.free_params, time=question.time, random_state=0
     )  # the same seed in every case: it only orders bootstrap draws
     started, busy = time.perf_counter(), processor_seconds()
     report = diagnoser.fit(question.X, question.y, groups=question.groups).report_

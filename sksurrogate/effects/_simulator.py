@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate._columns import by_name
+from sksurrogate.effects._at_work import acting_in, is_null, values_of
 from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
@@ -58,6 +59,9 @@ class AugmentedSimulator(BaseSimulator):
         For each effect its parameters: ``{"level": 0.3}``, or in the order of ``effect.parameters``.
     retuned : dict of float, optional
         Parameters of the simulator that differ from its own.
+    runs : sequence, optional
+        For each effect the labels of the runs in which it acts, None for all. :meth:`simulate` acts as where all do,
+        :meth:`in_run` gives the simulator of one run.
     scale : array-like (n_states,), optional
         Size of every state. Kinks such as sign(v) are smoothed over the size of v divided by ``sharpness``; by default
         the sizes are those of the free run without effects.
@@ -97,6 +101,7 @@ class AugmentedSimulator(BaseSimulator):
         effects: Sequence[BaseEffect] = (),
         values: Sequence[Any] = (),
         retuned: Mapping[str, float] | None = None,
+        runs: Sequence[Sequence[Any] | None] | None = None,
         *,
         scale: Any = None,
         sharpness: float = 500.0,
@@ -105,8 +110,21 @@ class AugmentedSimulator(BaseSimulator):
         self.effects = effects
         self.values = values
         self.retuned = retuned
+        self.runs = runs
         self.scale = scale
         self.sharpness = sharpness
+
+    def in_run(self, label: Any) -> AugmentedSimulator:
+        """The simulator of one run, by its label as in ``groups``: with the effects that act in it.
+
+        Raises
+        ------
+        SimulatorError
+            A run is listed under the same text, but is of another type.
+        """
+        kept = acting_in(self.effects, self.runs, label)
+        chosen = [self.effects[k] for k in kept], [self.values[k] for k in kept]
+        return AugmentedSimulator(self.simulator, *chosen, self.retuned, scale=self.scale, sharpness=self.sharpness)
 
     # ---- what a simulator shows -------------------------------------------------------------------------------------
     @property
@@ -242,7 +260,7 @@ class AugmentedSimulator(BaseSimulator):
         if sizes is not None and names and set(names) <= set(states):
             width = float(np.prod([sizes[states.index(name)] for name in names])) / self.sharpness
         v = None if not found else found[0] if len(found) == 1 else tuple(found)
-        return effect.term(t, own, v, _values(effect, given), width)
+        return effect.term(t, own, v, values_of(effect, given), width)
 
     def _entering(
         self, t: Any, x: Any, u: Any, laws: Sequence[tuple[BalanceEffect, Any]]
@@ -273,7 +291,7 @@ class AugmentedSimulator(BaseSimulator):
         for _, effect, given in sorted(acting, key=lambda item: item[0]):
             i = names.index(str(effect.location))
             other = plain[names.index(effect.variable)] if effect.variable else None
-            y[i] = effect.read(y[i], other, t, _values(effect, given))
+            y[i] = effect.read(y[i], other, t, values_of(effect, given))
         return y
 
     def _acting_params(self, t: Any, p: Mapping[str, Any]) -> dict[str, Any]:
@@ -282,7 +300,7 @@ class AugmentedSimulator(BaseSimulator):
         for effect, given in zip(self.effects, self.values):
             if isinstance(effect, ParameterEffect):
                 name = str(effect.location)
-                acting[name] = effect.value(acting[name], t, _values(effect, given), 0.0)
+                acting[name] = effect.value(acting[name], t, values_of(effect, given), 0.0)
         return acting
 
     # ---- where it goes to -------------------------------------------------------------------------------------------
@@ -353,10 +371,10 @@ class AugmentedSimulator(BaseSimulator):
         kept: list[BaseEffect] = []
         numbers: list[float] = []
         for effect, given in zip(self.effects, self.values):
-            theta = _values(effect, given)
+            theta = values_of(effect, given)
             if not (plant.access == "trajectory" and not plant.outputs):
                 check_place(effect, plant)
-            if not _is_null(effect, theta):
+            if not is_null(effect, theta):
                 kept.append(effect)
                 numbers.extend(theta)
         return inputs, plant, kept, np.array(numbers)
@@ -388,24 +406,3 @@ class AugmentedSimulator(BaseSimulator):
         own = tuple(f"{e.name} ({k})" for e in effects for k in range(getattr(e, "n_hidden", 0)))
         raise_if_diverged(X.reshape(len(X), len(inputs), -1).transpose(1, 2, 0), times, plant.states + own)
         return X, bound
-
-
-def _values(effect: BaseEffect, given: Any) -> tuple[float, ...]:
-    """Parameters of an effect in their order, from a dict or a sequence."""
-    names = [parameter.name for parameter in effect.parameters]
-    if isinstance(given, Mapping):
-        if set(given) != set(names):
-            raise SimulatorError(f"values of {effect!r}: got {sorted(given)}, expected {names}.")
-        return tuple(float(given[name]) for name in names)
-    numbers = tuple(float(value) for value in np.ravel(given))
-    if len(numbers) != len(names):
-        raise SimulatorError(f"values of {effect!r}: got {len(numbers)} numbers, expected {names}.")
-    return numbers
-
-
-def _is_null(effect: BaseEffect, theta: tuple[float, ...]) -> bool:
-    """Whether the effect is absent at these values: its magnitude is null and all it does is in proportion to it."""
-    if not effect.parameters:
-        return False
-    nulls = tuple(parameter.null for parameter in effect.parameters)
-    return theta == nulls or (effect.linear and theta[0] == nulls[0])

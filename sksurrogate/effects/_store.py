@@ -101,7 +101,7 @@ def _write_model(augmented: AugmentedSimulator, path: Any) -> None:
 
 def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
     """What :func:`save_augmented` writes."""
-    scale = augmented.scale
+    scale, runs = augmented.scale, augmented.runs or [None] * len(augmented.effects)
     for note, value in notes.items():
         try:
             json.dumps(value)
@@ -120,8 +120,9 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
                 "arguments": as_text(effect),
                 **({"window": list(effect.span)} if isinstance(effect, Starting) else {}),
                 "params": {p.name: _within(effect, p, v) for p, v in zip(effect.parameters, _values(effect, values))},
+                **({} if labels is None else {"runs": [_label(one) for one in labels]}),
             }
-            for effect, values in zip(augmented.effects, augmented.values)
+            for effect, values, labels in zip(augmented.effects, augmented.values, runs)
         ],
         "params": {name: float(value) for name, value in (augmented.params or {}).items()},
         "scale": None if scale is None else [float(size) for size in np.ravel(scale)],
@@ -188,11 +189,12 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
     own = _own(effects)
     try:
         text = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once)
-        built, values = [], []
+        built, values, runs = [], [], []
         for entry in listed(text["effects"]):
             effect = _built(entry, own, file.name)
             built.append(effect)
             values.append(_numbers(effect, entry["params"], file.name))
+            runs.append([_label(one) for one in listed(entry["runs"])] if "runs" in entry else None)
         retuned = {name: _finite(value, f"params: {name}") for name, value in text["params"].items()}
         scale = (
             None
@@ -206,7 +208,8 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
         raise DataError(
             f"{file.name}: not a file of save_augmented ({type(error).__name__}: {error}); write it again."
         ) from error
-    return AugmentedSimulator(simulator, built, values, retuned or None, scale=scale, sharpness=sharpness)
+    some = runs if any(labels is not None for labels in runs) else None
+    return AugmentedSimulator(simulator, built, values, retuned or None, some, scale=scale, sharpness=sharpness)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -223,6 +226,16 @@ def _finite(value: Any, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(float(value)):
         raise ValueError(f"{name}={_short(value)}, expected a finite number")
     return float(value)
+
+
+def _label(value: Any) -> str | int | float:
+    """The label of a run as JSON has it."""
+    label = value.item() if isinstance(value, np.generic) else value
+    if isinstance(label, str) or (
+        isinstance(label, int | float) and not isinstance(label, bool) and np.isfinite(label)
+    ):
+        return label
+    raise DataError(f"runs: {_short(value)} is not the label of a run; expected a text or a finite number.")
 
 
 def _positive(value: Any, name: str) -> float:

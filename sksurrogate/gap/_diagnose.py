@@ -89,8 +89,8 @@ class GapDiagnoser(BaseEstimator):
     n_features_in_ : int
         Inputs that ``fit`` was given; ``feature_names_in_`` holds the names of the columns of a frame.
     initial_states_ : ndarray (n_runs, n_states)
-        Initial states of the runs that go with it; nan for runs of a long record that took no part, and where a simulator with
-        ``simulate`` alone is given none.
+        Initial states of the runs that go with it; nan for runs of a long record that took no part, for runs in which what was
+        found does not act where it acts in others, and where a simulator with ``simulate`` alone is given none.
 
     Notes
     -----
@@ -227,7 +227,7 @@ class GapDiagnoser(BaseEstimator):
         whole = Record.from_runs(*parts, plant.dt, offsets, uneven)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
         pipeline, rows, report = diagnosed_in_rounds(
-            lambda record: begin(self, Task(plant, runs, record, free, user_knows, seed, progress)),
+            lambda some, record: begin(self, Task(plant, some, record, free, user_knows, seed, progress)),
             plant,
             runs,
             whole,

@@ -25,6 +25,8 @@ class LawStage:
 
     found: PartialResults
     include_law: bool
+    #: Labels of the runs in which what was found acts; None for all.
+    acts_in: tuple[Any, ...] | None = None
 
     def look_for_a_law(self) -> None:
         """What no name explains as a formula, fitted and certified on runs left out."""
@@ -86,4 +88,5 @@ class LawStage:
         ]
         phi = named.fit.theta[named.n_parameters :]
         tuned = {name: value_of(plant.params[name], v) for name, v in zip(problem.free, phi)}
-        return AugmentedSimulator(plant.simulator, list(named.effects), values, tuned or None, scale=scale)
+        some = None if self.acts_in is None else [list(self.acts_in)] * len(values)
+        return AugmentedSimulator(plant.simulator, list(named.effects), values, tuned or None, some, scale=scale)

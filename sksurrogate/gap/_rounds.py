@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
-
-import numpy as np
 
 from sksurrogate.gap._begin import Prepared
-from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
+from sksurrogate.gap._some_runs import Answer, in_some_runs
 from sksurrogate.gap.faults._book import first_look
-from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
@@ -20,14 +16,14 @@ __all__ = ["diagnosed_in_rounds"]
 
 
 def diagnosed_in_rounds(
-    begin: Callable[[Record], Prepared], plant: Plant, runs: Runs, whole: Record, progress: Progress
-) -> tuple[DiagnosisPipeline[Any], np.ndarray, GapReport]:
-    """Diagnose, and again as long as a fault of the record is found.
+    begin: Callable[[Runs, Record], Prepared], plant: Plant, runs: Runs, whole: Record, progress: Progress
+) -> Answer:
+    """Diagnose, again as long as a fault of the record is found, and some of the runs alone where only they have a gap.
 
     Parameters
     ----------
-    begin : callable (record) -> Prepared
-        The diagnosis of a record.
+    begin : callable (runs, record) -> Prepared
+        The diagnosis of some runs.
     plant : Plant
     runs : Runs
     whole : Record
@@ -44,10 +40,11 @@ def diagnosed_in_rounds(
     """
     book = first_look(plant, runs, whole)
     while True:
-        pipeline, rows, (second, later) = begin(book.record)
+        pipeline, rows, (second, later) = begin(runs, book.record)
         pipeline.book, pipeline.rows = book, rows
         with second, later:
             report = pipeline.run(progress)
         if report is not None:
-            return pipeline, rows, report
+            answer = pipeline, rows, report
+            return in_some_runs(begin, runs, book.record, answer, progress) or answer
         book = pipeline.book

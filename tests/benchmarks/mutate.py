@@ -1,10 +1,13 @@
 """Would the tests notice? Small faults are put into the package one at a time, and the tests that name the module are run.
 
-    python tests/benchmarks/mutate.py [--faults 20] [--seed 0] [--folders kernels effects] [--limit 120] [--out rows.jsonl]
+    python tests/benchmarks/mutate.py [--faults 20] [--seed 0] [--folders kernels effects] [--limit 120] [--minutes 5]
+                                      [--out rows.jsonl] [--again survivors.jsonl]
 
 A fault is a changed operator, comparison, constant, connective or a dropped term, drawn evenly over the folders. The tests of a
-module are the files that name it or one of its public names, those of its own folder first. A fault is *caught* when a test
-fails or takes too long, a *survivor* when all pass, and *undecided* when no test names the module or the tests fail without it.
+module are the files that name it or one of its public names, those named as it is and those of its own folder first; where
+they notice nothing, those of the modules that import it. A fault is *caught* when a test fails that passes without it, or a
+file takes more than the limit and does not without it; a *survivor* when all pass; *undecided* otherwise. With `--out` a draw
+goes on where it stopped; `--again` tries what was not caught once more.
 """
 
 from __future__ import annotations
@@ -27,7 +30,10 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "sksurrogate"
 #: Test files that are run for one fault.
-MOST_FILES = 4
+MOST_FILES = 3
+#: Where faults are drawn, in turn; "." is the package's top.
+FOLDERS = ["kernels", "effects", "gap", "physics", "linear", "features", "compose", "gap", "export", "neural", "."]
+FOLDERS += ["gap", "model_selection", "datasets", "blind", "gap"]
 _ARITHMETIC = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
 _COMPARISONS = {
     ast.Lt: ast.GtE,
@@ -116,42 +122,95 @@ def drawn(n: int, seed: int, folders: list[str]) -> list[Fault]:
     """So many faults, the folders in turn, a file and one of its faults at random."""
     rng = random.Random(seed)
     groups = {
-        folder: sorted((PACKAGE / folder).rglob("_*.py" if folder != "kernels" else "*.py")) for folder in folders
+        folder: [p for p in sorted((PACKAGE / folder).rglob("*.py")) if p.name != "__init__.py"] for folder in folders
     }
+    groups["."] = [p for p in sorted(PACKAGE.glob("*.py")) if p.name != "__init__.py"]
     out: list[Fault] = []
     while len(out) < n:
         folder = folders[len(out) % len(folders)]
-        found = faults_of(rng.choice([path for path in groups[folder] if path.name != "__init__.py"]))
+        found = faults_of(rng.choice(groups[folder]))
         if found:
             out.append(rng.choice(found))
     return out
 
 
-def tests_of(path: Path) -> list[Path]:
-    """Test files that name a module or its public names: most mentions first, those of its own folder before others."""
-    module = ".".join(("sksurrogate", *path.relative_to(PACKAGE).with_suffix("").parts))
+def listed_again(path: Path) -> list[Fault]:
+    """Faults of a file of rows that were not caught, where the code still holds them."""
+    out = []
+    for row in map(json.loads, path.read_text(encoding="utf-8").splitlines()):
+        if row["said"] != "caught":
+            same = [f for f in faults_of(ROOT / row["file"]) if (f.before, f.after) == (row["before"], row["after"])]
+            out += sorted(same, key=lambda fault: abs(fault.line - row["line"]))[:1]
+    return out
+
+
+def module_of(path: Path) -> str:
+    """Dotted name of a module."""
+    return ".".join(("sksurrogate", *path.relative_to(PACKAGE).with_suffix("").parts))
+
+
+def tests_of(path: Path) -> tuple[list[Path], list[Path]]:
+    """Test files that name a module or its public names, most mentions first; then those of the modules that import it."""
+    own, naming = path.relative_to(PACKAGE).parts[0], tests_naming(path)
+    importing = re.compile(rf"^(from|import) {re.escape(module_of(path))}\b", re.M)
+    further: dict[Path, int] = {}
+    for other in sorted(PACKAGE.rglob("*.py")):
+        if other.name != "__init__.py" and importing.search(other.read_text(encoding="utf-8")):
+            for test, mentions in tests_naming(other).items():
+                further[test] = further.get(test, 0) + mentions
+
+    def first(found: dict[Path, int]) -> list[Path]:
+        about = path.stem.strip("_")
+        order = sorted(
+            found, key=lambda test: (about in test.stem, test.parent.name == own, found[test], test.name), reverse=True
+        )
+        return order[:MOST_FILES]
+
+    named = first(naming)
+    return named, [test for test in first(further) if test not in named]
+
+
+def tests_naming(path: Path) -> dict[Path, int]:
+    """How often each test file names a module or its public names."""
     listed = re.search(r"__all__ = \[(.*?)\]", path.read_text(encoding="utf-8"), re.S)
     names = re.findall(r'"(\w+)"', listed.group(1)) if listed else []
-    scores = []
-    for test in (ROOT / "tests").rglob("test_*.py"):
+    out = {}
+    for test in sorted((ROOT / "tests").rglob("test_*.py")):
         text = test.read_text(encoding="utf-8")
-        mentions = 10 * text.count(module) + sum(len(re.findall(rf"\b{name}\b", text)) for name in names)
-        own = test.parent.name == path.relative_to(PACKAGE).parts[0]
-        if mentions:
-            scores.append((own, mentions, test))
-    return [test for _, _, test in sorted(scores, key=lambda one: one[:2], reverse=True)[:MOST_FILES]]
+        mentions = 10 * text.count(module_of(path)) + sum(len(re.findall(rf"\b{name}\b", text)) for name in names)
+        if mentions or (path.stem.strip("_") in test.stem and test.parent.name == path.parent.name):
+            out[test] = mentions
+    return out
 
 
-def passes(folder: Path, tests: list[Path], limit: float) -> bool:
-    """Whether the fast tests pass with the package of a folder."""
+def run_tests(folder: Path, tests: list[str], limit: float) -> tuple[int | None, list[str]]:
+    """Return code of the fast tests with the package of a folder (None: longer than the limit), and those that failed."""
     env = {**os.environ, "PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", "-m", "not slow"]
-    command += ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), *map(str, tests)]
+    command += ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), *tests]
     try:
-        done = subprocess.run(command, cwd=folder, env=env, capture_output=True, timeout=limit)
+        done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=limit)
     except subprocess.TimeoutExpired:
-        return False
-    return done.returncode == 0
+        return None, []
+    failed = [
+        str(folder / one) for one in re.findall(r"^(?:FAILED|ERROR) (\S+(?:\[.*?\])?)(?: - .*)?$", done.stdout, re.M)
+    ]
+    return done.returncode, failed
+
+
+def decided(folder: Path, fault: Fault, tests: list[Path], limit: float) -> str:
+    """Whether the tests notice a fault, one file after the other."""
+    place, text = folder / fault.path.relative_to(ROOT), fault.path.read_text(encoding="utf-8")
+    said = "survivor" if tests else "undecided"
+    for test in map(str, tests):
+        place.write_text(text[: fault.start] + fault.after + text[fault.stop :], encoding="utf-8")
+        code, failed = run_tests(folder, [test], limit)
+        place.write_text(text, encoding="utf-8")
+        if code in (None, 1, 2) and run_tests(folder, failed[:1] or [test], limit)[0] == 0:
+            return "caught"
+        if code != 0:
+            said = "undecided"
+    return said
 
 
 def main() -> None:
@@ -159,25 +218,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--faults", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--folders", nargs="+", default=["kernels", "effects", "physics", "linear", "features", "gap"])
+    parser.add_argument("--folders", nargs="+", default=FOLDERS)
     parser.add_argument("--limit", type=float, default=120.0, help="seconds for the tests of one fault")
-    parser.add_argument("--out", type=Path, help="file of rows (JSON lines)")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="no further fault is begun after this time")
+    parser.add_argument("--out", type=Path, help="file of rows (JSON lines); its faults are not tried again")
+    parser.add_argument("--again", type=Path, help="file of rows: what was not caught is tried once more")
     given = parser.parse_args()
-    known: dict[tuple[Path, ...], bool] = {}
-    counts = {"caught": 0, "survivor": 0, "undecided": 0}
+    faults = listed_again(given.again) if given.again else drawn(given.faults, given.seed, given.folders)
+    begun, counts = time.monotonic(), {"caught": 0, "survivor": 0, "undecided": 0}
+    done = len(given.out.read_text(encoding="utf-8").splitlines()) if given.out and given.out.exists() else 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copytree(PACKAGE, folder / "sksurrogate", ignore=shutil.ignore_patterns("__pycache__"))
-        for fault in drawn(given.faults, given.seed, given.folders):
-            started, tests = time.monotonic(), tests_of(fault.path)
-            place, text = folder / fault.path.relative_to(ROOT), fault.path.read_text(encoding="utf-8")
-            if tuple(tests) not in known:
-                known[tuple(tests)] = bool(tests) and passes(folder, tests, given.limit)
-            said = "undecided"
-            if known[tuple(tests)]:
-                place.write_text(text[: fault.start] + fault.after + text[fault.stop :], encoding="utf-8")
-                said = "survivor" if passes(folder, tests, given.limit) else "caught"
-                place.write_text(text, encoding="utf-8")
+        for fault in faults[done:]:
+            started, (tests, further) = time.monotonic(), tests_of(fault.path)
+            if started - begun > 60 * given.minutes:
+                break
+            said = decided(folder, fault, tests + further, given.limit)
             counts[said] += 1
             row = {
                 "file": fault.path.relative_to(ROOT).as_posix(),
@@ -185,7 +242,7 @@ def main() -> None:
                 "kind": fault.kind,
                 "before": fault.before,
                 "after": fault.after,
-                "tests": [test.relative_to(ROOT).as_posix() for test in tests],
+                "tests": [test.relative_to(ROOT).as_posix() for test in tests + further],
                 "said": said,
                 "seconds": round(time.monotonic() - started, 1),
             }
@@ -193,8 +250,8 @@ def main() -> None:
             if given.out is not None:
                 with given.out.open("a", encoding="utf-8") as stream:
                     stream.write(json.dumps(row) + "\n")
-    decided = counts["caught"] + counts["survivor"]
-    print(f"{counts['caught']} of {decided} decided were caught, {counts['undecided']} undecided")
+    total = counts["caught"] + counts["survivor"]
+    print(f"{counts['caught']} of {total} decided were caught, {counts['undecided']} undecided")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features import Interpolator, LagEmbedding, OutlierFilter
+from sksurrogate.features._outliers import moving_line
 
 NAN = np.nan
 TIME_AWARE = {
@@ -165,3 +166,9 @@ def test_groups_reach_the_repair_through_a_pipeline():
     with config_context(enable_metadata_routing=True):
         out = model.fit(X, groups=[0, 0, 1, 1]).transform(X, groups=[0, 0, 1, 1])
     np.testing.assert_array_equal(out[:, 0], [1.0, 1.0, 5.0, 5.0])
+
+
+def test_the_moving_line_is_the_same_backwards():
+    x = np.random.default_rng(0).normal(size=40).cumsum()
+    for forth, back in zip(moving_line(x, 7), moving_line(x[::-1], 7)):
+        np.testing.assert_allclose(forth, back[::-1], atol=1e-12)

@@ -405,7 +405,7 @@ def test_a_fit_that_settles_does_not_warn():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model = FNNRegressor(random_state=0).fit(x, BISHOP["square"][0])
-    assert np.all(np.isfinite(model.predict(x)))
+    assert model.score(x, BISHOP["square"][0]) > 0.99
 
 
 def test_layers_join_and_part():

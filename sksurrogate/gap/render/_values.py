@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
-from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._effect_estimate import EffectEstimate, only_in
 
 __all__ = ["change_of", "confidence", "number", "percent", "place_of", "readable"]
 
@@ -82,7 +82,7 @@ def place_of(effect: EffectEstimate) -> str:
     'linear loss at speed'
     """
     driven = f", driven by {effect.variable}" if effect.variable and effect.variable != effect.location else ""
-    return f"{readable(effect.name)} at {effect.location}{driven}"
+    return f"{readable(effect.name)} at {effect.location}{driven}{only_in(effect)}"
 
 
 def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mapping[str, str]) -> list[str]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-__all__ = ["BAND", "EffectEstimate"]
+__all__ = ["BAND", "EffectEstimate", "only_in"]
 
 
 #: Half width of a 90 % interval in standard deviations.
@@ -37,6 +38,8 @@ class EffectEstimate:
         Those of ``equivalents`` that contain this effect and fit no better: richer, not needed.
     at_port : bool
         Whether it is a law that adds to what enters at a port: its magnitude is in the port's unit, not in that of dx/dt.
+    runs : tuple or None
+        Labels of the runs in which it acts; None where it acts in all.
 
     Examples
     --------
@@ -57,10 +60,24 @@ class EffectEstimate:
     why: str = ""
     richer: list[tuple[str, str, str | None]] = field(default_factory=list)
     at_port: bool = False
+    runs: tuple[Any, ...] | None = None
 
     def __str__(self) -> str:
         driver = f" in {self.variable}" if self.variable else ""
-        return f"{self.name} at {self.location}{driver}: {values_of(self)}; {weight_of(self)}"
+        return f"{self.name} at {self.location}{driver}{only_in(self)}: {values_of(self)}; {weight_of(self)}"
+
+
+def only_in(effect: EffectEstimate) -> str:
+    """The runs in which it acts; empty where these are all.
+
+    Examples
+    --------
+    >>> only_in(EffectEstimate("input_lag", "u", None, 1.0, {}, {}, 1.0, runs=("a", "c")))
+    ", in runs 'a', 'c'"
+    """
+    if effect.runs is None:
+        return ""
+    return f", in {'run' if len(effect.runs) == 1 else 'runs'} {', '.join(map(repr, effect.runs))}"
 
 
 def values_of(effect: EffectEstimate) -> str:

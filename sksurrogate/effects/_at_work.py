@@ -1,0 +1,64 @@
+"""Which effects are at work: their values in order, those that are absent, those that act in a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.exceptions import SimulatorError
+
+__all__ = ["acting_in", "is_null", "values_of"]
+
+
+def acting_in(effects: Sequence[Any], runs: Sequence[Sequence[Any] | None] | None, label: Any) -> list[int]:
+    """Numbers of the effects that act in a run.
+
+    Parameters
+    ----------
+    effects : sequence
+    runs : sequence or None
+        For each effect the labels of its runs, None for all.
+    label : object
+
+    Raises
+    ------
+    SimulatorError
+        ``runs`` has another length, or lists the run under the same text in another type.
+
+    Examples
+    --------
+    >>> acting_in(["lag", "gain"], [["b"], None], "a")
+    [1]
+    """
+    some = [None] * len(effects) if runs is None else list(runs)
+    if len(some) != len(effects):
+        raise SimulatorError(f"runs has {len(some)} entries, effects {len(effects)}: give one for each effect.")
+    for labels in some:
+        alike = [one for one in labels or () if str(one) == str(label) and one != label]
+        if alike:
+            raise SimulatorError(f"label={label!r}: the runs are listed with {alike[0]!r}; give it in that type.")
+    return [k for k, labels in enumerate(some) if labels is None or label in labels]
+
+
+def values_of(effect: BaseEffect, given: Any) -> tuple[float, ...]:
+    """Parameters of an effect in their order, from a dict or a sequence."""
+    names = [parameter.name for parameter in effect.parameters]
+    if isinstance(given, Mapping):
+        if set(given) != set(names):
+            raise SimulatorError(f"values of {effect!r}: got {sorted(given)}, expected {names}.")
+        return tuple(float(given[name]) for name in names)
+    numbers = tuple(float(value) for value in np.ravel(given))
+    if len(numbers) != len(names):
+        raise SimulatorError(f"values of {effect!r}: got {len(numbers)} numbers, expected {names}.")
+    return numbers
+
+
+def is_null(effect: BaseEffect, theta: tuple[float, ...]) -> bool:
+    """Whether the effect is absent at these values: its magnitude is null and all it does is in proportion to it."""
+    if not effect.parameters:
+        return False
+    nulls = tuple(parameter.null for parameter in effect.parameters)
+    return theta == nulls or (effect.linear and theta[0] == nulls[0])

@@ -1,0 +1,137 @@
+"""Effects that act in some of the runs: where the simulator alone agrees with the others, these are diagnosed by themselves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.exceptions import SurrogateError
+from sksurrogate.gap._pipeline import DiagnosisPipeline
+from sksurrogate.gap._progress import SOON, Progress
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.render._report import GapReport
+from sksurrogate.gap.results._data_faults import listed
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.kernels.record import Record
+from sksurrogate.runs import Runs
+
+__all__ = ["Answer", "in_some_runs"]
+
+#: A diagnosis, the rows of the record that it saw, and its report.
+Answer = tuple[DiagnosisPipeline[Any], np.ndarray, GapReport]
+#: A run is at the noise up to this many standard errors of its RMS: one in a thousand is above them.
+STANDARD_ERRORS = 3.0
+
+
+def in_some_runs(
+    begin: Callable[[Runs, Record], Any], runs: Runs, record: Record, whole: Answer, progress: Progress
+) -> Answer | None:
+    """The diagnosis of the runs that the simulator alone does not explain; None where all runs are alike.
+
+    What is named there must be absent from runs that would show it: their likelihood with it, initial states free, is below
+    that without it by more than the choice of the runs costs.
+
+    Parameters
+    ----------
+    begin : callable (runs, record) -> Prepared
+        The diagnosis of some runs.
+    runs : Runs
+    record : Record
+        Of all of them.
+    whole : tuple
+        The diagnosis of all runs.
+    progress : Progress
+    """
+    pipeline, rows, report = whole
+    late = pipeline.time_limit is not None and time.perf_counter() - progress.started_at > SOON * pipeline.time_limit
+    settled = report.verdict == "none" or (report.verdict == "explained" and len(report.effects) == 1)
+    if settled or late or not report.complete or record.steps is not None or record.offset is not None:
+        return None
+    run = record.run_of_row[rows]
+    quiet = _at_the_noise(pipeline, run)
+    some = np.setdiff1d(run, quiet)
+    if not len(quiet) or not len(some):
+        return None
+    answer = _by_themselves(begin, runs, record, some, whole, progress)
+    if answer is None:
+        return None
+    part, seen, said = answer
+    nats = _nats_without(pipeline, run, quiet, part.augmented())
+    absent, shown = quiet[nats > NATS_THAT_SETTLE], quiet[nats < -NATS_THAT_SETTLE]
+    if np.sum(nats) < NATS_THAT_SETTLE + len(runs) * np.log(2.0) or not len(absent):
+        return None
+    acting = np.union1d(some, shown)
+    silent = np.setdiff1d(np.arange(len(runs)), np.union1d(acting, absent))
+    here, *others = ([runs[r].label for r in which] for which in (acting, some, absent, silent))
+    part.acts_in = tuple(here)
+    effects = [replace(effect, runs=part.acts_in) for effect in said.effects]
+    said = replace(said, effects=effects, notes=(_said(here, *others), *said.notes), data=report.data)
+    return part, np.flatnonzero(np.isin(record.run_of_row, some))[seen], said
+
+
+def _by_themselves(
+    begin: Callable[[Runs, Record], Any],
+    runs: Runs,
+    record: Record,
+    some: np.ndarray,
+    whole: Answer,
+    progress: Progress,
+) -> Answer | None:
+    """The diagnosis of some runs alone; None where it names nothing, or cannot be made: that of all runs is known."""
+    whole[0].search.report(f"{_runs([runs[r].label for r in some])} by themselves")
+    try:
+        chosen = replace(runs, runs=tuple(runs[r] for r in some))
+        part, seen, processes = begin(chosen, record.select(some.tolist()))
+        with processes[0], processes[1]:
+            said = part.run(progress)
+    except (SurrogateError, FloatingPointError, np.linalg.LinAlgError):
+        return None
+    named = said is not None and said.complete and said.effects and said.verdict in ("explained", "partial")
+    return (part, seen, said) if said is not None and named else None
+
+
+def _said(acting: Sequence[Any], seen: Sequence[Any], absent: Sequence[Any], silent: Sequence[Any]) -> str:
+    """Where it acts, which of these runs were diagnosed, where it does not act, and where nobody knows."""
+    of = "this run" if len(seen) == 1 else "these runs"
+    return (
+        f"What was found acts in {_runs(acting)} alone, and the figures are of {of if acting == seen else _runs(seen)}; "
+        f"{_runs(absent)} would show it, and agree{'s' if len(absent) == 1 else ''} with the simulator without it."
+        + (f" Whether it acts in {_runs(silent)} does not show." if silent else "")
+    )
+
+
+def _runs(labels: Sequence[Any]) -> str:
+    """``run 'a'`` or ``runs 1, 2``."""
+    return f"{'run' if len(labels) == 1 else 'runs'} {listed([repr(label) for label in labels])}"
+
+
+def _at_the_noise(pipeline: DiagnosisPipeline[Any], run: np.ndarray) -> np.ndarray:
+    """Runs in which the simulator alone is at the noise in every output."""
+    null = pipeline.null.candidate
+    squares = null.without_starts(null.residual[None])[0] ** 2  # in units of the noise
+    known = null.problem.record.known
+    found = []
+    for r in np.unique(run):
+        counts = np.full(len(squares), float(np.sum(run == r))) if known is None else known[:, run == r].sum(axis=1)
+        left = np.sqrt(squares[:, run == r].sum(axis=1) / np.maximum(counts, 1))
+        if np.all(left < AT_THE_NOISE + STANDARD_ERRORS / np.sqrt(2.0 * np.maximum(counts, 1))) and np.any(counts):
+            found.append(r)
+    return np.array(found, dtype=int)
+
+
+def _nats_without(pipeline: DiagnosisPipeline[Any], run: np.ndarray, quiet: np.ndarray, augmented: Any) -> np.ndarray:
+    """How much likelier some runs are without the effects than with them, in nats; initial states free in both."""
+    null = pipeline.null.candidate
+    own, at_start = null.problem.record, null.initial_states()
+    moved = own.y - null.residual
+    for start, (a, b) in zip(at_start, own.spans):
+        if run[a] in quiet:
+            x0 = start if np.all(np.isfinite(start)) else None
+            moved[:, a:b] = np.reshape(augmented.simulate(own.u[:, a:b].T, x0, own.t[a:b]), (b - a, -1)).T
+    both = null.without_starts(np.stack([own.residual(moved), null.residual]))
+    squares = np.sum(both**2, axis=1)
+    return np.array([0.5 * np.sum(squares[0, run == r] - squares[1, run == r]) for r in quiet])
