@@ -6,7 +6,7 @@
     ├── DataError (ValueError)             X, y, groups, time do not fit the data convention
     │   └── RunError                       a run is in two pieces, too short, unknown
     ├── SimulatorError (ValueError)        a simulator does not keep the protocol
-    │   └── SimulationDiverged             a free run left the finite numbers, or its simulator stopped
+    │   └── SimulationDiverged             a free run became infinite or nan, or its simulator stopped
     └── MissingExtraError (ImportError)    an optional package is not installed
 """
 
@@ -78,7 +78,7 @@ class SimulatorError(SurrogateError, ValueError):
 
 
 class SimulationDiverged(SimulatorError):
-    """A free run left the finite numbers, or its simulator stopped: a candidate that breaks it is left out.
+    """A free run became infinite or nan, or its simulator stopped: a candidate that breaks it is left out.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@ Withheld effects: would the diagnosis have found them?
 ======================================================
 
 A diagnosis can be tested where the truth is known. The check draws plants with an effect that their simulator lacks
-and seals the truth. Another process diagnoses. Then the seal is opened.
+and seals the truth. Another process makes the diagnosis. Then the truth is opened.
 """
 
 import os
@@ -19,10 +19,10 @@ for row in result.rows:
     print(
         f"{row['plant']}, {row['excitation']}: {truths[0]} is missing; {row['verdict']}, named: {' and '.join(named)}"
     )
-print(result.to_markdown())
+print(result)
 
 # %%
-# How far the free-run error fell on runs that nobody fitted, beside the true effect refitted (the oracle).
+# The share of the free-run error that is gone on held-out runs, compared with the true effect refitted (the oracle).
 
 plt = require("matplotlib.pyplot", "plot")
 found = [row for row in result.rows if row.get("shrink") is not None]

@@ -2,8 +2,7 @@
 Cluster: does a diagnosis with dask give the same answer?
 =========================================================
 
-The context of joblib decides where the work runs. A dask cluster of two processes on this machine stands for a
-larger one. The search and the diagnosis must give the same answers. The memory of a worker is printed.
+The joblib context decides where the work runs. Here a dask cluster has two processes on this machine. The search and the diagnosis must give the same answers. The memory of a worker is printed.
 """
 
 import warnings

@@ -8,6 +8,7 @@ A fast model of a swinging arm has viscous friction only; a detailed one has air
 
 import numpy as np
 
+from sksurrogate.exceptions import require
 from sksurrogate.gap import compare_simulators
 from sksurrogate.physics import ODESimulator
 
@@ -36,6 +37,13 @@ print(report.sentence)
 # The fast model with the missing term is a simulator again.
 better = data.diagnoser.augmented_
 first = data.groups == 0
-for name, simulator in (("fast", a), ("fast with the named term", better)):
-    error = simulator.simulate(data.X[first]) - data.y[first]
-    print(f"{name}: RMS error {np.sqrt(np.mean(error**2)):.4f}")
+time = names["dt"] * np.arange(first.sum())
+plt = require("matplotlib.pyplot", "plot")
+figure, ax = plt.subplots(figsize=(8, 3), layout="constrained")
+ax.plot(time, data.y[first], "0.7", linewidth=4, label="detailed simulator")
+for name, simulator, style in (("fast", a, "C1--"), ("fast with the named term", better, "k")):
+    angle = simulator.simulate(data.X[first])
+    ax.plot(time, angle, style, linewidth=1, label=name)
+    print(f"{name}: RMS error {np.sqrt(np.mean((angle - data.y[first]) ** 2)):.4f}")
+ax.set(xlabel="time / s", ylabel="angle / rad")
+figure.legend(loc="outside upper center", frameon=False, ncols=3)

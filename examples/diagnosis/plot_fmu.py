@@ -63,7 +63,7 @@ diagnoser.fit(X, y, groups=runs)
 print(diagnoser.report_)
 
 # %%
-# Measured, the unit, and the unit with what was named.
+# Measured, the unit alone, and the unit with the named effect.
 plt = require("matplotlib.pyplot", "plot")
 trace = diagnoser.report_.traces[0]
 figure, ax = plt.subplots(figsize=(8, 3.2), constrained_layout=True)

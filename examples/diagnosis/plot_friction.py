@@ -37,7 +37,7 @@ diagnoser.fit(U[:6].reshape(-1, 1), Y[:6].reshape(-1), groups=np.repeat(np.arang
 print(diagnoser.report_)
 
 # %%
-# The seventh run: the dry friction stops the pendulum, which no viscous damping does.
+# The seventh run: dry friction stops the pendulum; viscous damping alone does not.
 plt = require("matplotlib.pyplot", "plot")
 t = 0.05 * np.arange(200)
 figure, ax = plt.subplots(figsize=(8, 3.2), constrained_layout=True)

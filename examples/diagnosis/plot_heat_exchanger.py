@@ -41,8 +41,8 @@ diagnoser.fit(U[:5].reshape(-1, 2), Y[:5].reshape(-1), groups=np.repeat(np.arang
 print(diagnoser.report_)
 
 # %%
-# The error over the four days of a run that took no part in the fit: it grows with the simulator as it is, and is noise with
-# what was named.
+# The error over the four days of a run that took no part in the fit. The error of the simulator grows. With the named effect only
+# noise is left.
 plt = require("matplotlib.pyplot", "plot")
 days = 0.5 * np.arange(n) / 24
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.8), sharex=True, constrained_layout=True)

@@ -4,7 +4,7 @@ A two-link arm: which friction, and which motor is late?
 
 The model of an arm (MuJoCo) knows masses, lengths and damping. The real arm has dry friction in its elbow, and the drive
 of its shoulder acts 30 ms late. Both are found from recorded angles. The friction goes into a patched model file; the
-corrected simulator follows runs that nobody fitted.
+corrected simulator follows runs that took no part in the fit.
 """
 
 import os
@@ -55,7 +55,15 @@ recorded, unseen = slice(0, 5), slice(5, 7)
 # %%
 # The diagnosis. ``effects=`` keeps the example short; without it the whole catalogue competes.
 
-names = ["coulomb_friction", "stribeck_friction", "linear_loss", "parameter_error", "input_gain", "input_delay", "input_lag"]
+names = [
+    "coulomb_friction",
+    "stribeck_friction",
+    "linear_loss",
+    "parameter_error",
+    "input_gain",
+    "input_delay",
+    "input_lag",
+]
 diagnoser = GapDiagnoser(arm, effects=names, random_state=0)
 runs = np.repeat(np.arange(5), n)
 report = diagnoser.fit(torque[recorded].reshape(-1, 2), measured[recorded].reshape(-1, 2), groups=runs).report_
@@ -64,7 +72,7 @@ for effect in report.effects:
     print(effect)
 
 # %%
-# What MJCF can say goes into a model file. What it cannot say stays in ``augmented_``, the simulator with all effects.
+# Effects that MJCF can express go into a model file. ``augmented_`` is the simulator with all effects.
 
 patched, left = arm.as_parameters(diagnoser.augmented_.effects, diagnoser.augmented_.values)
 with tempfile.TemporaryDirectory() as folder:
@@ -73,7 +81,7 @@ print([line.strip() for line in text.splitlines() if 'name="elbow"' in line])
 print("left to the simulator with effects:", [diagnoser.augmented_.effects[k].name for k in left])
 
 # %%
-# Runs that nobody fitted, before and after.
+# Runs that took no part in the fit, before and after.
 
 before = np.stack([arm.simulate(U, x0=x0) for U, x0 in zip(torque[unseen], start[unseen])])
 after = np.stack([diagnoser.augmented_.simulate(U, x0=x0) for U, x0 in zip(torque[unseen], start[unseen])])
@@ -87,6 +95,6 @@ for axis, joint, k in zip(axes, ("shoulder", "elbow"), range(2)):
     axis.plot(t, angle[5, :, k], color="#999999", linewidth=4, label="real arm")
     axis.plot(t, before[0, :, k], color="#d55e00", linestyle="--", label="model as it was")
     axis.plot(t, after[0, :, k], color="#0072b2", label="with both effects")
-    axis.set(ylabel=f"{joint} (rad)")
-axes[-1].set(xlabel="time (s)")
-axes[0].legend(frameon=False, ncols=3)
+    axis.set(ylabel=f"{joint} / rad")
+axes[-1].set(xlabel="time / s")
+figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", frameon=False, ncols=3)

@@ -42,8 +42,8 @@ print(f"chosen: {best}")
 print(f"root mean squared error: validation {-search.best_score_:.3f}, grading {grade:.3f}; the noise is 0.200")
 
 # %%
-# Left: the model chosen. Right: the validation error over the rank for each number of knots, at the degree chosen: past
-# some rank it falls no more and rises again.
+# Left: the chosen model. Right: the validation error over the rank for each number of knots, at the chosen degree. It falls to
+# a minimum and rises again.
 
 gcv = PCRRegressor("gcv", features=SplineFeatures(best["splines__n_knots"], best["splines__degree"])).fit(
     x_train, y_train

@@ -4,7 +4,7 @@ Free knots: where should a few knots be?
 
 Section 2.5 of Lie, *Surrogate and Hybrid Models for Control* (SIMS 2019): in theta Phi(x; omega) the places and
 widths omega are fitted too. A curve with one steep front is fitted with six equidistant knots, with six free knots,
-and with three free Gaussians. There are local minima: the last panel shows what each of twelve starts reached.
+and with three free Gaussians. There are local minima: the last panel shows the result of each of twelve starts.
 """
 
 import matplotlib.pyplot as plt

@@ -55,9 +55,9 @@ for n_runs in SIZES:
 print(f"medians of {DRAWS} draws; the last fit took {seconds:.1f} s")
 
 # %%
-# One unseen run in which the simulator is far off, as in the paper's picture.
-# On the right, what the table says: data do not help the simulator; from two runs on, hybrid and surrogate alone are both far
-# below it, and on this plant of one state neither needs fewer runs than the other.
+# Left: an unseen run with a large error of the simulator, as in the paper's figure.
+# Right: the errors of the table. The simulator does not learn. From two runs on, the errors of hybrid and surrogate are both far
+# smaller, and on this plant of one state both need about the same number of runs.
 run = int(np.argmax([np.std((alone - new_y)[new == k]) for k in range(N_NEW)]))
 rows = new == run
 t = simulator.dt * np.arange(N_SAMPLES)

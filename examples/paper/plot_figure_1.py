@@ -3,7 +3,7 @@ Splines: how do pulses and triangles pass through ten points? (Figure 1)
 ========================================================================
 
 Figure 1 of Lie, *Surrogate and Hybrid Models for Control* (SIMS 2019). Above: splines of order zero and one,
-centred at ten regularly spaced data. Below: the least-squares fits with them. As many splines as data interpolate.
+centred at ten regularly spaced data. Below: the least-squares fits with them. Ten splines interpolate ten data.
 Noisy data need fewer splines: the last panel has 200 noisy points and eight cubic splines.
 """
 

@@ -27,7 +27,7 @@ axes[1].legend(ncols=4, fontsize=8, frameon=False)
 axes[2].set(ylabel="dy/dt", xlabel="time", yscale="symlog")
 
 # %%
-# The derivatives are those of the outputs, and every start is forgotten before the end.
+# All runs come together before the end, so the initial state has no influence there.
 
 plant = make_reactor(dt=1e-4)
 fine = plant.simulate(np.full((2, 1), X[0, 0]), x0=[15.0])[:, 0]

@@ -70,7 +70,7 @@ ax.legend(
 )
 
 # %%
-# The share of the (y, u) box that each data set speaks about.
+# The share of the (y, u) box that each data set covers.
 
 shares = {}
 for name, (inputs, outputs) in reports.items():

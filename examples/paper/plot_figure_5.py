@@ -64,7 +64,7 @@ for ax, (name, model) in zip(axes, models.items()):
 axes[0].set_ylabel("y (solid: plant, dotted: model)")
 
 # %%
-# The paper's statement: poor elsewhere; and its remedy: all runs.
+# The paper says: the model is poor in other regimes. The remedy is to use all runs.
 
 one, every = (np.array(v) for v in fits.values())
 assert one[0] > 95 and one[5:].max() < 70  # the last three start from y(0) = 3, 1.5 and 0.5

@@ -3,7 +3,7 @@ Recursion: is a good one-step model good in a free run? (Figure 6)
 ==================================================================
 
 The model is y[t] = FNN(y[t-1], u[t], u[t-1]) with 3 nodes, fitted to noisy runs. The one-step fit looks good, but
-its free run drifts. The same network trained through its own free run (shooting) is drawn beside it.
+its free run drifts. The figure also shows the same network trained through its own free run (shooting).
 """
 
 import warnings
@@ -56,8 +56,8 @@ for ax, (name, found) in zip(axes, panels.items()):
 axes[0].set_ylabel("y (solid: plant, dotted: model)")
 
 # %%
-# One step ahead the model is within the noise that it was given (R2 0.95 and more); in recursion its error is of the
-# same size or larger although the noise does not enter there; shooting removes most of it.
+# One step ahead the error is within the noise of the data (R2 0.95 and more). In recursion the error is as large or larger,
+# although no noise enters. Shooting removes most of it.
 
 one_step = middle.predict_one_step(X, y, groups=groups)
 known = np.isfinite(one_step)

@@ -2,8 +2,8 @@
 Lags: do five past samples improve the free run? (Figure 7)
 ===========================================================
 
-The model is y[t] = FNN(y[t-1], ..., y[t-5], u[t], ..., u[t-5]) with 3 nodes, on the noisy runs of Figure 6. A
-recurrent network (GRU), which the paper does not cover, is drawn beside it.
+The model is y[t] = FNN(y[t-1], ..., y[t-5], u[t], ..., u[t-5]) with 3 nodes, on the noisy runs of Figure 6. The
+figure also shows a recurrent network (GRU), which is not in the paper.
 """
 
 import warnings
@@ -65,9 +65,9 @@ for ax, (name, found) in zip(axes, panels.items()):
 axes[0].set_ylabel("y (solid: plant, dotted: model)")
 
 # %%
-# Five lags average the noise out of the past; the middle one of seven starts is decent in recursion. The recurrent
-# network is trained on its free run, without feedback of outputs, and is twice as good; the one-lag network trained by
-# shooting (Figure 6) is as good with far fewer weights.
+# Five lags average the noise. The median of seven starts is good in recursion. The recurrent network is trained on its free run,
+# without feedback of outputs, and has half the error. The one-lag network trained by shooting (Figure 6) is as good with far fewer
+# weights.
 
 recurrent = rmse(free_run(gru))
 print(f"recurrent network: RMSE {recurrent:.3f}")

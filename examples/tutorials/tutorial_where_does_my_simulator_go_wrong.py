@@ -3,13 +3,13 @@ Where does my simulator go wrong?
 =================================
 
 A heated tank has a simulator, and the simulator does not follow the measured temperature. This notebook finds out what it lacks,
-checks the answer on a run that nobody used, and saves the corrected simulator.
+checks the answer on a run that was kept back, and saves the corrected simulator.
 """
 
 # %%
 # The simulator
 # -------------
-# The tank is stirred. Water flows in at 20 °C, a heater warms it. Units are optional; with them every number of the
+# The tank is stirred. Water flows in at 20 °C, and a heater warms it. Units are optional. With them every number of the
 # report has its unit.
 import tempfile
 from pathlib import Path
@@ -33,8 +33,8 @@ simulator = ODESimulator(tank, params={"mass": 50.0}, units=units, **signals)
 # %%
 # The recording
 # -------------
-# In place of a real tank we simulate one. It stands outdoors at 0 °C and loses heat through its wall, and its heater needs
-# 40 s to warm up. The simulator knows neither. Five runs with steps of both inputs; the noise of the sensor is 0.05 K.
+# We simulate the real tank. It is outdoors at 0 °C and loses heat through its wall, and its heater needs 40 s to warm up. The
+# simulator knows neither. There are five runs with steps of both inputs. The sensor has a noise of 0.05 K.
 
 
 def real_tank(t, x, u, p):
@@ -63,8 +63,8 @@ ax.set(xlabel="time / s", ylabel="T / °C")
 ax.legend()
 
 # %%
-# Ask
-# ---
+# Diagnose
+# --------
 # All effects of the catalogue compete: losses, delays, wrong parameters, faults of the sensor.
 diagnoser = GapDiagnoser(simulator, random_state=0)
 diagnoser.fit(X[~unseen], y[~unseen], groups=runs[~unseen])
@@ -72,8 +72,8 @@ report = diagnoser.report_
 print(report)
 
 # %%
-# The sentence at the top names what is missing. Before you rely on a name, look at its probability and at what else explains
-# the data as well:
+# The sentence at the top gives the missing effects. Before you rely on a name, look at its probability, and at other effects that
+# explain the data as well:
 for effect in report.effects:
     print(
         effect.name,
@@ -100,10 +100,10 @@ for name, model in ("simulator", simulator), ("corrected", better):
     print(f"{name:10s} RMSE {np.sqrt(np.mean(error**2)):.3f} K")
 
 # %%
-# Keep it
-# -------
+# Save the result
+# ---------------
 # ``save_augmented`` writes names and numbers as text; ``load_augmented`` builds the corrected simulator again. The other
-# notebook puts a model into a controller.
+# notebook uses a corrected simulator in a controller.
 file = Path(tempfile.mkdtemp()) / "tank.json"
 save_augmented(better, file)
 again = load_augmented(simulator, file)

@@ -187,7 +187,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         Raises
         ------
         SimulationDiverged
-            The free run left the finite numbers or went far beyond the training outputs.
+            The free run became infinite or nan or went far beyond the training outputs.
         """
         check_is_fitted(self, "estimator_")
         runs = self._resolve(X, None, groups)

@@ -28,7 +28,7 @@ __all__ = ["HybridRegressor"]
 
 
 class HybridRegressor(RegressorMixin, BaseEstimator):
-    """Free run of a simulator plus a learned correction, as far as runs support it that were left out.
+    """Free run of a simulator plus a learned correction, as far as left-out runs support it.
 
     ``y_h[t] = y_s[t] + f(d[t-1], ..., d[t-n], u[t], ..., u[t-n])`` with ``d = y_h - y_s`` the correction's own past
     (the equation at the end of section 4.4 of the paper); y_s is the simulator's free run.
@@ -84,15 +84,15 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     free_run_rmse_ : float
         On the training runs.
     shrinkage_ : ndarray (n_outputs,)
-        Share of the correction that left-out runs support and that is kept: 1 all of it, 0 the simulator alone. The gain
-        over the simulator, less one standard error of it, is largest there. One number for all outputs with "dynamics" and
+        Share of the correction that left-out runs support and that is kept: 1 is the whole correction, 0 the simulator alone.
+        It maximises the gain over the simulator less one standard error of the gain. One number for all outputs with "dynamics" and
         "input".
     report_ : CorrectionReport
         The same with the errors of simulator, whole correction and kept share on left-out runs; ``print`` gives a sentence.
     left_out_rmse_ : ndarray (n_outputs,)
-        What ``return_std`` starts from: on runs left out (every third of them; of one or two runs one of eight blocks), at
-        the price of three to eight more fits. Without a simulator the default residual, whose nets show by their spread what
-        they do not know, is judged on the training runs.
+        Error on left-out runs (every third run; with one or two runs, one of eight blocks), the base of ``return_std``; it costs
+        three to eight more fits. Without a simulator the default residual is tested on the training runs, because the spread
+        of its nets shows what they do not know.
     region_ : Domain
         Ranges of inputs and outputs in the training data.
     n_features_in_ : int
@@ -236,14 +236,14 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         Raises
         ------
         SimulationDiverged
-            The free run left the finite numbers.
+            The free run became infinite or nan.
         """
         runs, free, first = self._free(X, y0, groups, return_std)
         for run, part in zip(runs, free.y):
             if not np.all(np.isfinite(part)):
                 row = int(np.flatnonzero(~np.isfinite(part).all(axis=1))[0])
                 raise SimulationDiverged(
-                    f"the hybrid's free run left the finite numbers: run {run.label!r}, row {row}. Use more training runs, "
+                    f"the hybrid's free run became infinite or nan: run {run.label!r}, row {row}. Use more training runs, "
                     "a larger penalty in residual, or fewer lags.",
                     run=run.label,
                     row=row,

@@ -97,7 +97,7 @@ def _n_states(simulator: Any) -> int:
         return 0
     if describe(simulator).access == "trajectory":
         raise SimulatorError(
-            f"{type(simulator).__name__} gives trajectories only: a hybrid can leave the house only around a simulator with rhs or step."
+            f"{type(simulator).__name__} gives trajectories only: a hybrid can be exported only around a simulator with rhs or step."
         )
     return len(describe(simulator).states)
 

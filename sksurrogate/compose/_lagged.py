@@ -55,7 +55,7 @@ def name_features(runs: Runs, output_lags: Sequence[int], input_lags: Any) -> tu
 def diverged(
     found: np.ndarray, lengths: Sequence[int], n: int, mean: np.ndarray, spread: np.ndarray
 ) -> list[tuple[int, int]]:
-    """(run, step) of the free runs (n_runs, n_steps, n_outputs) that left the finite numbers or went far beyond."""
+    """(run, step) of the free runs (n_runs, n_steps, n_outputs) that became infinite or nan or went far beyond."""
     limit = DIVERGED_RUN * (spread + np.abs(mean))
     if all(
         mean[i] - limit[i] <= found[:, :, i].min() and found[:, :, i].max() <= mean[i] + limit[i]

@@ -115,6 +115,6 @@ def forgetting(model: LagNet, runs: Sequence[Run], scaling: Scaling, n_first: in
 
 
 def _run(model: LagNet, X: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """One free run (n_samples, n_outputs); it may leave the finite numbers."""
+    """One free run (n_samples, n_outputs); it may become infinite or nan."""
     with np.errstate(all="ignore"):
         return free_run(model, X[None], first[None])[0]

@@ -64,7 +64,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
     alpha : float, "evidence", "auto" or None, default="evidence"
         Penalty of the shooting loss ``sum e^2 + alpha * sum w^2``, with errors, features and so weights in units of the
         training data's spread. "evidence": penalty and noise by MacKay's evidence along the fit, which begins at the
-        one-step fit and under a strong penalty and ends before a model that runs away from elsewhere (see Notes).
+        one-step fit and under a strong penalty; it refuses models that diverge from other initial states (see Notes).
         None: 0.1 for networks and features, 0 for linear models. "auto" (networks): the largest within one standard
         error of the best on halves of the runs left out; some 20 fits.
     stability : float, default=0
@@ -89,7 +89,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
     shooting_loss_, alpha_ : float
         With ``loss="shooting"``: the loss and the penalty.
     noise_ : ndarray (n_outputs,)
-        With ``alpha="evidence"`` (networks, linear models): standard deviation of what the free runs leave, units of y.
+        With ``alpha="evidence"`` (networks, linear models): standard deviation of the residual of the free runs, units of y.
     compiled_ : bool
         Whether the regressor is run as plain arrays (see Notes).
     feature_names_ : list of str
@@ -104,10 +104,9 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
     runs together. Equal one-step errors hide free-run errors of very different size: select on ``score`` or
     ``free_run_rmse_``.
 
-    With ``alpha="evidence"`` a fit is refused whose runs from other starts (other runs' rows, the ends of the range, rough
-    rows) leave the region, grow or stay apart where those of a strongly penalised fit do not. Training runs begin at
-    measured rows, noise included, as ``predict`` does: with starts free to move, nothing keeps the model from being
-    thrown off by noise in its lags.
+    With ``alpha="evidence"`` unstable fits are refused: their runs from other starts (other runs' rows, the ends of the range,
+    rough rows) leave the region, grow or stay apart, while those of a strongly penalised fit do not. Training runs begin at
+    measured rows, noise included, as ``predict`` does. With free starts the model would not learn to tolerate noise in its lags.
 
     References
     ----------
@@ -229,7 +228,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
         Raises
         ------
         SimulationDiverged
-            The free run left the finite numbers or went far beyond the training outputs.
+            The free run became infinite or nan or went far beyond the training outputs.
         """
         check_is_fitted(self, "estimator_")
         runs = self._resolve(X, None, groups)

@@ -58,7 +58,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         Whether the current input enters y[t] at once.
     alpha : float or "evidence", default="evidence"
         Penalty on the networks' weights beside the mean squared error, in units of standardised data. "evidence": penalty and
-        noise by MacKay's evidence, initial states integrated out; steps to models that run away from elsewhere are not taken.
+        noise by MacKay's evidence, initial states integrated out; steps to models that diverge from other initial states are refused.
     refine : bool, default=True
         Whether a linear model is refined by output error; False: the subspace model.
     horizon : int, optional
@@ -88,7 +88,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     free_run_rmse_ : float
         On the training runs from the fitted initial states.
     noise_ : ndarray (n_outputs,)
-        Standard deviation of what the free runs leave, in units of y.
+        Standard deviation of the residual of the free runs, in units of y.
     alpha_ : float
         The penalty; 0 for a linear model.
     n_initial_ : int
@@ -97,7 +97,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
 
     Notes
     -----
-    The loss is the simulation error: there is no one-step form, since the state is not measured. ``y0`` is turned into
+    The loss is the simulation error. There is no one-step form, because the state is not measured. ``y0`` is turned into
     an initial state by least squares over these rows, with the training states as prior. The free run and its exact
     sensitivities are banded solves over the whole time axis.
 
@@ -215,7 +215,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         Raises
         ------
         SimulationDiverged
-            The free run left the finite numbers or went far beyond the training outputs.
+            The free run became infinite or nan or went far beyond the training outputs.
         """
         check_is_fitted(self, "theta_")
         runs = self._resolve(X, None, groups)

@@ -21,7 +21,7 @@ PROBES = 4096
 
 @dataclass(frozen=True, eq=False)
 class CoverageReport:
-    """Which part of a box in (y, u) a data set speaks about.
+    """The part of a box in (y, u) that a data set covers.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class CoverageReport:
     seen : ndarray (n_names, 2)
         Range of the data.
     radius : float
-        A point further than this from every row counts as not spoken about.
+        A point further than this from every row counts as not covered.
     share : float
         Part of the box within ``radius`` of a row.
     holes : ndarray (n_holes, n_names)
@@ -112,7 +112,7 @@ def coverage_report(
     radius: float = 0.05,
     n_holes: int = 5,
 ) -> CoverageReport:
-    """Where in (y, u) does a data set say nothing? (paper section 4.2)
+    """Which part of (y, u) does a data set not cover? (paper section 4.2)
 
     A free run that leaves the covered part is extrapolation, whatever its score elsewhere.
 

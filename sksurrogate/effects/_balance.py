@@ -163,7 +163,7 @@ class AsymmetricFriction(_DryFriction):
     at_port = ("speed",)
     parameters = (Parameter("level", low=0.0, unit="dx/dt"), Parameter("offset", unit="dx/dt"))
     equation = "- c sign(v) - c2"
-    signature = "a square wave with the sign of v about a mean that is not nil"
+    signature = "a square wave with the sign of v about a mean that is not zero"
     twins = ("coulomb_friction", "constant_bias", "stribeck_friction")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:

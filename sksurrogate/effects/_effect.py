@@ -51,7 +51,7 @@ class BaseEffect(PriorOdds, BaseEstimator):
     parameters : tuple of Parameter
         Magnitude first.
     equation, signature : str
-        The form, and what it usually leaves in the residual, in words.
+        The form, and its typical residual in words.
     twins : tuple of str
         Effects that often predict the same.
     access : {"trajectory", "step"}
@@ -145,14 +145,14 @@ class BaseEffect(PriorOdds, BaseEstimator):
 
 
 class ParameterEffect(BaseEffect):
-    """A parameter of the simulator is not what it is said to be.
+    """A parameter of the simulator has a wrong value.
 
     Parameters
     ----------
     location : str, optional
         Where it enters, as in :class:`BaseEffect`.
     variable : str, optional
-        What drives it.
+        The signal that drives it.
 
     Examples
     --------
@@ -175,14 +175,14 @@ class ParameterEffect(BaseEffect):
 
 
 class BalanceEffect(BaseEffect):
-    """A term is missing in the balance of a state, or in what enters at a port.
+    """A term is missing in the balance of a state, or at a port.
 
     Parameters
     ----------
     location : str, optional
         The state, or an input or other port: the law then adds to the force that enters there, in the port's unit.
     variable : str, optional
-        What drives it.
+        The signal that drives it.
 
     Examples
     --------
@@ -252,7 +252,7 @@ class LimitEffect(BaseEffect):
     location : str, optional
         Where it enters, as in :class:`BaseEffect`.
     variable : str, optional
-        What drives it.
+        The signal that drives it.
 
     Examples
     --------
@@ -293,7 +293,7 @@ class HiddenEffect(BalanceEffect):
     location : str, optional
         Where it enters, as in :class:`BaseEffect`.
     variable : str, optional
-        What drives it.
+        The signal that drives it.
 
     Examples
     --------
@@ -333,14 +333,14 @@ class HiddenEffect(BalanceEffect):
 
 
 class InputEffect(BaseEffect):
-    """The actuator does something to the input before it acts.
+    """The actuator changes the input before it acts.
 
     Parameters
     ----------
     location : str, optional
         Where it enters, as in :class:`BaseEffect`.
     variable : str, optional
-        What drives it.
+        The signal that drives it.
 
     Examples
     --------
@@ -372,14 +372,14 @@ class InputEffect(BaseEffect):
 
 
 class SensorEffect(BaseEffect):
-    """The sensor does not show what it should.
+    """The sensor does not show the true output.
 
     Parameters
     ----------
     location : str, optional
         Where it enters, as in :class:`BaseEffect`.
     variable : str, optional
-        What drives it.
+        The signal that drives it.
 
     Examples
     --------

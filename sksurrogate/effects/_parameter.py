@@ -56,7 +56,7 @@ class ParameterDrift(ParameterEffect):
     rarity = 10.0
     parameters = (Parameter("rate", unit="1 over time"),)
     equation = "p (1 + c t)"
-    signature = "a residual that is nil at the start of a run and grows with time where the parameter acts"
+    signature = "a residual that is zero at the start of a run and grows with time where the parameter acts"
     twins = ("drift", "sensor_drift", "parameter_error", "parameter_step")
     access = "step"
 

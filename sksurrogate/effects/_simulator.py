@@ -203,7 +203,7 @@ class AugmentedSimulator(BaseSimulator):
         Raises
         ------
         SimulationDiverged
-            A state left the finite numbers.
+            A state became infinite or nan.
         SimulatorError
             U, x0, t, values or places do not fit.
         """

@@ -31,8 +31,8 @@ LARGEST_FILE = 2**20
 def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> None:
     """Write effects, their values and re-tuned parameters as JSON; the simulator itself is not stored.
 
-    With a path that ends in ``.xml`` and a simulator that writes its own model (``MuJoCoSimulator``), the model with what it
-    can say of the effects is written instead; a warning and a comment at its end list the effects that it cannot say.
+    With a path that ends in ``.xml`` and a simulator that writes its own model (``MuJoCoSimulator``), the model is written with all
+    effects that it can express. A warning, and a comment at its end, list the other effects.
 
     Parameters
     ----------

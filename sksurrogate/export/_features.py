@@ -48,7 +48,7 @@ def _spline(graph: Graph, basis: Any, x: int) -> int:
     """Splines of one input."""
     if basis.extrapolation == "periodic":
         raise SurrogateError(
-            'SplineFeatures(extrapolation="periodic") cannot be exported, since the graph has no remainder: '
+            'SplineFeatures(extrapolation="periodic") cannot be exported, because the graph has no remainder operation: '
             "wrap the input outside, or use FourierFeatures."
         )
     if basis.degree == 0:

@@ -86,7 +86,7 @@ class ComparedRuns(NamedTuple):
         Of the second simulator, with the noise.
     groups : ndarray of int (n_samples,)
     diagnoser : GapDiagnoser
-        Fitted; ``augmented_`` is the first simulator with what it lacked.
+        Fitted; ``augmented_`` is the first simulator with the missing effects.
 
     Examples
     --------
@@ -113,10 +113,10 @@ def compare_simulators(
     return_data: bool = False,
     **settings: Any,
 ) -> GapReport | tuple[GapReport, ComparedRuns]:
-    """Name what simulator ``b`` has that simulator ``a`` lacks.
+    """Name the effects that simulator ``b`` has and simulator ``a`` lacks.
 
-    Steps and multisines at three amplitudes are made within the limits of the inputs; ``b`` is simulated as if it were the
-    plant, and ``a`` is diagnosed against it.
+    Steps and multisines at three amplitudes are made within the limits of the inputs. ``b`` is simulated as the plant, and ``a``
+    is diagnosed.
 
     Parameters
     ----------

@@ -37,47 +37,47 @@ class GapDiagnoser(BaseEstimator):
     Parameters
     ----------
     simulator : object with ``simulate``
-        Nominal model; one with a right-hand side or a step function allows all effects, one with ``simulate`` alone
-        input, sensor and parameter effects.
+        Nominal model. With a right-hand side or a step function all effects can be tested, with ``simulate`` alone those of
+        inputs, sensors and parameters.
     effects : sequence of str, effect classes or effect instances, optional
         Candidates; None for the whole catalogue at every place of the plant.
     exclude : sequence, default=()
-        What you know not to be there: names of effects (``"drift"``), places of the simulator (a state, input, output or
-        parameter: no effect there), ``(name, location)`` or ``(name, location, variable)``. None in a tuple stands for any.
+        Effects that are absent and places that are right: names of effects (``"drift"``), places of the simulator (a state,
+        input, output or parameter: no effect there), ``(name, location)`` or ``(name, location, variable)``. None in a tuple stands for any.
     free_params : sequence of str or "all", default=()
-        Parameters of the simulator that are re-tuned jointly with the null and with every candidate, so that a badly tuned
-        simulator is not mistaken for a missing effect; None is none of them.
+        Parameters of the simulator that are re-tuned with the null model and with every candidate, so a badly tuned simulator
+        is not mistaken for a missing effect. None: no parameter.
     bounds : dict of (low, high), optional
-        What you know of parameters of the simulator, by name, in their units; None leaves a side open. It holds in every fit:
-        of free parameters, and of ``parameter_error`` where that is a candidate.
+        Limits of parameters of the simulator, by name, in their units; None leaves a side open. They hold in every fit: for
+        free parameters, and for ``parameter_error`` as a candidate.
     priors : dict, optional
-        Likewise what you expect: ``{"k": 0.05}`` is a relative standard deviation of 5 % about the simulator's value,
+        Expected values, by name: ``{"k": 0.05}`` is a relative standard deviation of 5 % around the simulator's value,
         ``{"k": (2.0, 0.1)}`` a mean and a standard deviation in the unit of k. A parameter keeps its sign: the prior is
         log-normal (of that median and relative standard deviation), and normal where the simulator's value is 0. A free
         parameter without a prior has a relative standard deviation of 10 % with heavy tails (Student's t).
     time : column name or int, optional
-        Column of X that holds the time of every row; by default rows are ``simulator.dt`` apart. Stamps may jitter and have gaps:
-        a right-hand side is integrated from stamp to stamp; other simulators run on their even grid, and their outputs are
-        compared with the readings at their stamps. Inputs are held (or joined) from one stamp to the next. What follows a gap
-        across which an input differs is a run of its own, where the initial states can be fitted.
+        Column of X that holds the time of every row; by default rows are ``simulator.dt`` apart. Stamps may be uneven and have gaps.
+        A right-hand side is integrated from stamp to stamp. Other simulators run on their even grid, and their outputs are
+        compared with the readings at the stamps. Inputs are held (or joined) from one stamp to the next. If an input differs
+        before and after a gap, a new run starts behind the gap, if the initial states can be fitted.
     tolerance : float, default=0.1
-        Share of the gap (amplitude, on runs left out) that a model may leave and yet count as explained: no form of an effect
-        is exact on a real plant.
+        Share of the gap (amplitude, on held-out runs) that an explained model may leave: no form of an effect is exact on a
+        real plant.
     include_law : bool, default=True
-        Whether ``augmented_`` carries the law without a name of ``report_.missing_term.law``, where that is certified on runs
-        left out.
+        Whether ``augmented_`` contains the law without a name, ``report_.missing_term.law``, if it is certified on held-out
+        runs.
     correction : estimator, optional
         Generic learner of the waterfall; default ``HybridRegressor(simulator)``.
     time_limit : float, optional
-        Seconds after which the diagnosis ends: the report holds what is known by then, with ``complete=False`` and a note on
-        what is not answered. The first names are looked for in the first half, the rest judges them. The simulator
-        alone is always compared with the data, however long that takes.
+        Seconds after which the diagnosis ends. The report then has the results so far, ``complete=False`` and a note on the open
+        questions. The first half of the time is for the search of names, the second for their tests. The comparison of the
+        simulator alone with the data is always finished.
     n_jobs : int, optional
-        Workers for the fits of the candidates, through joblib; -1 for one a core. None fits them here, and answers questions that
-        do not wait for each other in a second process where the system can fork and a core is free; 1 does neither.
+        Workers for the fits of the candidates, through joblib; -1 for one per core. None: fits in this process, and independent
+        questions in a second process if a core is free. 1: everything in this process.
     verbose : int, default=0
-        1 shows what is being done, the share that is done and about how long the rest will take: a bar on a terminal (with
-        rich, extra ``plot``), else lines on the error stream.
+        1 shows the stage, the share that is done and an estimate of the remaining time: as a bar on a terminal (with rich, extra
+        ``plot``), otherwise as lines on the error stream.
     random_state : int, RandomState or None, default=None
         Seed of the bootstrap and the forests.
 
@@ -89,15 +89,15 @@ class GapDiagnoser(BaseEstimator):
     n_features_in_ : int
         Inputs that ``fit`` was given; ``feature_names_in_`` holds the names of the columns of a frame.
     initial_states_ : ndarray (n_runs, n_states)
-        Initial states of the runs that go with it; nan for runs of a long record that took no part, for runs in which what was
-        found does not act where it acts in others, and where a simulator with ``simulate`` alone is given none.
+        Initial states of the runs for ``augmented_``; nan for runs of a long record that took no part, for runs without the effects
+        if these act in other runs, and for a simulator with ``simulate`` alone that takes none.
 
     Notes
     -----
     A candidate's evidence is the likelihood of its own output-error fit, initial states unknown in every run, under its own
     noise: white sensor noise, coloured forces in the balances, coloured sensor noise. ``T = 2 (L - L_null)`` must exceed
-    ``k ln N + 2 ln M`` for k parameters, N measured values and M candidates. Of more than 9000 samples the candidates see pieces
-    spread over the record; what they name is fitted again on up to 60000.
+    ``k ln N + 2 ln M`` for k parameters, N measured values and M candidates. With more than 9000 samples, candidates are
+    compared on pieces of the record, and the named effects are fitted again on up to 60000 samples.
 
     References
     ----------

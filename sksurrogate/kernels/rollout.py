@@ -47,7 +47,7 @@ def march(
     Returns
     -------
     ndarray (n_runs, n_steps, n_outputs)
-        nan after a run left the finite numbers or the limits.
+        nan after a run became infinite or nan or the limits.
     """
     n_runs, n_steps, _ = U.shape
     n_first, o = first.shape[1:]

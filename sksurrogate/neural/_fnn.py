@@ -317,7 +317,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         if target.shape[1] != len(self.intercepts_[-1]):
             raise DataError(
                 f"y has {target.shape[1]} columns; the first block had {len(self.intercepts_[-1])}: give every block the same "
-                "outputs, or begin anew with fit."
+                "outputs, or start again with fit."
             )
         rows = replace(self._rows, X=data, Y=target, weights=weights)
         plan = self._plan(rows, self.solver_)

@@ -61,7 +61,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         By name; unbounded where a name is missing, and on a side that is None.
     priors : dict, optional
         Normal priors by name: a relative standard deviation about the simulator's value (``{"k": 0.05}``), or
-        ``(mean, standard deviation)`` in the unit of the parameter. They weigh against the data by the noise that is left.
+        ``(mean, standard deviation)`` in the unit of the parameter. They are weighted against the data by the noise of the residual.
     fit_x0 : bool, default=True
         Whether the initial state of each run is unknown; else it is ``x0`` of ``fit``, or that of the simulator.
     confidence : float, default=0.9
@@ -80,9 +80,9 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         With the fitted parameters.
     params_ : dict of float
     intervals_ : dict of (low, high)
-        Linearised, within the bounds; wider where what is left has a memory; infinite where the data do not fix the parameter.
+        Linearised, within the bounds; wider if the residual is correlated in time; infinite if the data do not fix the parameter.
     at_bound_ : dict of bool
-        Whether a parameter ended at a bound; the intervals of the others hold it there.
+        Whether a parameter ended at a bound. For the intervals of the others it is fixed there.
     identifiable_ : dict of bool
     unidentified_ : list of dict
         Combinations of relative changes (or of changes, for parameters at 0) that leave the outputs as they are.
@@ -91,7 +91,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
     x0_ : ndarray (n_runs, n_states)
         Initial states.
     noise_ : ndarray (n_outputs,)
-        RMS of what is left.
+        RMS of the residual.
     method_ : {"lifted", "single shooting"}
         The second is the fall-back, with a warning.
     n_iter_ : int
@@ -181,7 +181,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             )
         if getattr(y, "shape", ())[1:] == (1,) and not self.__sklearn_tags__().target_tags.multi_output:
             warnings.warn(
-                "A column-vector y was passed when a 1d array was expected: the simulator has one output, y[:, 0] is it.",
+                "A column-vector y was passed when a 1d array was expected: the simulator has one output, give y[:, 0].",
                 DataConversionWarning,
                 stacklevel=2,
             )

@@ -36,7 +36,7 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
     Parameters
     ----------
     function : casadi.Function
-        First output dx/dt, or the next state; a second output, where there is one, is what is measured. Its inputs are
+        The first output is dx/dt, or the next state. A second output, if there is one, is the measured output. Its inputs are
         found by their names: "t", "x" or "states", "u" or "inputs", "p" or "params", or a parameter by its own name;
         unnamed ones (CasADi's i0, i1, i2) are x, u and p in this order.
     states, inputs, outputs : list of str
@@ -51,7 +51,7 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
     method : str, default="auto"
         Integrator, as in :class:`ODESimulator`.
     output_function : casadi.Function, optional
-        What is measured, where it is not a second output of ``function``.
+        The measured output, if it is not a second output of ``function``.
     x0 : array-like (n_states,), optional
         Initial state; zeros by default.
     units : dict of str, optional
@@ -64,8 +64,8 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
 
     Notes
     -----
-    All points go in as one call. Where CasADi raises, a root that is not found say, the points are asked one by one, and
-    those that fail are nan; points that are not finite, or beyond 1e100, are not asked.
+    All points are computed in one call. If CasADi raises an error, for example because a root is not found, points are computed
+    one by one, and those that fail are nan. Points that are not finite, or beyond 1e100, are not computed.
 
     Examples
     --------

@@ -60,11 +60,11 @@ def _is_stepped(self: ClosedLoopSimulator) -> bool:
 
 
 class ClosedLoopSimulator(InnerRunsMixin, BaseSimulator):
-    """A plant and the controller that drives it, run freely together.
+    """A plant and its controller as one simulator.
 
-    Recorded in a closed loop, the inputs of a plant follow what disturbs its outputs. A model fitted to them takes the
-    controller's answer to a disturbance for a cause, and names effects that are not there. With the loop as the simulator the
-    references are the inputs, and the disturbance passes through the loop in the model as in the plant.
+    In a closed loop the controller reacts to disturbances of the outputs. A model that is fitted to these inputs takes the
+    reaction for a cause, and names effects that are absent. With the loop as the simulator, the references are the inputs, and a
+    disturbance passes through the loop in the model as in the plant.
 
     Parameters
     ----------
@@ -96,9 +96,9 @@ class ClosedLoopSimulator(InnerRunsMixin, BaseSimulator):
 
     Notes
     -----
-    A diagnosis seeks no effect in the controller. Effects on an output are those of the recording: the controller reads the
-    true output. Effects of an actuator with a memory or a dead zone act on an input: diagnose the plant over its recorded
-    commands for these, where no disturbance is large.
+    A diagnosis tries no effect in the controller. Effects on an output are effects of the recording: the controller reads the
+    true output. For effects of an actuator with a memory or a dead zone, diagnose the plant with its recorded commands as inputs,
+    if no disturbance is large.
 
     Examples
     --------

@@ -57,10 +57,9 @@ def _has_output(self: FMUSimulator) -> bool:
 class FMUSimulator(ParametricSimulator):
     """A functional mock-up unit, model exchange or co-simulation, FMI 2 or 3.
 
-    What the unit offers decides what can be asked of it. A unit for model exchange without events is a right-hand side of
-    its continuous states. One with events, and a unit for co-simulation that offers a copy of its state, is a step from
-    sample to sample, provided that a chain of single steps from its states alone gives the run that goes through. Any
-    other unit gives trajectories.
+    The functions of the unit decide how it can be used. A unit for model exchange without events is a right-hand side of its
+    continuous states. A unit with events, or a unit for co-simulation with a copy of its state, is a step from sample to sample,
+    if a chain of single steps from its states alone gives the same run. Any other unit gives trajectories.
 
     Parameters
     ----------
@@ -96,13 +95,12 @@ class FMUSimulator(ParametricSimulator):
 
     Notes
     -----
-    A point that the unit refuses is nan; points that are not finite, or beyond 1e100, are not offered to it. What the unit
-    says goes into the errors, not onto the screen. ``explain_access()`` says what is used and why nothing finer.
+    A point that the unit refuses is nan. Points that are not finite, or beyond 1e100, are not passed to it. Messages of the unit
+    are in the errors, not on the screen. ``explain_access()`` gives the access in use and the reason.
 
-    The unit is unpacked once a process. For trajectories one instance is used again, put back to its start between runs by
-    a copy of its state where the unit offers one, else by a reset, else by a new instance; a way is kept only once it has
-    given a run equal to that of a new instance (``restart`` tells which). Pickle and clone leave the instance behind and
-    open their own.
+    The unit is unpacked once per process. Trajectories use one instance. Between runs it returns to its start by a copy of its
+    state, by a reset, or by a new instance. A method is used only if one of its runs equals a run of a new instance (``restart``
+    gives the method). Pickles and clones open their own instance.
 
     Examples
     --------

@@ -36,7 +36,7 @@ def at_points(function: Callable[..., np.ndarray], t: Any, x: Any, u: Any, p: Ma
     """A function of flat points, (n, n_points) and p with floats or (n_points,), at points of any shape (n, *s)."""
     if len(x) and hasattr(x[0], "graph"):  # symbols of an export
         raise TypeError(
-            "its equations stand in a program of its own, which can be called but not written down: fit a model of this package to "
+            "its equations are in an external program, which can be called but not written as a graph: fit a model of this package to "
             "its runs and export that."
         )
     states = np.asarray(x, dtype=float)

@@ -67,7 +67,7 @@ def free_run(
     many : bool, default=False
         Whether many points cost little more than one: then long runs are closed by Newton's method, window by window.
     n_sub : int, optional
-        With "auto" and "RK4": this many substeps a sample ("auto": unless the run leaves the finite numbers with them);
+        With "auto" and "RK4": this many substeps a sample ("auto": unless the run becomes infinite or nan with them);
         None: as many as the local error asks for.
 
     Returns
@@ -240,7 +240,7 @@ def raise_if_diverged(
     label = labels[run] if labels is not None else (run if len(X) > 1 else None)
     where = "" if label is None else f"run {label!r}, "
     raise SimulationDiverged(
-        f"the simulation left the finite numbers: {where}row {row}, t = {t[row]:g}, state {state!r}. "
+        f"the simulation became infinite or nan: {where}row {row}, t = {t[row]:g}, state {state!r}. "
         'Check x0, the units of the inputs and the signs in rhs; a stiff plant may want method="LSODA" or a smaller dt.'
         f"{said}",
         run=label,

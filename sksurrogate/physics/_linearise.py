@@ -141,7 +141,7 @@ def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0, *, pade: int = 2
 
 
 def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
-    """States at which nothing moves under a constant input.
+    """States at which the model rests under a constant input.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ class MuJoCoSimulator(NamedModel):
         joint has ``.pos.x``, ``.y``, ``.z``, ``.qw``, ``.qx``, ``.qy``, ``.qz`` and ``.vel.x``, ``.y``, ``.z``, ``.rx``,
         ``.ry``, ``.rz``; a ball joint the last four and the last three. Units are those of the model (rad, m, s).
     ports : list of str
-        Where a generalised force can enter beside the inputs: the joints; ``<joint>.x`` to ``<joint>.rz`` of those with
+        Where a generalised force can enter, in addition to the inputs: the joints; ``<joint>.x`` to ``<joint>.rz`` of those with
         several degrees of freedom; ``<joint>.force`` where an actuator has the joint's name. In N m or N.
     kinematic : list of str
         States that are integrals of others: all positions.
@@ -79,8 +79,8 @@ class MuJoCoSimulator(NamedModel):
 
     Notes
     -----
-    ``simulate`` takes the steps that ``mujoco.mj_step`` takes: same integrator, same timestep, same numbers. That step is
-    what a diagnosis uses (``exact_step``). ``rhs`` is the forward dynamics, the limit of short steps: the same as
+    ``simulate`` takes the same steps as ``mujoco.mj_step``: same integrator, same timestep, same numbers. A diagnosis uses this step
+    (``exact_step``). ``rhs`` is the forward dynamics, the limit of short steps: the same as
     ``mujoco.mj_forward``. Points and runs go through MuJoCo's batched rollout, with one copy of the model for each set of
     parameters. Models with a memory beyond these states (delayed actuators or sensors, plastic joints, plugins) give
     trajectories only. Inputs are held over a sample. A sensor's row k is its reading at the state and input of row k.
@@ -241,7 +241,7 @@ class MuJoCoSimulator(NamedModel):
         Raises
         ------
         SimulationDiverged
-            A state left the finite numbers.
+            A state became infinite or nan.
         SimulatorError
             U, x0 or t does not fit the model.
         """

@@ -1,4 +1,4 @@
-"""Where along the data a simulator leaves the finite numbers, in words."""
+"""Where along the data a simulator becomes infinite or nan, in words."""
 
 from __future__ import annotations
 

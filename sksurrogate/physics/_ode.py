@@ -135,7 +135,7 @@ class ODESimulator(ParametricSimulator):
         Raises
         ------
         SimulationDiverged
-            A state left the finite numbers; the message names time, state and remedy.
+            A state became infinite or nan; the message names time, state and remedy.
         SimulatorError
             U or x0 has the wrong shape, or ``rhs`` does not keep the contract.
         """

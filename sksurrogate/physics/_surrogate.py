@@ -66,8 +66,8 @@ class SurrogateSimulator(InnerRunsMixin, BaseSimulator):
 
     Notes
     -----
-    ``Y[0]`` is the output at ``x0``. The states of a lag model are its past outputs and inputs, newest first; a state that
-    only passes a value on (``kinematic``) has no balance in which an effect could be missing.
+    ``Y[0]`` is the output at ``x0``. The states of a lag model are its past outputs and inputs, newest first. States that only
+    pass on a value (``kinematic``) get no effects.
 
     Examples
     --------

@@ -67,8 +67,8 @@ class TableSimulator(BaseSimulator):
 
     Notes
     -----
-    A run, or a piece of one, is found again by equal inputs; where several differ in their outputs, ``x0`` (first outputs)
-    decides. Inputs that were never simulated are an error.
+    A run, or a part of one, is found by equal inputs. If several have different outputs, ``x0`` (first outputs) decides. Inputs
+    that are not in the table are an error.
 
     Examples
     --------

@@ -84,7 +84,7 @@ def test_one_input_for_all_runs_and_wrong_designs():
 def test_all_runs_lost_is_an_error():
     class Never:
         def simulate(self, U, x0=None, t=None):
-            raise SimulationDiverged("left the finite numbers")
+            raise SimulationDiverged("became infinite or nan")
 
     with pytest.warns(RuntimeWarning), pytest.raises(DataError, match="every run diverged"):
         simulate_experiments(Never(), None, [(0, 1)], n_runs=2, n_samples=5)

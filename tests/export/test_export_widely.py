@@ -1,4 +1,4 @@
-"""More models that leave the house, and those that must not leave in silence with another meaning."""
+"""More models that can be exported, and those that must not be exported in silence with another meaning."""
 
 import shutil
 import subprocess

@@ -77,5 +77,5 @@ def test_models_on_features_are_exported_everywhere(model):
 
 
 def test_periodic_splines_say_why_not():
-    with pytest.raises(SurrogateError, match="cannot be exported, since the graph has no remainder"):
+    with pytest.raises(SurrogateError, match="cannot be exported, because the graph has no remainder"):
         to_graph(SplineFeatures(extrapolation="periodic").fit(X))

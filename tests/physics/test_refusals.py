@@ -54,7 +54,7 @@ def test_a_run_that_comes_to_a_refused_point_says_what_the_function_said(rhs):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         with pytest.raises(
-            SimulationDiverged, match=r"left the finite numbers.*state 'h'.*rhs last raised ValueError: \w+"
+            SimulationDiverged, match=r"became infinite or nan.*state 'h'.*rhs last raised ValueError: \w+"
         ):
             ODESimulator(rhs, **TANK).simulate(np.full((60, 1), -1.0))
         np.testing.assert_allclose(ODESimulator(rhs, **TANK).simulate(np.ones((20, 1))), 1.0, atol=1e-12)

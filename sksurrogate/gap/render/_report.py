@@ -23,8 +23,8 @@ class GapReport(ReportData):
     Attributes
     ----------
     verdict : {"none", "explained", "partial", "unknown"}
-        ``explained``: effects (or re-tuning) of probability 0.9, and what remains lawful is below the tolerance or within the
-        noise. ``partial``: such effects, but more than that remains lawful. ``unknown``: no effect is certain.
+        ``explained``: effects (or re-tuning) of probability 0.9, and the lawful rest is below the tolerance or within the noise.
+        ``partial``: such effects, and a larger lawful rest. ``unknown``: no effect is certain.
     sentence : str
         The verdict in plain words, with what to do next.
     effects : list of EffectEstimate
@@ -42,10 +42,10 @@ class GapReport(ReportData):
     notes : tuple of str
         What a careful reader should know (closed loop, gap below the bar, what could not be tested).
     untestable : tuple of str
-        Effects that were asked for and that this simulator does not allow to test.
+        Requested effects that cannot be tested with this simulator.
     outputs, states, inputs : tuple of str
     traces : tuple of Trace
-        Every run: measured, simulated, simulated with the effects, left out of the fit that drew it.
+        Every run: measured, simulated, and simulated with the effects of a fit without this run.
     seconds : float
         Time that the diagnosis took.
     reasons : Reasons
@@ -54,7 +54,7 @@ class GapReport(ReportData):
         Shares of the gap's power on held-out runs, which add up to one: part, kind ("effect", "re-tuning", "unnamed law",
         "disturbance"), share, low, high (90 %); no rows without a gap.
     remainder : Remainder
-        What is left beside everything that is named: size, lawful or not, place.
+        The part of the gap that is not named: size, lawful or not, place.
     units : mapping of str to str
         Units of signals, parameters and "time", as the simulator names them.
     nominal : mapping of str to float
@@ -64,8 +64,7 @@ class GapReport(ReportData):
     provenance : Provenance
         Simulator, runs, rows, sample time, seed, version, date, files, command.
     data : DataFaults
-        What is wrong with the record itself: kind, output or input, runs and rows, size, share of the gap, what to do.
-        Empty where nothing is.
+        Faults of the record: kind, output or input, runs and rows, size, share of the gap, remedy. Empty if there are none.
 
     Examples
     --------

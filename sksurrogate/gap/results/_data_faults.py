@@ -23,20 +23,20 @@ class DataFault:
     Attributes
     ----------
     kind : {"spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise"}
-        Single wrong readings; readings that fell to one value; a sensor that stood still; a run whose outputs come earlier or
-        later than its inputs; a zero or a scale of a sensor that differs from run to run; a tone on a sensor; noise in the
-        measurement of an input.
+        Single wrong readings; readings that fall to one value; a sensor that repeats one value; a run whose outputs are
+        earlier or later than its inputs; an offset or a scale of a sensor that differs from run to run; a tone on a sensor;
+        noise in the measurement of an input.
     location : str or None
         The output or input; None where all outputs are concerned.
     side : {"output", "input"}
     runs : tuple
         Labels of the runs that have the fault.
     rows : tuple of int
-        Rows of X and y that are wrong, counted from 0; empty where whole runs are.
+        Rows of X and y that are wrong, counted from 0; empty if whole runs are wrong.
     size : float
-        Largest deviation in the unit of the signal; of a shift in samples, of a gain relative.
+        Largest deviation in the unit of the signal; a shift in samples, a gain as a relative error.
     share : float
-        Share of the power of the gap between the simulator and the record as it came.
+        Share of the power of the gap between the simulator and the unchanged record.
     values : mapping
         Label of the run -> offset, gain (relative error) or shift (samples, positive where outputs come late).
     effect : str or None
@@ -95,7 +95,7 @@ class DataFault:
 
 @dataclass(frozen=True)
 class DataFaults:
-    """What is wrong with the record itself; empty where nothing is.
+    """Faults of the record; empty if there are none.
 
     Attributes
     ----------

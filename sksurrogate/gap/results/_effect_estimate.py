@@ -31,15 +31,15 @@ class EffectEstimate:
     probability : float
         Among the candidates fitted in its place, none, and the likeliest law without a name; half of that where the verdict is unknown.
     equivalents : list of (name, location, variable)
-        Other effects that these data cannot tell from this one.
+        Other effects that explain these data as well.
     why : str
         When they part.
     richer : list of (name, location, variable)
         Those of ``equivalents`` that contain this effect and fit no better: richer, not needed.
     at_port : bool
-        Whether it is a law that adds to what enters at a port: its magnitude is in the port's unit, not in that of dx/dt.
+        Whether it is a law at a port: its magnitude has the port's unit, not that of dx/dt.
     runs : tuple or None
-        Labels of the runs in which it acts; None where it acts in all.
+        Labels of the runs in which it acts; None if it acts in all.
 
     Examples
     --------
