@@ -44,7 +44,7 @@ def row(name: str) -> tuple[str, str]:
     extra = len(model.to_graph().states or ()) - 3
     timed = (model.to_graph().states or [""])[-1] == "time"
     if "delay" in name:
-        export = "one state a sample of delay, exact"
+        export = "one state for each sample of delay, exact"
     else:
         export = "the time" if timed else {0: "none", 1: "one", 2: "two"}[extra]
     try:

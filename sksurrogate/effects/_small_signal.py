@@ -25,7 +25,7 @@ __all__ = ["SampledPoint", "SmallSignal", "pade_of", "refuse_slopes"]
 FINE_SUBSTEPS = 1_000_000
 #: Why an effect has no slope.
 NO_SLOPE = {
-    InputBacklash: "the slope of a play depends on the direction of the last move",
+    InputBacklash: "the slope of a backlash depends on the direction of the last move",
     InputQuantization: "the slope of a staircase is 0 between its jumps",
     SensorQuantization: "the slope of a staircase is 0 between its jumps",
 }
