@@ -17,7 +17,8 @@ from sksurrogate.gap.unnamed._latent_force import LatentForce
 
 __all__ = ["RULES", "DecisionFeatures", "certified", "decide", "first_rule", "left_over", "share_left"]
 
-#: Names that leave more than this share of the gap (amplitude) on runs left out explain less of it than they leave.
+#: Names, or re-tuning alone, that leave more than this share of the gap (amplitude) on runs left out explain less of it than
+#: they leave. Such names fall at their certificate, before the rules.
 MOST_LEFT = 0.5
 #: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.
 CERTIFICATE_OF_SMALL, SMALL_GAP = 0.6, 0.02
@@ -113,7 +114,7 @@ def lawful(f: DecisionFeatures) -> bool:
 RULES: tuple[Rule, ...] = (
     Rule(
         "grid_beside_names",
-        lambda f: f.rounding > GRID_SHARE and f.names > 0 and certain(f) and f.share_left <= MOST_LEFT,
+        lambda f: f.rounding > GRID_SHARE and f.names > 0 and certain(f),
         "partial",
         "The effects are certain; the readings also lie on a grid that no effect names.",
     ),
@@ -146,15 +147,15 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "law_left",
-        lambda f: f.names > 0 and certain(f) and f.share_left <= MOST_LEFT,
+        lambda f: f.names > 0,
         "partial",
         "The effects are certain, and more than the tolerance remains.",
     ),
     Rule(
         "most_left",
-        lambda f: bool(f.names) or f.retuned,
+        lambda f: f.retuned,
         "unknown",
-        "What is named leaves more of the gap than it explains.",
+        "Re-tuning alone does not close the gap, and no effect explains what it leaves.",
     ),
     Rule("below_practical", lambda f: f.error < PRACTICAL, "none", "The gap is too small to matter."),
     Rule(
