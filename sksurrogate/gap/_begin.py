@@ -32,9 +32,6 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["Prepared", "Task", "begin_ode", "begin_trajectory"]
-
-
 #: The pipeline, the rows of the whole record that it sees, and its processes.
 Prepared: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[WorkerProcess, WorkerProcess]]
 

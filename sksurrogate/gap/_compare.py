@@ -14,8 +14,6 @@ from sksurrogate.gap._diagnose import GapDiagnoser
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.physics._simulator import Plant, describe, simulated
 
-__all__ = ["ComparedRuns", "compare_simulators", "excitation"]
-
 #: Samples that a step is held at least; a line of a multisine has at least twice as many a period.
 SHORTEST_HOLD = 4
 #: Lines of a multisine, spread evenly over the logarithm of the frequency.

@@ -28,8 +28,6 @@ from sksurrogate.physics._asked import asked_bounds, asked_priors
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import resolve_runs
 
-__all__ = ["GapDiagnoser"]
-
 
 class GapDiagnoser(BaseEstimator):
     """Diagnose the gap between a simulator and measured runs of the real plant.

@@ -14,8 +14,6 @@ from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
 
-__all__ = ["LawStage"]
-
 #: Said of names that one law does without.
 INSTEAD = "{names} passed the evidence, but one law without a name explains the gap better than all of them; no name is given."
 

@@ -15,8 +15,6 @@ from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._provenance import Provenance
 from sksurrogate.physics._simulator import Plant, units_of
 
-__all__ = ["with_origin"]
-
 #: Effects longer than this list are counted instead of named.
 LONGEST_LIST = 12
 

@@ -45,8 +45,6 @@ from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed import _where
 from sksurrogate.kernels.clock import TimeIsUp, time_left, time_until
 
-__all__ = ["STAGES", "DiagnosisPipeline"]
-
 
 class DiagnosisPipeline(LawStage, Generic[C]):
     """Goes through the stages; an interrupt leaves what is known.

@@ -14,8 +14,6 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import one_thread
 
-__all__ = ["INTERRUPTED", "SOON", "Progress", "Stage", "progress_shown", "quiet"]
-
 #: A fault of the record is looked for before this share of a time limit is over: the diagnosis then begins again.
 SOON = 0.3
 INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"

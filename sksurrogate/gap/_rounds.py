@@ -12,8 +12,6 @@ from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["diagnosed_in_rounds"]
-
 
 def diagnosed_in_rounds(
     begin: Callable[[Runs, Record], Prepared], plant: Plant, runs: Runs, whole: Record, progress: Progress

@@ -19,8 +19,6 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
 
-__all__ = ["Answer", "in_some_runs"]
-
 #: A diagnosis, the rows of the record that it saw, and its report.
 Answer = tuple[DiagnosisPipeline[Any], np.ndarray, GapReport]
 #: A run is at the noise up to this many standard errors of its RMS: one in a thousand is above them.

@@ -13,8 +13,6 @@ from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 
-__all__ = ["budget_of", "remainder_of"]
-
 
 def budget_of(
     names: Sequence[str],

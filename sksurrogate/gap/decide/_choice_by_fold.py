@@ -14,8 +14,6 @@ from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.search._base import CORRELATED, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["ByRun", "by_run", "chosen_without", "elected", "names_by_fold"]
-
 #: Candidates that stand for election again in every fold, the best on all runs.
 MOST_RIVALS = 8
 

@@ -16,8 +16,6 @@ from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise, judged_un
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
 from sksurrogate.gap.search._nested import richer
 
-__all__ = ["Slot", "canonical_classes", "probabilities", "rank"]
-
 #: Candidates further than this under the final noise are not judged under their own; nor are more than this many.
 MAY_CATCH_UP, MOST_JUDGED = 40.0, 8
 #: Squares of errors over the noise within which the named effect, fitted as its candidates are, came as near again.

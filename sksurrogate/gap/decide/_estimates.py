@@ -17,8 +17,6 @@ from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import richer as richer_form
 
-__all__ = ["estimates", "ranking", "reported"]
-
 
 def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, among: str) -> list[EffectEstimate]:
     """The effects of what stands, in the order of the search; nan for what is not known yet."""

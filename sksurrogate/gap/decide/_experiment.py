@@ -20,8 +20,6 @@ from sksurrogate.gap.results._table import Table
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
-__all__ = ["name_of", "next_experiment", "suggestion", "when_they_part"]
-
 
 def name_of(effect: BaseEffect) -> str:
     """Readable name of an effect."""

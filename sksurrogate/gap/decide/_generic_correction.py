@@ -15,8 +15,6 @@ from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.record import Record
 
-__all__ = ["Correction", "generic_correction", "known_runs"]
-
 #: Free runs (n_outputs, n_samples) over a record whose runs are in folds, each learned from the others.
 Correction = Callable[[Record, np.ndarray], np.ndarray]
 #: Inputs, initial states, outputs.

@@ -21,19 +21,6 @@ from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
 from sksurrogate.kernels.record import Record
 
-__all__ = [
-    "Baseline",
-    "HeldOut",
-    "held_out",
-    "law_held_out",
-    "measure",
-    "notes_on_names",
-    "same_names",
-    "shares",
-    "traces",
-    "without_names",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:

@@ -20,8 +20,6 @@ from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._residual_analysis import Remains
 
-__all__ = ["BaseInside"]
-
 
 class BaseInside(ABC, Generic[C]):
     """Questions on top of what is named; those that only a right-hand side answers have no answer here.

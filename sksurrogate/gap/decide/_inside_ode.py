@@ -35,8 +35,6 @@ from sksurrogate.gap.unnamed._residual_analysis import Remaining, law_left
 from sksurrogate.gap.unnamed._where import force_predictability, likely_place, place_of_law
 from sksurrogate.kernels.record import Record
 
-__all__ = ["OdeInside"]
-
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
 PIECES_NOTE = (

@@ -25,8 +25,6 @@ from sksurrogate.gap.unnamed._trajectory_channel import channel_of, equivalent_p
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.record import Record
 
-__all__ = ["TrajectoryInside"]
-
 ACCESS = (
     "The simulator gives trajectories only: effects inside its balances, and parameters that drift or jump, cannot be tested; "
     "where one is missing shows as an equivalent disturbance at an input or output. Give it rhs or step to test the whole "

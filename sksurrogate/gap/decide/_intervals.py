@@ -9,8 +9,6 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._normal_equations import seen_inverse
 from sksurrogate.gap.results._effect_estimate import BAND
 
-__all__ = ["intervals"]
-
 #: Share of a parameter that integrators and the smoothing of kinks may always move.
 NUMERICS = 5e-4
 

@@ -23,8 +23,6 @@ from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.physics._simulator import units_of as units_by_name
 
-__all__ = ["CertifiedLaw", "held_out_law", "law_of"]
-
 #: Share of what is left beside the names (amplitude) that a law must close on runs left out.
 CERTIFICATE = 0.15
 

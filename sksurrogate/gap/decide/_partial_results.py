@@ -14,8 +14,6 @@ from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._shrink import Shrink
 
-__all__ = ["PartialResults"]
-
 
 @dataclass
 class PartialResults:

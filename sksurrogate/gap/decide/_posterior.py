@@ -18,8 +18,6 @@ from sksurrogate.gap.search._stopping import closes_by_size
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["Posterior", "law_beside_none", "law_beside_set", "stands", "weigh"]
-
 #: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
 UNNAMED = 0.02
 #: Names less probable than this do not stand, beside others and alone: a law does as well in their place.

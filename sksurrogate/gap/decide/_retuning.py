@@ -13,8 +13,6 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.screen._screen import Screen
 
-__all__ = ["imitated_by_retuning", "parameter_errors", "retuned_table"]
-
 #: A fit that ends this near to a bound is at it: steps are cut there.
 AT_BOUND = 1e-9
 #: An effect counts that may make up this part of what re-tuning closes (amplitude).

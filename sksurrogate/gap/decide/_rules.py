@@ -15,8 +15,6 @@ from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._latent_force import LatentForce
 
-__all__ = ["RULES", "DecisionFeatures", "certified", "decide", "first_rule", "left_over", "share_left"]
-
 #: Names, or re-tuning alone, that leave more than this share of the gap (amplitude) on runs left out explain less of it than
 #: they leave. Such names fall at their certificate, before the rules.
 MOST_LEFT = 0.5

@@ -21,8 +21,6 @@ from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-__all__ = ["RecordBook", "faults_of", "first_look"]
-
 #: Faults of runs that are taken out one after another.
 MOST_ROUNDS = 4
 #: Single effects, the likeliest and the nearest, on top of which a fault is looked for.

@@ -14,19 +14,6 @@ from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.results._data_faults import DataFault
 from sksurrogate.kernels.record import Record, bridged
 
-__all__ = [
-    "BaseFault",
-    "Gains",
-    "Hum",
-    "Names",
-    "NoisyInput",
-    "Offsets",
-    "Shifts",
-    "WrongReadings",
-    "smoother_inputs",
-    "smoothings",
-]
-
 
 @dataclass(frozen=True)
 class Names:

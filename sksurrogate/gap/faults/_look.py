@@ -18,8 +18,6 @@ from sksurrogate.gap.search._base import EXTRA, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-__all__ = ["fault_left"]
-
 #: Share of the excess over the noise that a fault takes, to be the reason of what is left: faults of sensors are exact.
 MOST_OF_IT = 0.8
 #: The same of noise on an input: what was really given to the plant is only known smoothed.

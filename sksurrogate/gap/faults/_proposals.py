@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.gap.faults._corrections import BaseFault, Gains, Hum, Offsets, Shifts
 from sksurrogate.kernels.record import Record
 
-__all__ = ["WHOLE", "Proposal", "proposals", "tone", "tones"]
-
 #: A tone has this many periods in a run or more: less is a trend.
 LEAST_PERIODS = 3.0
 #: Parts into which a step of the periodogram is divided where a tone is placed.

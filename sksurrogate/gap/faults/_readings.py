@@ -13,8 +13,6 @@ from sksurrogate.kernels.readings import Stretch, flat_stretches, spikes
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 
-__all__ = ["outlying", "outlying_rows", "wrong_readings"]
-
 #: A simulator that moves by this share of what a reading moves by, at the same row, makes the move a thing of the plant.
 EXPECTED = 0.3
 #: Spikes that end at one value are dropouts from this many on.

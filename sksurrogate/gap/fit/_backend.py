@@ -15,8 +15,6 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Backend", "BaseCandidate", "Fitted", "KnownOfParameters", "as_white"]
-
 
 class Fitted(Protocol):
     """A free run with fitted parameters."""

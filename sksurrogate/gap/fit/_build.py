@@ -22,8 +22,6 @@ from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["build_problem", "build_trajectory", "nominal_run"]
-
 #: Largest error of the integrator over one sample, in units of the size of the states.
 DIAGNOSIS_LOCAL_ERROR = 2e-5
 

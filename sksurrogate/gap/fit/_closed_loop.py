@@ -10,8 +10,6 @@ from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._normal_equations import unexplained
 from sksurrogate.kernels.record import Record
 
-__all__ = ["LOOP", "closed_loop", "may_follow_noise"]
-
 #: Lags of an input that explain its next move without the outputs: at most so many, for a profile of twenty lines foretells
 #: itself from forty, and one for so many samples; lags of the residual that must add nothing.
 INPUT_LAGS, SAMPLES_A_LAG, RESIDUAL_LAGS = 40, 25, 3

@@ -3,20 +3,6 @@
 Levels of ``Evidence.left``, the RMS of the residual over the sensor noise of the fit (the worst output), nearest first.
 """
 
-__all__ = [
-    "AT_THE_NOISE",
-    "CLOSED",
-    "FAR",
-    "FAR_BY_COST",
-    "JUDGED_BY_SIZE",
-    "LEFT_BY_SEVERAL",
-    "NEAR",
-    "NEARLY_WHITE",
-    "NOTHING_TO_LEARN",
-    "OUT_OF_SIGHT",
-    "SETTLED",
-]
-
 #: At the noise: no other set is looked for beside a name, names leave no law, and the law in their place is not asked for.
 AT_THE_NOISE = 1.02
 #: So many names that leave more stand in for one that is missing.

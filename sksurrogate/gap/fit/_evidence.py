@@ -18,8 +18,6 @@ from sksurrogate.gap.fit._normal_equations import UNSEEN, scaled
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-__all__ = ["Evidence", "arrived", "bar", "estimate_noise", "follow_null", "judged_under", "profile"]
-
 C = TypeVar("C", bound=BaseCandidate)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0

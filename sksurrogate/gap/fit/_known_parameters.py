@@ -15,8 +15,6 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import DataError
 
-__all__ = ["PRIOR", "KnownParameters", "value_of"]
-
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
 #: A parameter further than this ratio (log) from nominal is out of the question unless the user says otherwise.

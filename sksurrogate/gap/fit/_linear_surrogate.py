@@ -18,8 +18,6 @@ from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.state_space import subspace
 
-__all__ = ["LinearSurrogate", "learn"]
-
 #: Orders that are tried; the smallest whose error is within WORSE of the best is taken.
 ORDERS, WORSE = (1, 2, 3, 4), 1.3
 #: Rows of the past that the projection sees.

@@ -6,21 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-__all__ = [
-    "eliminate",
-    "eliminate_rows",
-    "inverse",
-    "project_starts",
-    "scaled",
-    "scores",
-    "seen_inverse",
-    "solve",
-    "start_bases",
-    "start_coordinates",
-    "unexplained",
-    "weights_beside",
-]
-
 #: Directions below this share of the largest, in the scale of the diagonal, count as unseen: single precision squared.
 UNSEEN = 1e-10
 

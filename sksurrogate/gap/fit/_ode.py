@@ -23,8 +23,6 @@ from sksurrogate.kernels.smoother import Smoothed, output_jacobian, smooth
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["LARGEST_DISTURBANCE", "REACH", "Numerics", "OdeBackend", "OdeCandidate"]
-
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
 #: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.

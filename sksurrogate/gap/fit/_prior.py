@@ -9,8 +9,6 @@ from sksurrogate.gap.fit._known_parameters import PRIOR
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._rounding import told_apart
 
-__all__ = ["moved_far", "prior_cost", "retuning_cost"]
-
 #: Initial states lie within so many times the size of a state about where the simulator's own run starts.
 START = 10.0
 #: Initial states that cost less than this are not looked at closer.

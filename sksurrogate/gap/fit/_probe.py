@@ -9,8 +9,6 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect, Probe
 from sksurrogate.effects._ports import at_port
 
-__all__ = ["probe_of"]
-
 
 class SignalSlopes(Protocol):
     """Slopes of the log likelihood in the inputs and readings along one linearisation."""

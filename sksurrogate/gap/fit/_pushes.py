@@ -6,8 +6,6 @@ import numpy as np
 
 from sksurrogate.kernels.banded import first_order_scan, solve_recursion
 
-__all__ = ["DIFFERENCE", "REMEMBERED", "a_sample_later", "gain_of_forces", "pushed_input"]
-
 #: Differences are taken by this share of the range of an input, which may act in jumps, and of the size of anything else.
 PUSH_OF_INPUT, DIFFERENCE = 1e-3, 1e-4
 #: Samples after which a disturbance has forgotten, where nothing better is known.

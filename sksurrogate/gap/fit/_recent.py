@@ -8,8 +8,6 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any, TypeVar
 
-__all__ = ["recent_property"]
-
 T = TypeVar("T")
 
 

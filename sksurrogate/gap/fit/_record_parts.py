@@ -8,8 +8,6 @@ import numpy as np
 
 from sksurrogate.kernels.record import Record
 
-__all__ = ["FITTED_SAMPLES", "SEARCHED_SAMPLES", "blocked", "excerpt", "row_folds", "run_folds"]
-
 #: Candidates are compared on at most this many samples: what more of them could tell apart is below any practical bar.
 SEARCHED_SAMPLES = 9_000
 #: The candidate that won is fitted again on at most this many.

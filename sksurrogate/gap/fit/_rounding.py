@@ -17,8 +17,6 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["GRID_NOTE", "Rounding", "alike", "names_steps", "told_apart", "unnamed_rounding"]
-
 #: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
 #: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
 FACTOR, CROWDS = 2.0, 0.5

@@ -17,8 +17,6 @@ from sksurrogate.kernels.sampling import read_between, with_slopes
 from sksurrogate.physics._foreign import LARGEST_OFFERED, offered
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Simulations", "divergence"]
-
 #: Simulations that are kept.
 RUNS_KEPT = 256
 NOT_FINITE = "outputs that are not finite"

@@ -11,8 +11,6 @@ from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["other_unit_of_time"]
-
 #: What people confuse: milliseconds, seconds, minutes, hours.
 FACTORS = (1000.0, 60.0, 3600.0, 1 / 1000.0, 1 / 60.0, 1 / 3600.0)
 #: In the right unit the simulator alone explains at least this share of the outputs' variance more: half of what there is.

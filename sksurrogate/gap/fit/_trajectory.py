@@ -24,8 +24,6 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["TrajectoryBackend", "TrajectoryCandidate", "TrajectoryFit"]
-
 #: Relative step of the differences: acting inputs may jump, so it is not tiny.
 RELATIVE_STEP = 1e-3
 #: Relative change of the parameters up to which a prediction is taken as linear in them.

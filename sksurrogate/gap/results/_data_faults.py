@@ -10,8 +10,6 @@ import numpy as np
 
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["NO_FAULTS", "DataFault", "DataFaults"]
-
 #: Rows and runs that a sentence lists before it says "and so many more".
 FAULTS_LISTED = 6
 

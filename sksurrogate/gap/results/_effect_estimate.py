@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["BAND", "EffectEstimate", "only_in"]
-
-
 #: Half width of a 90 % interval in standard deviations.
 BAND = 1.645
 

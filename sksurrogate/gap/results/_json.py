@@ -15,8 +15,6 @@ import numpy as np
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["SCHEMA_ID", "json_text", "plain", "schema_of"]
-
 
 def plain(value: Any) -> Any:
     """Dicts, lists, strings, numbers, booleans and None alone; floats that are nan or infinite stay floats.

@@ -10,8 +10,6 @@ import numpy as np
 
 from sksurrogate.exceptions import require
 
-__all__ = ["Law"]
-
 
 @dataclass(frozen=True, eq=False)
 class Law:

@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.gap.results._law import Law
 
-__all__ = ["Curve", "MissingTerm"]
-
 
 @dataclass(frozen=True, eq=False)
 class Curve:

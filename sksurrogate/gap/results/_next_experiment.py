@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from sksurrogate.gap.results._table import EMPTY, Table
 
-__all__ = ["NATS_THAT_SETTLE", "TIED_LISTED", "NextExperiment"]
-
 #: Nats of log likelihood that settle between two candidates: odds of twenty.
 NATS_THAT_SETTLE = 3.0
 #: Tied candidates that a line of text lists.

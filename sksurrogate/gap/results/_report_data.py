@@ -17,8 +17,6 @@ from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.results._trace import Trace
 from sksurrogate.gap.results._where import Where
 
-__all__ = ["ReportData"]
-
 
 @dataclass(frozen=True, eq=False)
 class ReportData:

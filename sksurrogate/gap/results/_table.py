@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["EMPTY", "Table"]
-
 
 @dataclass(frozen=True)
 class Table(Sequence):

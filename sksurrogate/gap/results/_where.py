@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from sksurrogate.gap.results._table import EMPTY, Table
 
-__all__ = ["Where"]
-
 
 @dataclass(frozen=True)
 class Where:

@@ -16,8 +16,6 @@ from sksurrogate.gap.screen._shortlist import Shortlist
 from sksurrogate.gap.screen._slopes import Slopes
 from sksurrogate.gap.screen._unseen import Unseen
 
-__all__ = ["Column", "candidate_columns"]
-
 #: A change of the outputs beyond so many times their noise is not a start: it breaks the arithmetic, and the order.
 LARGEST_CHANGE = 1e12
 #: Numbers of the states at all samples that are integrated at once: two megabytes, and a few temporary arrays of this size.

@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-__all__ = ["left_by_several"]
-
 #: A column of which less than this share of its power lies beyond those chosen says nothing of its own.
 NOTHING_OF_ITS_OWN = 1e-4
 

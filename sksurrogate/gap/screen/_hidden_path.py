@@ -9,8 +9,6 @@ from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.integrate import rk4
 
-__all__ = ["hidden_paths"]
-
 #: Newton steps; difference of a hidden state and step that ends them, in units of the size of the variable.
 NEWTON_STEPS, DIFFERENCE_OF_STATE, CONVERGED = 5, 1e-6, 1e-6
 

@@ -9,8 +9,6 @@ import numpy as np
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, inverse, project_starts
 from sksurrogate.gap.screen._screen import Screen, Start, grown, grows
 
-__all__ = ["best_pairs"]
-
 #: Pairs with one effect in common.
 MOST_WITH_ONE = 3
 #: Columns closer than this (cosine) are one column.

@@ -30,8 +30,6 @@ from sksurrogate.kernels.limited import limited_recursion
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = ["Responses"]
-
 
 class Responses:
     """One linearisation of a base, for all candidates.

@@ -30,8 +30,6 @@ from sksurrogate.gap.screen._shortlist import shortlist
 from sksurrogate.gap.screen._unseen import score_beside
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["LOST_TO_ROUNDING", "Screen", "Start", "grown", "grows", "screen"]
-
 #: Numbers of the null's columns that are kept (single precision).
 MOST_NUMBERS_KEPT = 60_000_000
 #: Least share of a column's power that counts as beyond what the initial states can make of it.

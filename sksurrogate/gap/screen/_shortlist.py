@@ -11,8 +11,6 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, project_starts, scores, start_bases
 from sksurrogate.gap.screen._responses import Responses
 
-__all__ = ["Shortlist", "shortlist"]
-
 #: Starting values by the effect's key.
 Shortlist: TypeAlias = dict[tuple, list[tuple[float, ...]]]
 #: Effects, and starting values of each, that are linearised about a base.

@@ -10,8 +10,6 @@ from sksurrogate.gap.fit._pushes import pushed_input
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_adjoint
 
-__all__ = ["Slopes"]
-
 
 class Slopes:
     """Slopes of the log likelihood of white noise in the signals about one linearisation.

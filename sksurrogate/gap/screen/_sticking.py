@@ -10,8 +10,6 @@ from sksurrogate.effects._effect import BalanceEffect, BaseEffect
 from sksurrogate.effects._wires import Wire, kink_width
 from sksurrogate.gap.fit._ode import OdeBackend
 
-__all__ = ["slowed", "sticks", "sticks_in"]
-
 
 def sticks(effect: BaseEffect, theta: np.ndarray, wire: Wire, h: float) -> np.ndarray:
     """Whether steps ``h`` would smooth the jump of an effect against its own variable further than other kinks.

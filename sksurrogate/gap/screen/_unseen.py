@@ -14,8 +14,6 @@ from sksurrogate.gap.fit._pushes import DIFFERENCE
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_recursion
 
-__all__ = ["Unseen", "score_beside"]
-
 #: A state is not seen whose range at the start moves the outputs by less than this (root mean square over the noise).
 START_SEEN = 0.01
 

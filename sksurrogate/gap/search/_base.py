@@ -19,8 +19,6 @@ from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["CORRELATED", "EQUAL", "EXTRA", "BaseSearch", "Wanted"]
-
 #: 2 (L_best - L_rival) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
 #: What further effects, windows of time and faults of the record must beat their bar by: a mismatch of numerics can pass it alone.

@@ -27,8 +27,6 @@ from sksurrogate.kernels.clock import check_time, limited
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import Fit
 
-__all__ = ["SEARCH_SHARPNESS", "SEARCH_SUBSTEPS", "Expander"]
-
 #: What travels between processes: a fit with its numerics, nothing, or what a simulator raised.
 Freight: TypeAlias = tuple[Fit, Numerics] | str | None
 #: Numerics of the search; what it finds is polished with finer ones.

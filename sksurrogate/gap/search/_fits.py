@@ -17,8 +17,6 @@ from sksurrogate.gap.screen._sticking import sticks_in
 from sksurrogate.gap.search._restart import scanned
 from sksurrogate.kernels.output_error import Fit, run_near
 
-__all__ = ["best_starts", "cheapest", "fit_added", "fit_pair", "mean_start", "numerics_matter", "open_null"]
-
 #: A candidate whose screen leaves this many times more than the best's is not fitted.
 LEAVES_TOO_MUCH = 40.0
 #: Effects whose expected gains differ by less than this share predict the same along the base: friction of one sign is a bias.

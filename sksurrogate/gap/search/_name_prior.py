@@ -8,8 +8,6 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 
-__all__ = ["log_prior"]
-
 
 def log_prior(effects: Sequence[BaseEffect], library: Sequence[BaseEffect], positions: Collection[str] = ()) -> float:
     """Log prior probability of a set of names out of a library: the product of their shares of all weights.

@@ -12,8 +12,6 @@ from scipy.optimize import least_squares
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._ode import OdeCandidate
 
-__all__ = ["NESTED", "UNPOLISHED", "folded", "hardly_more", "related", "richer", "simpler"]
-
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
 HARDLY_ANY = 5e-4
 #: A form that leaves so many times more than is allowed before it is polished leaves too much afterwards.

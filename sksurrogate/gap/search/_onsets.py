@@ -14,8 +14,6 @@ from sksurrogate.gap.screen._screen import Screen
 from sksurrogate.gap.search._base import EXTRA, Wanted
 from sksurrogate.gap.search._stopping import grows_in_vain
 
-__all__ = ["confined", "look_for_onsets"]
-
 #: Effects that are tried in a window, and columns of the screen that are looked at for them.
 MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
 #: A window is worth a fit where it explains this much more of the squared residual than the same effect always does.

@@ -13,8 +13,6 @@ from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._rounding import alike
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 
-__all__ = ["dead", "promising", "revived", "scanned"]
-
 #: Values nearby that are fitted, best first.
 MOST_NEARBY = 3
 #: What a fit at another value must remove (squares of errors over the noise).

@@ -18,8 +18,6 @@ from sksurrogate.gap.search._onsets import look_for_onsets
 from sksurrogate.gap.search._restart import revived, scanned
 from sksurrogate.gap.search._stopping import is_stack
 
-__all__ = ["Search"]
-
 #: Candidates fitted from where the others stand, with one effect of what stands taken out.
 MOST_ANEW = 6
 #: Steps a sample and sharpness of kinks that a candidate is refined with, one after the other.

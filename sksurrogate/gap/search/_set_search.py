@@ -23,8 +23,6 @@ from sksurrogate.gap.search._base import CORRELATED, EQUAL, EXTRA, BaseSearch, W
 from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, richer, simpler
 from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, leads_on
 
-__all__ = ["SetSearch"]
-
 #: A further effect must remove this share of the gap's power, or lead to the noise: less is a mismatch of numerics.
 SMALLEST_SHARE = 1e-3
 #: Near the noise the screen expects of a candidate nearly what its fit gains: with less than this share of what it must gain

@@ -11,16 +11,6 @@ from sksurrogate.gap.fit._closeness import FAR, FAR_BY_COST, LEFT_BY_SEVERAL
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.search._nested import hardly_more
 
-__all__ = [
-    "STACK",
-    "closes_by_size",
-    "fewest_parameters",
-    "grows_in_vain",
-    "is_stack",
-    "leads_on",
-    "remembers_enough",
-]
-
 #: Sets that leave more than the first share of the gap (amplitude), and of the squared error of one effect less more than the
 #: second, are surrogates for what is not in the catalogue: further names close no gap of which several have closed this little.
 MUCH_LEFT, HARDLY_LESS = 0.3, 0.7

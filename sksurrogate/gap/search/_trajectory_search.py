@@ -19,8 +19,6 @@ from sksurrogate.gap.screen._screen import LOST_TO_ROUNDING
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._set_search import SetSearch
 
-__all__ = ["TrajectorySearch"]
-
 #: Candidates fitted in a round: so many by white noise, so many by the noise with forces.
 BY_WHITE, BY_FORCED = 10, 6
 #: Candidates that the screen expects to gain less than this share of the bar are not fitted.

@@ -10,8 +10,6 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import DIFFERENCE
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
 
-__all__ = ["as_regressors", "linear_along"]
-
 
 def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
     """A candidate as its free run is to first order about a path of the plant's states."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["amplitude_evidence", "known_to_rounding"]
-
 #: Nats to which the evidence of weights must be known.
 KNOWN_TO = 0.5
 

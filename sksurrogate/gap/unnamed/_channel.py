@@ -12,9 +12,6 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.record import Record
 
-__all__ = ["STARTS", "Channel"]
-
-
 #: Correlation times, in samples, from which the size of a signal is fitted.
 STARTS = (5.0, 25.0)
 

@@ -12,8 +12,6 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import DIFFERENCE
 from sksurrogate.kernels.disturbance import Disturbance
 
-__all__ = ["CERTAIN", "FINE_KNOTS", "OUT_OF_REACH", "Curve", "channel", "hats", "hats_at", "reading", "response"]
-
 #: Knots of a piecewise linear curve that may be a staircase: of an input in its place, of the time.
 FINE_KNOTS = 40
 #: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.

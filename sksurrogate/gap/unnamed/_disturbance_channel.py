@@ -24,8 +24,6 @@ from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Linearised, linearise
 from sksurrogate.kernels.record import Record
 
-__all__ = ["Channels", "channel_of", "missing_term", "places_by_law", "where_and_when"]
-
 #: Places that are compared by the law that fits there.
 COMPARED = 3
 

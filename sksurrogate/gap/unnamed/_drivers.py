@@ -15,8 +15,6 @@ from sksurrogate.gap.unnamed._law_shapes import at_end
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.record import Record
 
-__all__ = ["AnyLaw", "Drivers", "drivers_at"]
-
 AnyLaw = LawEffect | MemoryLawEffect | InputLawEffect | SensorLawEffect
 #: Time constants of the recent past, in samples, and the share of the longest run up to which they are tried.
 LATE, LATEST = (3.0, 10.0, 30.0, 100.0), 0.25

@@ -23,8 +23,6 @@ from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers, drivers_at
 from sksurrogate.gap.unnamed._formula_search import Draft, curve_at
 from sksurrogate.gap.unnamed._grammar import price_of
 
-__all__ = ["FittedLaw", "fitted_laws"]
-
 #: Places that are compared; formulae that are fitted in the free run at the likeliest place, and at each of the others.
 MOST_PLACES, FITTED_HERE, FITTED_ELSEWHERE = 3, 4, 2
 

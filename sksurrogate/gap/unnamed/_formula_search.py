@@ -26,8 +26,6 @@ from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import NO_TERMS, Library, price_of, structure
 from sksurrogate.kernels.disturbance import Noise
 
-__all__ = ["Draft", "curve_at", "drafts_at"]
-
 #: Terms of a formula; formulae kept while it grows; further terms tried for each.
 MOST_TERMS, BEAM, TRIED = 5, 6, 6
 #: Formulae whose constants are fitted; steps of Gauss-Newton; halvings of a step.

@@ -15,8 +15,6 @@ from sksurrogate.effects._formula import SHAPES, Factor, Term, signal_of
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers, past_name
 
-__all__ = ["NO_TERMS", "Library", "price_of", "structure", "terms_of"]
-
 #: Width of a kink, over the spread of its driver: below what data resolve, above what an integrator notices.
 KINK = 0.005
 #: Quantiles of a driver at which thresholds, and of its size at which limits and dead zones, are tried.

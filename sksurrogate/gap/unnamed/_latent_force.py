@@ -22,20 +22,6 @@ from sksurrogate.kernels.output_error import linearise, settle_hidden
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import output_jacobian
 
-__all__ = [
-    "LatentForce",
-    "features",
-    "forest",
-    "input_push",
-    "latent_force",
-    "law_of",
-    "moved_by",
-    "past_of",
-    "paths",
-    "places",
-    "repeatable",
-]
-
 #: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
 SMALLEST_FORCE = 2e-3
 

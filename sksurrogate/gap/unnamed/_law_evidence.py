@@ -31,8 +31,6 @@ from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-__all__ = ["LawBeside", "law_beside"]
-
 #: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
 SIZES = np.geomspace(1e-3, 30.0, 48)
 #: Weights of the roughness of a smooth form beside its movement.

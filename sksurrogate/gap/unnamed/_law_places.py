@@ -11,8 +11,6 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._curve_shapes import Curve, channel, reading, response
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST, Law, laws, of_time, over_sample, staircases, surfaces
 
-__all__ = ["in_all_places"]
-
 
 def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
     """Laws of states and inputs in every balance, of each input in its place, of outputs in every sensor."""

@@ -13,8 +13,6 @@ from sksurrogate.gap.unnamed._latent_force import past_of
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold, play, rate_limit
 
-__all__ = ["Form", "Law", "laws", "of_time", "over_sample", "staircases", "surfaces"]
-
 #: Forms of one parameter, of a signal over its largest value.
 SIMPLE = (
     lambda z: np.sign(z),

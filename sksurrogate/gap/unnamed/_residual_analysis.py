@@ -12,8 +12,6 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.unnamed._disturbance_channel import Channels, places_by_law
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, latent_force, law_of, places
 
-__all__ = ["Remaining", "Remains", "law_left"]
-
 
 @dataclass(frozen=True, eq=False)
 class Remains:

@@ -19,8 +19,6 @@ from sksurrogate.gap.unnamed._curve_shapes import hats_at
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import Draft
 
-__all__ = ["shape_of"]
-
 #: Knots of a curve; rows that each must see.
 KNOTS_OF_TERM, FEWEST_ROWS = 14, 8
 #: Formulae that are listed.

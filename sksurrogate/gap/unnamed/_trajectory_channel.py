@@ -18,8 +18,6 @@ from sksurrogate.gap.unnamed._shape import shape_of
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-__all__ = ["channel_of", "equivalent_places", "force_left", "missing_term"]
-
 
 def variables(problem: TrajectoryBackend, y: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """Outputs of the simulator and inputs as columns, with their names."""

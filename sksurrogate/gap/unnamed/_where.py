@@ -20,18 +20,6 @@ from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.kernels.record import Record, bridged
 
-__all__ = [
-    "by_frequency",
-    "by_location",
-    "by_output",
-    "force_predictability",
-    "likely_place",
-    "named_places",
-    "place_of_law",
-    "regions",
-    "times",
-]
-
 #: R2 from which a force counts as predicted, by how much states must tell it better than the likely input to clear that, and
 #: by how much they may where the two places push alike.
 PREDICTED, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
