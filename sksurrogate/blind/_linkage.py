@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._robots import MOVED
 from sksurrogate.physics import ODESimulator
 
 __all__ = ["LINKAGE_ANSWERS", "arm_rates", "linkage_case"]
@@ -110,7 +111,7 @@ def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] |
         error = (y - nominal[: len(y)]) / noise
         return float(np.sqrt(np.mean(error**2))) if np.isfinite(error).all() else np.inf
 
-    clean, gap, chosen = nominal, 0.0, 0.0
+    clean, moved, gap, chosen = nominal, nominal, 0.0, 0.0
     if kind is not None:
         target = float(np.exp(rng.uniform(np.log(8.0), np.log(40.0))))
         found = [over(y) for y in real(SIZES, 2)]
@@ -118,7 +119,7 @@ def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] |
         if not able:
             return None
         chosen = float(SIZES[min(able, key=lambda i: abs(np.log(found[i] / target)))])
-        clean = real(np.array([chosen]), len(U))[0]
+        clean, moved = real(chosen * np.array([1.0, 1.0 + MOVED]), len(U))
         gap = over(clean[:n_runs])
     if not np.isfinite(clean).all() or (kind is not None and not gap >= 5.0):
         return None
@@ -126,5 +127,5 @@ def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] |
     simulator = ODESimulator(arm_rates, **names, params={k: float(v) for k, v in p.items()}, dt=dt)  # type: ignore[arg-type]
     return {
         "simulator": simulator, "joint": joint, "size": chosen, "U": U[:n_runs], "X0": X0[:n_runs], "U_test": U[n_runs:],
-        "X0_test": X0[n_runs:], "clean": clean[:n_runs], "test": clean[n_runs:], "noise": noise, "gap": gap,
+        "X0_test": X0[n_runs:], "clean": clean[:n_runs], "test": clean[n_runs:], "moved": moved, "noise": noise, "gap": gap,
     }  # fmt: skip

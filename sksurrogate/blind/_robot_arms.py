@@ -26,6 +26,8 @@ ROBOT_ARMS: dict[str, tuple[str, str]] = {
     "linkage": ("friction at a port of a two-link arm of differential equations", "explained"),
     "linkage_none": ("no effect in a two-link arm", "none"),
 }
+#: Where a torque without a name enters a joint, ``{}`` standing for its name: all of them are its place.
+PLACES_OF_JOINT = ("{}", "drive_{}", "{}.vel")
 #: Share of the gap (amplitude) on runs nobody fitted from which other names imitate what has no name.
 ROBOT_IMITATED = 0.95
 
@@ -45,7 +47,10 @@ class RobotCase:
     facts : dict
         Plain data; ``truths`` as in the other arms.
     y_test : ndarray (n_runs, n_samples, n_outputs)
-    scale : ndarray (n_outputs,)
+    scale, noise : ndarray (n_outputs,)
+        Deviation and noise of the outputs.
+    oracle : float
+        Error on the test runs, outputs over their deviation, of what acts with its size fitted to the readings.
     """
 
     arm: str
@@ -55,6 +60,8 @@ class RobotCase:
     facts: dict[str, Any]
     y_test: np.ndarray
     scale: np.ndarray
+    noise: np.ndarray
+    oracle: float
 
 
 def draw_robot_case(arm: str, entropy: int | None = None) -> RobotCase:
@@ -133,14 +140,28 @@ def _case(
         "arm": arm, "seed": seed, "domain": "robots", "noise": float(np.mean(noise / scale)), "n_runs": n_runs,
         "n_samples": n_samples, "n_states": len(simulator.states), "repeats": False, "gap_over_noise": drawn["gap"],
     }  # fmt: skip
-    return RobotCase(arm, question, answers, inexact, facts, drawn["test"], scale)
+    oracle = _oracle_error(y - clean, noise, scale, drawn["moved"] - np.concatenate([clean, drawn["test"]]))
+    return RobotCase(arm, question, answers, inexact, facts, drawn["test"], scale, noise, oracle)
+
+
+def _oracle_error(errors: np.ndarray, noise: np.ndarray, scale: np.ndarray, moved: np.ndarray) -> float:
+    """Error on the test runs of what acts, its size fitted to readings with these errors: one Gauss-Newton step from the truth.
+
+    All else is known to the oracle. ``moved``: what recorded and test runs change by where the size is another.
+    """
+    n = len(errors)
+    slopes = moved[:n] / noise
+    power = float(np.sum(slopes**2))  # 0 where steps of the model hide so small a change: the oracle knows the size
+    step = float(np.sum(slopes * errors / noise)) / power if power > 0 else 0.0
+    return abs(step) * float(np.sqrt(np.mean((moved[n:] / scale) ** 2)))
 
 
 def score_robot_case(case: RobotCase, answer: Mapping[str, Any]) -> dict[str, Any]:
     """One row of results, as :func:`sksurrogate.blind._score.score` makes it.
 
     ``right``: the right verdict, a right name in every class that is named. ``error_after`` beside ``noise``: how the
-    corrected simulator follows runs that nobody fitted.
+    corrected simulator follows runs that nobody fitted. ``oracle``: by which share the error falls with what acts, fitted;
+    ``beside_oracle``: the error against readings of those runs over the oracle's.
     """
     expected = ROBOT_ARMS[case.arm][1]
     row: dict[str, Any] = {**case.facts, "expected": expected}
@@ -151,16 +172,17 @@ def score_robot_case(case: RobotCase, answer: Mapping[str, Any]) -> dict[str, An
     ]
     right = [bool(group & set(case.answers)) for group in groups]
     kept = ("name", "location", "variable", "params", "intervals", "probability", "equivalents")
-    places = {place for _, place in case.answers}
+    unnamed = [where.format(t["location"]) for t in case.facts["truths"] for where in PLACES_OF_JOINT]
+    places = {place for _, place in case.answers} or set(unnamed)
     likely_place = answer.get("where", {}).get("location")
     row |= {
         "verdict": answer["verdict"], "effects": [{k: e.get(k) for k in kept} for e in answer["effects"]],
         "named": int(any(right)), "false_names": right.count(False), "classes": [len(group) for group in groups],
         "exact": int(any((e["name"], e["location"]) in case.answers for e in answer["effects"])),
-        "accused": likely_place, "place": likely_place in places if case.answers else likely_place is None, "covered": [],
+        "accused": likely_place, "place": likely_place in places if places else likely_place is None, "covered": [],
         "noted": bool(answer.get("notes")), "sentence": answer.get("sentence"), "reasons": answer.get("reasons"),
         "seconds": answer.get("seconds"), "processor_seconds": answer.get("processor_seconds"), "calls": None,
-        "oracle": None, "curve": None,
+        "curve": None,
     }  # fmt: skip
     row |= _followed(case, answer)
     row["imitated"] = bool(answer["effects"] and (row["shrink"] or 0.0) >= ROBOT_IMITATED and not any(right))
@@ -190,4 +212,10 @@ def _followed(case: RobotCase, answer: Mapping[str, Any]) -> dict[str, Any]:
     before, after = error(runs), error(answer["predicted"])
     finite = math.isfinite(after)
     shrink = 1.0 - after / before if before > 1e-6 and finite else None
-    return {"error_before": before, "error_after": after if finite else None, "shrink": shrink}
+    read = float(np.mean((case.noise / case.scale) ** 2))  # power of the noise in readings of the test runs
+    acts = bool(case.facts["truths"]) and before > 1e-6
+    return {
+        "error_before": before, "error_after": after if finite else None, "shrink": shrink,
+        "oracle": 1.0 - case.oracle / before if acts else None,
+        "beside_oracle": math.sqrt((after**2 + read) / (case.oracle**2 + read)) if acts and finite else None,
+    }  # fmt: skip

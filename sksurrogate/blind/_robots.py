@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,10 @@ import numpy as np
 from sksurrogate.blind._robot_models import RobotSpec, draw_robot, robot_inputs
 from sksurrogate.exceptions import require
 
-__all__ = ["RobotTruth", "real_runs", "robot_case"]
+__all__ = ["MOVED", "RobotTruth", "real_runs", "robot_case"]
 
+#: Share by which the size of an effect is moved for the oracle that fits it.
+MOVED = 1e-3
 #: Sizes tried, over a natural unit of the effect.
 SIZES = np.geomspace(2e-3, 2.0, 13)
 FRICTIONS = ("coulomb_friction", "stribeck_friction", "lugre_friction", "asymmetric_friction")
@@ -154,7 +156,8 @@ def robot_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] | N
     Returns
     -------
     dict or None
-        robot, truth, U, X0, clean readings of the recorded and the test runs, noise (n_joints,), gap over noise.
+        robot, truth, U, X0, clean readings of the recorded and the test runs, all of these with the size moved by
+        :data:`MOVED` of itself, noise (n_joints,), gap over noise.
     """
     robot = draw_robot(rng)
     if kind == "backlash" and not robot.servo:
@@ -166,7 +169,7 @@ def robot_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] | N
         return None
     noise = float(np.exp(rng.uniform(np.log(1e-3), np.log(8e-3)))) * np.std(nominal[:n_runs], axis=(0, 1))
     joint, dice = (n - 1 if kind == "payload" else int(rng.integers(n))), tuple(rng.random(3))
-    truth, real, gap = None, nominal, 0.0
+    truth, real, moved, gap = None, nominal, nominal, 0.0
     if kind is not None:
         target = float(np.exp(rng.uniform(np.log(8.0), np.log(40.0))))
         found = [_gap(robot, RobotTruth(kind, joint, float(s), dice), U[:2], X0[:2], nominal[:2], noise) for s in SIZES]
@@ -176,12 +179,13 @@ def robot_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] | N
         k = min(able, key=lambda i: abs(np.log(found[i] / target)))
         truth = RobotTruth(kind, joint, float(SIZES[k]), dice)
         real = real_runs(robot, truth, U, X0)
+        moved = real_runs(robot, replace(truth, size=truth.size * (1.0 + MOVED)), U, X0)
         gap = _over(real[:n_runs], nominal[:n_runs], noise)
         if not np.isfinite(real).all() or not gap >= 5.0:
             return None
     return {
         "robot": robot, "truth": truth, "U": U[:n_runs], "X0": X0[:n_runs], "U_test": U[n_runs:], "X0_test": X0[n_runs:],
-        "clean": real[:n_runs], "test": real[n_runs:], "noise": noise, "gap": gap,
+        "clean": real[:n_runs], "test": real[n_runs:], "moved": moved, "noise": noise, "gap": gap,
     }  # fmt: skip
 
 

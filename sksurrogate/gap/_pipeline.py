@@ -165,6 +165,8 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""
         self.posterior = self.inside.weigh(self.final)
+        if self.posterior.too_far:
+            self.found.uncertified = _notes.too_little(self.posterior.too_far)
 
     def ask_whether_retuning_counts(self) -> None:
         """Whether the free parameters at other values than the nominal ones are worth their number."""
@@ -199,7 +201,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         found, final, held = self.found, self.final, self.found.held
         if not final.effects or held is None or found.shrink is None or certified(found.shrink, final.left):
             return
-        self.withdraw(_notes.too_little([effect.name for effect in final.effects]))
+        self.withdraw(_notes.too_little([effect.name for effect in final.effects], "on runs left out"))
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""

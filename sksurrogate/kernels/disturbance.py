@@ -158,7 +158,11 @@ class Disturbance:
         b = np.zeros_like(change)
         b[:, :, 1:] = change[:, :, :-1]
         b[:, :, self.starts] = 0.0
-        return np.einsum("toi,ikt->okt", self.C, solve_recursion(self._recursion, b))
+        states, out = solve_recursion(self._recursion, b), np.zeros((self.m, *change.shape[1:]))
+        for j, seen in enumerate(self.seen):
+            for i in seen:
+                out[j] += self.C[:, j, i] * states[i]
+        return out
 
     def _constant(self) -> np.ndarray:
         """Lower band of the posterior precision without what depends on the noise parameters (n_samples, size, size + n)."""

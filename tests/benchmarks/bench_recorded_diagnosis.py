@@ -110,6 +110,9 @@ def main() -> None:
     parser.add_argument("names", nargs="*", default=list(NAMES), help="recordings; all by default")
     parser.add_argument("--rows", type=Path, default=Path("recorded_rows.jsonl"), help="file of the answers")
     given = parser.parse_args()
+    unknown = [name for name in given.names if name not in NAMES]
+    if unknown:
+        parser.error(f"no recording is called {', '.join(unknown)}; expected some of {', '.join(NAMES)}")
     known = [json.loads(text) for text in given.rows.read_text().splitlines()] if given.rows.exists() else []
     rows = {row["recording"]: row for row in known}
     spawned = multiprocessing.get_context("spawn")

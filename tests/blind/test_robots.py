@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.blind import ROBOT_ARMS, run_blind_check
 from sksurrogate.blind._linkage import LINKAGE_ANSWERS, linkage_case
-from sksurrogate.blind._robot_arms import draw_robot_case, score_robot_case
+from sksurrogate.blind._robot_arms import _oracle_error, draw_robot_case, score_robot_case
 from sksurrogate.blind._robots import ANSWERS, robot_case
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import MuJoCoSimulator
@@ -81,6 +81,38 @@ def test_right_are_the_names_of_a_kind_at_its_joint_up_to_twins():
     both = answer(case, "explained", (name, place, []), ("drift", "elsewhere", []))
     row = score_robot_case(case, both)
     assert not row["right"] and row["false_names"] == 1 and row["shrink"] == 1.0
+
+
+def test_the_place_of_what_has_no_name_is_its_joint_its_drive_or_its_balance():
+    case = draw_robot_case("robot_unknown", 1)
+    joint = case.facts["truths"][0]["location"]
+    said = [
+        {**answer(case, "unknown"), "where": {"location": p}} for p in (joint, f"drive_{joint}", f"{joint}.vel", None)
+    ]
+    assert [score_robot_case(case, one)["place"] for one in said] == [True, True, True, False]
+
+
+def test_an_oracle_that_errs_by_some_sizes_errs_by_their_share_on_test_runs():
+    rng = np.random.default_rng(0)
+    noise, scale, moved = np.array([0.1, 0.3]), np.array([2.0, 5.0]), rng.normal(size=(6, 20, 2))
+    across = rng.normal(size=(4, 20, 2))
+    slopes = moved[:4] / noise**2
+    across -= moved[:4] * np.sum(slopes * across) / np.sum(slopes * moved[:4])  # nothing of the effect's kind
+    found = _oracle_error(-0.7 * moved[:4] + across, noise, scale, moved)
+    assert found == pytest.approx(0.7 * np.sqrt(np.mean((moved[4:] / scale) ** 2)))
+    assert _oracle_error(across, noise, scale, 0 * moved) == 0.0
+
+
+def test_a_model_that_follows_the_plant_is_beside_the_oracle_and_the_simulator_alone_is_not():
+    case = draw_robot_case("robot", 4)
+    exact = answer(case, "explained")
+    simulator = case.question.simulator
+    alone = {
+        **exact,
+        "predicted": [simulator.simulate(U, x0) for U, x0 in zip(case.question.X_test, case.question.x0_test)],
+    }
+    assert score_robot_case(case, exact)["beside_oracle"] <= 1.0 < 1.05 < score_robot_case(case, alone)["beside_oracle"]
+    assert 0.9 < score_robot_case(case, exact)["oracle"] <= 1.0
 
 
 @pytest.mark.parametrize(

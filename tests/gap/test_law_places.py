@@ -6,6 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
+from sksurrogate.gap.unnamed import _law_evidence
 from sksurrogate.gap.unnamed._law_evidence import law_beside
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.kernels.record import Record
@@ -186,3 +187,34 @@ def played(u, width):
     for k in range(1, len(u)):
         out[k] = np.clip(out[k - 1], u[k] - width, u[k] + width)
     return out
+
+
+def test_what_was_computed_of_a_set_answers_again(monkeypatch):
+    problem, smoothed = problem_of(quintic, ("k",))
+    found = fitted(problem, smoothed.x)
+    known, asked = {}, (found.candidate, 30.0, 0.1, (found.noise, problem.quiet(found.noise)), smoothed.x[:2])
+    first = law_beside(*asked, known=known)
+    other = law_beside(*asked)
+    assert (other.small, other.large, other.seed[:2]) == (first.small, first.large, first.seed[:2])
+    monkeypatch.setattr(_law_evidence._Fit, "compared", lambda *given: pytest.fail("compared again"))
+    monkeypatch.setattr(_law_evidence, "fit_noise", lambda *given: pytest.fail("fitted again"))
+    assert law_beside(*asked, known=known) == first
+
+
+def test_forms_of_a_law_are_compared_as_one_at_a_time():
+    problem, smoothed = problem_of(quintic, ("k",))
+    found = fitted(problem, smoothed.x)
+    r, J, precision, pull = found.candidate.columns()
+    fit = _law_evidence._Fit(
+        problem, found.candidate, found.candidate.disturbance, r, J, precision, pull, 0.0, 30.0, 0.1, frozenset(), {}
+    )
+    k = next(k for k, (curve, law, _) in enumerate(fit.candidates) if curve.location == "v" and law.variable == "q")
+    moved = fit.candidates[k][0].moved()
+    G, _ = fit.D.gram(np.concatenate([r[:, None], J, moved], axis=1), found.noise)
+    together = fit.evidence_of_forms(k, moved, G)
+    noise, none = found.noise, fit.alone(found.noise)
+    for f in range(0, len(together), 5):
+        alone = fit.found(k, f, moved[:, fit.candidates[k][1].forms[f].functions], noise)
+        assert together[f] == pytest.approx(np.logaddexp(alone.small, alone.large) - none, abs=1e-6)
+    G[1, -1] = np.nan
+    assert np.all(np.isneginf(fit.evidence_of_forms(k, moved, G)))

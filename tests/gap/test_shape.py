@@ -7,6 +7,7 @@ from sksurrogate.effects import LawEffect
 from sksurrogate.effects._formula import SHAPES, Term, _spline
 from sksurrogate.gap.fit._closed_loop import closed_loop
 from sksurrogate.gap.fit._linear_surrogate import learn
+from sksurrogate.gap.unnamed import _grammar
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import drafts_at
@@ -145,6 +146,17 @@ def test_the_same_shape_on_these_data_stands_once(record):
     positive = np.abs(c.Z[:, 0]) + 0.5  # v |v| is v^2
     texts = [term.text for term in Library.of(c, Drivers("x", "state", {"v": positive}, {})).terms]
     assert "v^2" in texts and "v*abs(v)" not in texts
+
+
+@pytest.mark.parametrize("at_once", [1, 7, 1000])
+def test_columns_that_repeat_an_earlier_one_are_left_out_in_blocks_of_any_size(at_once, monkeypatch):
+    rng = np.random.default_rng(0)
+    new = rng.normal(size=(40, 50))
+    columns = np.concatenate([new[:20], -3.0 * new[5:15], new[20:], new[:3]])
+    monkeypatch.setattr(_grammar, "COMPARED_AT_ONCE", at_once)
+    kept, unit = _grammar._distinct(np.arange(len(columns)), columns)
+    assert kept.tolist() == [*range(20), *range(30, 50)]
+    np.testing.assert_array_equal(unit, new)
 
 
 def test_a_region_is_named_by_its_edges(record):

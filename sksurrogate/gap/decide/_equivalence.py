@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic
 
@@ -115,19 +115,26 @@ _ORDER_OF_KINDS = ("parameter", "state", "input", "output")
 _PLACE = {name: i for i, name in enumerate(CATALOGUE)}
 
 
-def rank(effect: BaseEffect) -> tuple[int, int, int, str, str, str]:
-    """What twins are ordered by: fewest parameters, the order of places and of the catalogue, then the names themselves.
+def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, float, int, int, str, str, str]:
+    """What twins are ordered by: fewest parameters, the likeliest before any data, the order of places and of the catalogue, the names.
+
+    Parameters
+    ----------
+    effect : BaseEffect
+    positions : collection of str
+        States that are integrals of others.
 
     Examples
     --------
-    >>> from sksurrogate.effects._input import InputBias
-    >>> from sksurrogate.effects._sensor import SensorBias
-    >>> rank(InputBias("valve")) < rank(SensorBias("level"))
+    >>> rank(CATALOGUE["input_bias"]("valve")) < rank(CATALOGUE["sensor_bias"]("level"))
+    True
+    >>> rank(CATALOGUE["input_gain"]("voltage")) < rank(CATALOGUE["linear_loss"]("current", "voltage"))  # of its own level
     True
     """
     kind = _ORDER_OF_KINDS.index(effect.kind) if effect.kind in _ORDER_OF_KINDS else len(_ORDER_OF_KINDS)
     place = _PLACE.get(effect.name, len(_PLACE))
-    return len(effect.parameters), kind, place, effect.name, str(effect.location), effect.variable or ""
+    before = -effect.prior_weight(positions)
+    return len(effect.parameters), before, kind, place, effect.name, str(effect.location), effect.variable or ""
 
 
 def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list[Slot[C]], Posterior]:
@@ -153,7 +160,7 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     slots, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
-        twin = _first_twin(slots[i], own)
+        twin = _first_twin(slots[i], own, search.positions)
         first = None if twin is None or slots[i].own is None else _beside_the_others(search, final, i, twin)
         if twin is None or first is None:
             continue
@@ -167,10 +174,15 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     return slots, replace(posterior, probabilities=tuple(kept))
 
 
-def _first_twin(slot: Slot[C], own: BaseEffect) -> C | None:
+def _first_twin(slot: Slot[C], own: BaseEffect, positions: Collection[str]) -> C | None:
     """The exact twin that comes before the named effect; None where that is the first itself."""
-    exact = [twin for twin, same in zip(slot.twins, slot.identical) if same and rank(twin.effects[-1]) < rank(own)]
-    return min(exact, key=lambda twin: rank(twin.effects[-1]), default=None)
+
+    def place(twin: C) -> tuple[Any, ...]:
+        return rank(twin.effects[-1], positions)
+
+    before = rank(own, positions)
+    exact = [twin for twin, same in zip(slot.twins, slot.identical) if same and place(twin) < before]
+    return min(exact, key=place, default=None)
 
 
 def _beside_the_others(search: BaseSearch[C], final: Evidence[C], i: int, twin: C) -> C | None:

@@ -14,7 +14,7 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.gap.search._search import Search
-from sksurrogate.gap.search._stopping import closes_by_size
+from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
 
@@ -43,6 +43,8 @@ class Posterior:
     probabilities: tuple[float, ...]
     law: LawBeside | None
     as_likely: tuple[OdeCandidate, ...] = ()
+    #: Names of a set that leaves too much of the gap to be weighed
+    too_far: tuple[str, ...] = ()
 
 
 class _Contender(NamedTuple):
@@ -78,14 +80,15 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
     """The set that is likeliest beside a law, without effects that the practical bar does not need. And its posterior.
 
     Effects in whose place a law does as well are taken out, the least probable first; another effect takes the place of one
-    where that is likelier.
+    where that is likelier. Names that leave most of the gap in the data that they were fitted to close no more of it on runs
+    left out: they are not weighed.
     """
     final = needed_only(search, final, tolerance)
     stood: set[frozenset] = set()
     if closes_by_size(final, search.gap_cost, tolerance):
         law = _judged(search, final, final.candidate, tolerance, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
-    while final.effects:
+    while final.effects and not leaves_most(final, search.gap_cost):
         posterior = weigh(search, final, tolerance)
         least = int(np.argmin(posterior.probabilities))
         if posterior.probabilities[least] >= (LEAST_BESIDE if len(final.effects) > 1 else LEAST_ALONE):
@@ -107,7 +110,8 @@ def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence,
             break
         final = _taken(search, fewer, final)
     search.final = search.fitted_null
-    return search.fitted_null, Posterior((), None)
+    far = tuple(effect.name for effect in final.effects) if leaves_most(final, search.gap_cost) else ()
+    return search.fitted_null, Posterior((), None, too_far=far)
 
 
 def _of_classes(posterior: Posterior, own: _Contender, near: Sequence[_Contender]) -> Posterior:
@@ -197,9 +201,7 @@ def _contender_of(
 
 def _before(search: Search, candidate: OdeCandidate) -> float:
     """Log prior of the names of a set, with the price of its parameters."""
-    problem = search.problem
-    positions = [name for name in problem.plant.states if name not in problem.balances]
-    names = log_prior(candidate.effects, search.library, positions)
+    names = log_prior(candidate.effects, search.library, search.positions)
     return float(names - 0.5 * candidate.n_parameters * np.log(search.n_values))
 
 
@@ -224,13 +226,28 @@ def _judged(
     problem = candidate.problem
     far = final.left > max(FAR, tolerance * gap_over_noise(search))
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
-    noises, along = (final.noise, problem.quiet(final.noise)), along or far
-    how = gap_over_noise(search), tolerance, noises
-    with np.errstate(all="ignore"):
-        found = [law_beside(candidate, *how, x if along else None, seeds=seeds)]
-        if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
-            found.append(law_beside(candidate, *how, x, bare=True, seeds=seeds))
+    noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
+    found = [_law(search, candidate, tolerance, noises, path, seeds=seeds)]
+    if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
+        found.append(_law(search, candidate, tolerance, noises, x, bare=True, seeds=seeds))
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
+
+
+def _law(
+    search: Search,
+    candidate: OdeCandidate,
+    tolerance: float,
+    noises: Sequence[Noise],
+    x: np.ndarray | None,
+    bare: bool = False,
+    seeds: Sequence[tuple[int, int, Noise]] = (),
+) -> LawBeside | None:
+    """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
+    fit, unit = candidate.fit, gap_over_noise(search)
+    path = fit.x if x is None else x
+    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, tolerance
+    with np.errstate(all="ignore"):
+        return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}))
 
 
 def gap_over_noise(search: Search) -> float:
@@ -250,7 +267,4 @@ def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:
     null = search.fitted_null
     problem = null.candidate.problem
     noises = null.noise, problem.quiet(null.noise)
-    with np.errstate(all="ignore"):
-        return law_beside(
-            null.candidate, gap_over_noise(search), tolerance, noises, search.x[: len(problem.plant.states)]
-        )
+    return _law(search, null.candidate, tolerance, noises, search.x[: len(problem.plant.states)])

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import FAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import FAR, MOST_LEFT, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
@@ -15,9 +15,6 @@ from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._latent_force import LatentForce
 
-#: Names, or re-tuning alone, that leave more than this share of the gap (amplitude) on runs left out explain less of it than
-#: they leave. Such names fall at their certificate, before the rules.
-MOST_LEFT = 0.5
 #: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.
 CERTIFICATE_OF_SMALL, SMALL_GAP = 0.6, 0.02
 

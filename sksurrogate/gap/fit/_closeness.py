@@ -20,6 +20,11 @@ NEAR = 2.0
 #: Far from the data: no noise model holds, and candidates are distinguished by size.
 FAR = 5.0
 
+# Share of the gap, in amplitude.
+#: Names, or re-tuning alone, that leave more than this explain less of the gap than they leave. Such names do not stand: they fall
+#: before they are weighed, or at their certificate.
+MOST_LEFT = 0.5
+
 # Levels of the cost over the number of measured values.
 #: Sizes, not likelihoods, tell candidates apart; a limit is fitted from another start too.
 FAR_BY_COST = 5.0

@@ -93,14 +93,12 @@ def on_none(shrink: Shrink) -> list[str]:
     ]
 
 
-def too_little(names: Sequence[str]) -> str:
+def too_little(names: Sequence[str], where: str = "in the data") -> str:
     """Said of names that are withdrawn.
 
     Examples
     --------
-    >>> too_little(["input_delay"])[:50]
-    'input_delay passed the evidence but closed too lit'
+    >>> too_little(["input_delay"])
+    'input_delay passed the evidence but closed too little of the gap in the data; no name is given.'
     """
-    return (
-        f"{', '.join(names)} passed the evidence but closed too little of the gap on held-out runs; no name is given."
-    )
+    return f"{', '.join(names)} passed the evidence but closed too little of the gap {where}; no name is given."

@@ -63,6 +63,8 @@ class BaseSearch(ABC, Generic[C]):
     fitted: dict[frozenset, C] = field(default_factory=dict, kw_only=True)
     #: Evidence of every candidate that was looked at, the latest
     judged: dict[C, Evidence[C]] = field(default_factory=dict, kw_only=True)
+    #: What was computed of laws without a name beside sets of effects
+    laws: dict[Any, dict[Any, Any]] = field(default_factory=dict, kw_only=True)
     #: Richer forms that fit no better, by the key of the simpler one
     richer: dict[Any, list] = field(default_factory=dict, kw_only=True)
     #: What a simulator raised, by its text: these candidates are lost
@@ -104,6 +106,11 @@ class BaseSearch(ABC, Generic[C]):
 
     def settle(self) -> None:
         """What stands, once more, after its candidates are known."""
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        """States that are integrals of others, as far as they are known."""
+        return ()
 
     def prior_cost(self, candidate: C) -> float:
         """How unlikely the values of a candidate are before any data, in units of -2 log p."""

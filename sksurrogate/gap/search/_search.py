@@ -28,6 +28,10 @@ FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, 500.0))
 class Search(Expander):
     """The search around a simulator with a right-hand side or a step."""
 
+    @property
+    def positions(self) -> tuple[str, ...]:
+        return tuple(name for name in self.problem.plant.states if name not in self.problem.balances)
+
     def prior_cost(self, candidate: OdeCandidate) -> float:
         """Of the free parameters, of steps of quantisation and of the initial states."""
         return prior_cost(candidate)

@@ -7,7 +7,7 @@ from typing import Any
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import FAR, FAR_BY_COST, LEFT_BY_SEVERAL
+from sksurrogate.gap.fit._closeness import FAR, FAR_BY_COST, LEFT_BY_SEVERAL, MOST_LEFT, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.search._nested import hardly_more
 
@@ -33,6 +33,11 @@ def closes_by_size(candidate: Evidence, gap: float, tolerance: float) -> bool:
     everything, and a limit that has acted shows nothing. A further name is below the practical bar, unless it leads on.
     """
     return candidate.left > FAR and candidate.fit.cost < tolerance**2 * gap
+
+
+def leaves_most(candidate: Evidence, gap: float) -> bool:
+    """Whether a set leaves more than :data:`MOST_LEFT` of a gap (squared error over the noise), and more than any noise."""
+    return candidate.left > NEARLY_WHITE and candidate.fit.cost > MOST_LEFT**2 * gap
 
 
 def fewest_parameters(search: Any, best: C) -> C:

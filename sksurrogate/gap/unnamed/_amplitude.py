@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+#: Weights of the roughness of a smooth form beside its movement.
+SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
+#: Directions that move the outputs by less than this share of the most, or of what they moved before initial states and
+#: parameters followed (power), count as none.
+RANK = 1e-9
 #: Nats to which the evidence of weights must be known.
 KNOWN_TO = 0.5
 
@@ -64,3 +69,36 @@ def known_to_rounding(G: np.ndarray) -> bool:
     if not np.isfinite(G).all():
         return False
     return bool(0.5 * G[0, 0] * np.linalg.eigvalsh(G / np.outer(scale, scale))[0] > -KNOWN_TO)
+
+
+def prior_roots(metric: np.ndarray, rough: np.ndarray | None) -> list[np.ndarray]:
+    """Roots of the prior covariances of a form's weights: its mean square movement is one, more or less smooth.
+
+    Parameters
+    ----------
+    metric : ndarray (n, n)
+        Mean square movement of the outputs by the weights, as a quadratic form.
+    rough : ndarray (n, n), optional
+        Roughness of the weights, as a quadratic form; None: they are as rough as they may be.
+
+    Examples
+    --------
+    >>> [root.round(6).tolist() for root in prior_roots(np.array([[4.0]]), None)]
+    [[[0.5]]]
+    """
+    if not np.isfinite(metric).all() or np.max(np.diag(metric)) <= 0.0:
+        return []
+    scale = np.sqrt(np.maximum(np.diag(metric), 1e-12 * max(float(np.max(np.diag(metric))), 1e-300)))
+    unit = metric / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(unit)
+    kept = values > RANK * values[-1]
+    white = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]  # every direction moves as much
+    found = [white / np.sqrt(white.shape[1])]
+    if rough is not None:
+        bent = white.T @ rough @ white
+        bent /= max(float(np.trace(bent)) / len(bent), 1e-300)
+        for weight in SMOOTH_BESIDE:
+            level, axes = np.linalg.eigh(np.eye(len(bent)) + weight * bent)
+            root = white @ (axes / np.sqrt(level))
+            found.append(root / np.sqrt(np.sum(1.0 / level)))
+    return found

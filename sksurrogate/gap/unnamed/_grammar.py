@@ -141,6 +141,8 @@ def _shapes(name: str, z: np.ndarray) -> Iterator[Factor]:
 MOST_NUMBERS = 12_000_000
 #: Two columns with a correlation above this on a sample of rows are one: the first, which is the simpler, stays.
 SAME = 1.0 - 1e-7
+#: Columns that are compared with all before them at once: the square of all would take more memory than all else.
+COMPARED_AT_ONCE = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,8 +188,10 @@ def _distinct(kept: np.ndarray, unit: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Without columns that repeat an earlier one, up to the sign."""
     sample = unit[:, :: max(unit.shape[1] // 400, 1)]
     sample = sample / np.maximum(np.linalg.norm(sample, axis=1, keepdims=True), 1e-300)
-    alike = np.abs(sample @ sample.T) > SAME
-    first = np.argmax(alike, axis=1) == np.arange(len(kept))
+    first = np.zeros(len(kept), bool)
+    for a in range(0, len(kept), COMPARED_AT_ONCE):
+        some = np.arange(a, min(a + COMPARED_AT_ONCE, len(kept)))
+        first[some] = np.argmax(np.abs(sample[some] @ sample[: some[-1] + 1].T) > SAME, axis=1) == some
     return kept[first], unit[first]
 
 

@@ -23,21 +23,16 @@ import numpy as np
 from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, solve
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
-from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding
+from sksurrogate.gap.unnamed._amplitude import RANK, amplitude_evidence, known_to_rounding, prior_roots
 from sksurrogate.gap.unnamed._curve_shapes import Curve
 from sksurrogate.gap.unnamed._law_places import in_all_places
-from sksurrogate.gap.unnamed._law_shapes import Form, Law
+from sksurrogate.gap.unnamed._law_shapes import Law
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
 #: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
 SIZES = np.geomspace(1e-3, 30.0, 48)
-#: Weights of the roughness of a smooth form beside its movement.
-SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
-#: Directions that move the outputs by less than this share of the most, or of what they moved before initial states and
-#: parameters followed (power), count as none.
-RANK = 1e-9
 #: Laws whose columns are computed at once.
 LAWS_IN_BLOCK = 12
 #: Turns of noise and law.
@@ -95,6 +90,7 @@ def law_beside(
     x: np.ndarray | None = None,
     bare: bool = False,
     seeds: Sequence[tuple[int, int, Noise]] = (),
+    known: dict[Any, Any] | None = None,
 ) -> LawBeside | None:
     """The likeliest law beside a set of effects, along a path.
 
@@ -115,6 +111,8 @@ def law_beside(
         stiff, as a friction at rest, would not let a law correct it.
     seeds : sequence of (int, int, Noise)
         Of laws beside other sets about the same path: these are compared too, with a jump at zero where they have none.
+    known : dict, optional
+        What earlier questions about this set, this path and other noises or seeds have computed; new answers are added.
 
     Returns
     -------
@@ -131,7 +129,8 @@ def law_beside(
     if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
         return None
     named = frozenset((str(one.location), one.variable or str(one.location)) for one in candidate.effects)
-    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance, named)
+    known = {} if known is None else known
+    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance, named, known)
     try:
         picks = set(fit.likeliest(noises))
         found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
@@ -174,6 +173,7 @@ class _Fit:
     unit: float
     tolerance: float
     named: frozenset[tuple[str, str]]
+    known: dict[Any, Any]
     made: dict[int, list[list[np.ndarray]]] = field(default_factory=dict)
 
     @cached_property
@@ -205,7 +205,15 @@ class _Fit:
         return np.stack([half_normal, uniform])
 
     def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
-        """Law and form of most evidence under each noise; what the laws move the outputs by is computed once for all."""
+        """Law and form of most evidence under each noise."""
+        own = [noise.pack().tobytes() for noise in noises]
+        new = {key: noise for key, noise in zip(own, noises) if key not in self.known}
+        if new:
+            self.known.update(zip(new, self.compared(list(new.values()))))
+        return [self.known[key] for key in own]
+
+    def compared(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
+        """The same, computed: what the laws move the outputs by once for all noises."""
         known = np.concatenate([self.r[:, None], self.J], axis=1)
         grams = [self.D.grams_beside(known, noise) for noise in noises]
         best, at = [-np.inf] * len(noises), [(0, 0)] * len(noises)
@@ -221,10 +229,18 @@ class _Fit:
 
     def evidence_of_forms(self, k: int, moved: np.ndarray, G: np.ndarray) -> list[float]:
         """Of every form of law k, from the Gram of what is known and of its functions."""
-        known, forms = np.arange(1 + self.J.shape[1]), self.candidates[k][1].forms
-        places = [np.r_[known, len(known) + form.functions] for form in forms]
-        sized = [self.sized(G[np.ix_(own, own)], roots)[0] for own, roots in zip(places, self.roots_of(k, moved))]
-        return [float(np.logaddexp(*(np.array(value) - self.prices[k]))) for value in sized]
+        n, forms = 1 + self.J.shape[1], self.candidates[k][1].forms
+        if not np.isfinite(G).all():
+            return [-np.inf] * len(forms)
+        (H, g, power), sound = self.beside_parameters(G), known_to_rounding(G)  # if for all functions, then for some
+        out = []
+        for form, roots in zip(forms, self.roots_of(k, moved)):
+            own = form.functions
+            some = np.r_[np.arange(n), n + own]
+            known = sound or known_to_rounding(G[np.ix_(some, some)])
+            sizes, _, _ = self.sized(H[np.ix_(own, own)], g[own], power, roots if known else [])
+            out.append(float(np.logaddexp(*(np.array(sizes) - self.prices[k]))))
+        return out
 
     @cached_property
     def _known(self) -> tuple[np.ndarray, np.ndarray]:
@@ -258,33 +274,13 @@ class _Fit:
         if k not in self.made:
             metric = self.metric(F)
             forms = self.candidates[k][1].forms
-            self.made[k] = [self.roots(form, metric[np.ix_(form.functions, form.functions)]) for form in forms]
+            self.made[k] = [prior_roots(metric[np.ix_(f.functions, f.functions)], f.rough) for f in forms]
         return self.made[k]
 
-    def roots(self, form: Form, metric: np.ndarray) -> list[np.ndarray]:
-        """Roots of the prior covariances of a form's weights: its mean square movement is one, more or less smooth."""
-        if not np.isfinite(metric).all() or np.max(np.diag(metric)) <= 0.0:
-            return []
-        scale = np.sqrt(np.maximum(np.diag(metric), 1e-12 * max(float(np.max(np.diag(metric))), 1e-300)))
-        unit = metric / np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(unit)
-        kept = values > RANK * values[-1]
-        white = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]  # every direction moves as much
-        found = [white / np.sqrt(white.shape[1])]
-        if form.rough is not None:
-            rough = white.T @ form.rough @ white
-            rough /= max(float(np.trace(rough)) / len(rough), 1e-300)
-            for weight in SMOOTH_BESIDE:
-                level, axes = np.linalg.eigh(np.eye(len(rough)) + weight * rough)
-                root = white @ (axes / np.sqrt(level))
-                found.append(root / np.sqrt(np.sum(1.0 / level)))
-        return found
-
-    def sized(self, G: np.ndarray, roots: list[np.ndarray]) -> tuple[tuple[float, float], np.ndarray, np.ndarray]:
-        """Log Bayes factors of a small and of a large law over none; posterior of the sizes; root of the prior covariance."""
+    def beside_parameters(self, G: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Of the Gram of residual, parameters and functions: that of the functions, their products with the residual and its power,
+        the parameters at their best."""
         k = 1 + self.J.shape[1]
-        if not (roots and known_to_rounding(G)):
-            return (-np.inf, -np.inf), np.full(len(SIZES), 1.0 / len(SIZES)), np.eye(len(G) - k)
         H, g, power = G[k:, k:], G[k:, 0], float(G[0, 0]) + self.prior_square
         if k > 1:
             known = G[1:k, 1:k] + np.diag(self.precision)
@@ -295,9 +291,17 @@ class _Fit:
             solved = np.linalg.lstsq(known * np.outer(scale, scale), right, rcond=UNSEEN)[0]
             H, g = H - cross.T @ solved[:, :-1], g - cross.T @ solved[:, -1]
             power -= float(pulled @ solved[:, -1])
+        return 0.5 * (H + H.T), g, power
+
+    def sized(
+        self, H: np.ndarray, g: np.ndarray, power: float, roots: list[np.ndarray]
+    ) -> tuple[tuple[float, float], np.ndarray, np.ndarray]:
+        """Log Bayes factors of a small and of a large law over none; posterior of the sizes; root of the prior covariance."""
+        if not roots:
+            return (-np.inf, -np.inf), np.full(len(SIZES), 1.0 / len(SIZES)), np.eye(len(H))
         best: tuple[Any, ...] = ()
         for root in roots:
-            value = amplitude_evidence(0.5 * (H + H.T), g, root, SIZES * self.unit, power)
+            value = amplitude_evidence(H, g, root, SIZES * self.unit, power)
             top = float(np.max(value))
             weights = np.exp(value - top) * self.priors
             small, large = np.sum(weights, axis=1)
@@ -331,7 +335,8 @@ class _Fit:
         form = self.candidates[k][1].forms[f]
         G, logdet = self.D.gram(np.concatenate([self.r[:, None], self.J, F], axis=1), noise)
         metric = self.metric(F)
-        (small, large), posterior, root = self.sized(G, self.roots(form, metric))
+        roots = prior_roots(metric, form.rough) if known_to_rounding(G) else []
+        (small, large), posterior, root = self.sized(*self.beside_parameters(G), roots)
         none, (at_small, at_large) = self.none(G, logdet), self.prices[k]
         size, n = float(posterior @ SIZES) * self.unit, self.J.shape[1]
         # Weights at the mean size, in the coordinates of the prior's root.
@@ -349,6 +354,13 @@ class _Fit:
 
     def refined(self, k: int, f: int, start: Noise) -> _Found:
         """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""
+        key = "refined", k, f, start.pack().tobytes()
+        if key not in self.known:
+            self.known[key] = self._refined(k, f, start)
+        return self.known[key]
+
+    def _refined(self, k: int, f: int, start: Noise) -> _Found:
+        """The same, computed."""
         curve, law, _ = self.candidates[k]
         F, n = curve.moved()[:, law.forms[f].functions], self.J.shape[1]
         unit, caps = self.problem.force_unit(), self.problem.caps
