@@ -243,7 +243,7 @@ def run_case(
     started, robot = time.perf_counter(), arm in ROBOT_ARMS
     try:
         drawn: Any = draw_robot_case(arm, entropy) if robot else draw(arm, entropy, plant=plant, runs=runs)
-        case = drawn if robot else as_recorded(drawn, record)
+        case: Any = drawn if robot else as_recorded(drawn, record)
     except SurrogateError as error:
         return {"arm": arm, "seed": entropy, "error": f"not drawn: {error}", "right": None}
     solver = solver or _SOLVERS.setdefault(diagnosis, Solver(diagnosis))
