@@ -190,7 +190,7 @@ def _check_header(header: list[str], name: str, wanted: Sequence[str], run: str 
             if column in options and column not in wanted:
                 way = f"Give {options[column]} one of these."
             else:
-                way = "Rename it there, or the signal in the simulator."
+                way = f"Rename it there, or give its column to sksurrogate diagnose: --columns {column}=COLUMN."
             raise DataError(_missing(column, header, name, wanted, way))
 
 

@@ -1,7 +1,8 @@
-"""Flesch's reading ease of the pages: ``python docs/_scripts/readability.py [FILE ...]``.
+"""Readability of the pages: ``python docs/_scripts/readability.py [FILE ...]``.
 
-206.835 - 1.015 words a sentence - 84.6 syllables a word (R. Flesch, *A new readability yardstick*, Journal of Applied
-Psychology 32 (1948), 221-233). Code, tables and links' targets are left out; syllables are counted as groups of vowels.
+Reading ease: 206.835 - 1.015 words a sentence - 84.6 syllables a word (R. Flesch, *A new readability yardstick*, Journal of
+Applied Psychology 32 (1948), 221-233). Grade: 0.39 words a sentence + 11.8 syllables a word - 15.59 (Kincaid and others,
+1975). Code, tables and link targets are left out; syllables are counted as groups of vowels.
 """
 
 import re
@@ -24,19 +25,23 @@ def syllables(word: str) -> int:
     return max(1, len(re.findall(r"[aeiouy]+", re.sub(r"(?<=[^aeiouyl])e$", "", word.lower()))))
 
 
-def ease(text: str) -> tuple[float, float]:
-    """Reading ease, and words a sentence."""
+def ease(text: str) -> tuple[float, float, float]:
+    """Reading ease, Kincaid's grade, and words a sentence."""
     sentences = [re.findall(r"[A-Za-z][A-Za-z'-]*", part) for part in re.split(r"[.!?:;]\s", prose(text))]
     sentences = [words for words in sentences if len(words) > 1]
     words = [word for sentence in sentences for word in sentence]
-    length = len(words) / len(sentences)
-    return 206.835 - 1.015 * length - 84.6 * sum(map(syllables, words)) / len(words), length
+    length, spoken = len(words) / len(sentences), sum(map(syllables, words)) / len(words)
+    return 206.835 - 1.015 * length - 84.6 * spoken, 0.39 * length + 11.8 * spoken - 15.59, length
+
+
+def line(name: str, text: str) -> str:
+    """One line of the table."""
+    return "{:35s} {:6.1f} {:6.1f} {:6.1f}".format(name, *ease(text))
 
 
 if __name__ == "__main__":
     files = [Path(name) for name in sys.argv[1:]] or [DOCS.parent / "README.md", *sorted(DOCS.glob("*.md"))]
     texts = {path: path.read_text() for path in files if len(prose(path.read_text()).split()) > 50}
-    for path, text in texts.items():
-        print(f"{path.name:35s} {ease(text)[0]:6.1f} {ease(text)[1]:6.1f} words a sentence")
-    whole = ease("\n\n".join(texts.values()))
-    print(f"{'all pages':35s} {whole[0]:6.1f} {whole[1]:6.1f} words a sentence")
+    print(f"{'':35s}   ease  grade  words a sentence")
+    print("\n".join(line(path.name, text) for path, text in texts.items()))
+    print(line("all pages", "\n\n".join(texts.values())))

@@ -50,9 +50,8 @@ def run_blind_check(
 ) -> BlindResult:
     """Check the diagnosis on plants whose effect is withheld from it.
 
-    Each case draws a plant, an effect, its size, noise, disturbance and experiments; seals the truth in a file; hands
-    only the simulator and the data to a process that was started without any knowledge of it; then opens the seal and
-    scores the answer.
+    Each case draws a plant, an effect, its size, noise, disturbance and experiments; seals the truth in a file; gives
+    only the simulator and the data to a new process; then opens the truth and scores the answer.
 
     Parameters
     ----------
@@ -62,7 +61,7 @@ def run_blind_check(
         Which questions are asked; see :data:`sksurrogate.blind.ARMS`. Robots (:data:`sksurrogate.blind.ROBOT_ARMS`) are asked
         by name only: they need MuJoCo and more time.
     simulator : object with ``rhs``, optional
-        Your own simulator in place of the built-in plants: what could and could not be seen there?
+        Your own simulator instead of the built-in plants.
     seed : int, optional
         Fresh entropy by default. With a seed the same cases come again; case k does not depend on ``cases``.
     X, groups : array-like (n_samples, n_inputs), (n_samples,), optional

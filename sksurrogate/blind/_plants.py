@@ -65,7 +65,7 @@ class CountingRhs:
 
 @dataclass(frozen=True)
 class PlantSpec:
-    """A plant with what can be done to it.
+    """A plant and the effects that it can have.
 
     Attributes
     ----------

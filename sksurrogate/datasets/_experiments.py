@@ -93,7 +93,7 @@ def simulate_experiments(
 ) -> Experiments:
     """Run a simulator over a space-filling design of initial states and inputs (paper, abstract and section 4.2).
 
-    A real plant starts where it is, so that its data cover a fraction of (y, u); a simulator can start anywhere.
+    A real plant cannot start at any state, so its data cover only a part of (y, u). A simulator can start anywhere.
 
     Parameters
     ----------
@@ -117,10 +117,10 @@ def simulate_experiments(
     noise : float or array (n_outputs,), default=0
         Standard deviation of white noise on y, units of y.
     cache : path, optional
-        Folder of finished batches: a call that was interrupted goes on where it stopped. Batches are named after the
-        design and the value of the simulator: its settings, the code of its functions, what they close over and the
-        globals that they read. Not seen are files that it reads while it runs (but the file of an FMU) and programs that
-        it calls: after a change of those use another folder.
+        Folder of finished batches: a call that was interrupted goes on where it stopped. Batches are identified by
+        the design and the value of the simulator: its settings, the code of its functions, their closures and the globals
+        that they read. Changes of files that it reads while it runs (except the file of an FMU), and of programs that it
+        calls, are not seen: after such a change use another folder.
     batch_size : int, default=128
         Runs that are simulated at once, and kept together in the cache.
     n_jobs : int, optional

@@ -155,7 +155,7 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
     run : None, column name, int or "index"
         Where X says which run a row belongs to; ``groups`` wins.
     fill : "edge", "nan" or float, default="edge"
-        What stands where a run has no past yet.
+        Value where a run has no past yet.
     keep_run : bool, default=False
         Whether the run column is handed on as the last column (its values must be numbers).
 

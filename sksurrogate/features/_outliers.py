@@ -68,12 +68,12 @@ def moving_line(x: np.ndarray, window: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class OutlierFilter(BaseCleaner):
-    """Find single wrong readings by a robust moving line within each run, and blank or bridge them.
+    """Find single wrong readings by a robust moving line within each run, and replace them by nan or by an estimate.
 
     A value is an outlier when it lies further than ``threshold`` standard deviations from the line through the ``window``
     rows around it (slope and level by medians). The standard deviation is the greater of the one in that window and the
     usual one of the column, both from median absolute deviations, so that neither a steep stretch nor a quiet one is
-    cut. A column that usually does not deviate at all (an input held for many samples) is left alone.
+    cut. A column that usually does not deviate at all (an input held for many samples) is not changed.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class OutlierFilter(BaseCleaner):
     threshold : float, default=5.0
         Standard deviations.
     fill : {"nan", "linear", "previous", "pchip", "line"}, default="nan"
-        What becomes of an outlier: nan, the value that :class:`Interpolator` would give, or the line.
+        Replacement of an outlier: nan, the value that :class:`Interpolator` would give, or the line.
     add_indicator : bool, default=False
         Whether to append a column of 0 and 1 for each column that says what was an outlier.
     run : None, column name, int or "index", default=None

@@ -18,7 +18,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 class PCRRegressor(BaseBlockedRegressor):
-    """Least squares on the leading principal components of the features: the practical rank r is what one chooses.
+    """Least squares on the leading principal components of the features, with the practical rank r.
 
     The singular value decomposition of the centred features is cut after r terms,
     ``theta = sum_{i <= r} v_i (v_i^T Phi^T Y) / sigma_i^2``. It is found from the Gram matrix, gathered in blocks, and

@@ -22,7 +22,7 @@ __all__ = ["SparseRegressor"]
 class SparseRegressor(BaseBlockedRegressor):
     """Least squares with few of many terms; the terms that stay are refitted without any penalty.
 
-    Penalties (``Lasso``, ``ElasticNet``) shrink what they keep; here a term is in or out. Every output has terms of
+    Penalties (``Lasso``, ``ElasticNet``) shrink the terms that they keep; here a term is in or out. Every output has terms of
     its own.
 
     Parameters
@@ -31,9 +31,9 @@ class SparseRegressor(BaseBlockedRegressor):
         Sequentially thresholded least squares (STLSQ): terms whose contribution, ``|coef_j| * std(phi_j) / std(y)``, is
         below it are left out and the others fitted again, until none goes.
     select : {"evidence"} or None, default="evidence"
-        "evidence": before the threshold, terms leave one by one, each time the one that is missed least, and the number
-        of terms is that of the largest evidence; the threshold then takes those that are certain but too small to
-        matter (an integration rule's error, for example). None: the threshold alone.
+        "evidence": before the threshold, terms are removed one by one, the least important first. The number of terms is that
+        of the largest evidence. The threshold then removes terms that are certain but too small to matter (the error of an
+        integration rule, for example). None: the threshold alone.
     max_terms : int, optional
         With "evidence": terms of an output at most.
     fit_intercept : bool, default=True
@@ -61,8 +61,8 @@ class SparseRegressor(BaseBlockedRegressor):
 
     Notes
     -----
-    The evidence of k of p terms is ``-n/2 log(squares / n) - k/2 log n - log binom(p, k)`` (the extended BIC); n counts
-    the weights of rows, so that rows of weight 1/2 speak half as loud. Validation instead of evidence:
+    The evidence of k of p terms is ``-n/2 log(squares / n) - k/2 log n - log binom(p, k)`` (the extended BIC); n is the
+    sum of the weights of rows, so two rows of weight 1/2 count as one. Validation instead of evidence:
     ``GridSearchCV`` over ``threshold`` with ``select=None``.
 
     References

@@ -18,8 +18,8 @@ __all__ = ["ConformalFreeRun"]
 class ConformalFreeRun(MetaEstimatorMixin, BaseEstimator):
     """Free run with an interval that holds for a new run, by conformal calibration over runs.
 
-    Runs are exchangeable, rows of a run are not: the model is fitted on some runs, and the errors of its free run on
-    the others, one number a run, say how wide the interval must be.
+    Runs are exchangeable, rows of a run are not. So the model is fitted on some runs, and the errors of its free run on the other
+    runs, one number for each run, give the width of the interval.
 
     Parameters
     ----------

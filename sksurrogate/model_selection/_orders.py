@@ -75,7 +75,7 @@ def scan_orders(
     """Score linear lag models of all orders, one step ahead and in free run, on runs left out.
 
     All orders are solved from one Gram matrix a fold, so that a scan costs about as much as one fit. A linear model is
-    a guide to the lags that a network needs, not their proof: take the best few into a search.
+    a guide to the lags that a network needs, not a proof: compare the best few in a search.
 
     Parameters
     ----------

@@ -34,8 +34,8 @@ def _has(name: str) -> Any:
 class Remembered(MetaEstimatorMixin, BaseEstimator):
     """A predictor whose fits are kept on disk: the same estimator and data are fitted once.
 
-    A search over it that was killed, by hand, by a power cut or by a cluster's time limit, is started again with the same
-    line and goes on where it was: fits that were finished are read, the others are made. (Transformers are kept by
+    If a search is interrupted, for example by a power cut or a cluster's time limit, start it again with the same line: finished
+    fits are read, the others are made. (Transformers are kept by
     scikit-learn's ``Pipeline(memory=...)``.) An estimator is the same if its parameters are, and the code of the functions
     and of your own classes in them with what they close over and the globals that they read.
 
@@ -44,7 +44,7 @@ class Remembered(MetaEstimatorMixin, BaseEstimator):
     estimator : estimator with ``predict``
         Give it a ``random_state`` where it draws numbers: one draw is remembered.
     memory : str, path or joblib.Memory, optional
-        Folder of the fits; they are pickles, so let nobody else write there. None: nothing is kept.
+        Folder of the fits. They are pickles, so no one else should be able to write there. None: nothing is kept.
 
     Attributes
     ----------

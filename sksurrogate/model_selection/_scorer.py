@@ -17,7 +17,7 @@ __all__ = ["FreeRunScorer"]
 class FreeRunScorer(_MetadataRequester):
     """Score the free run from the measured first rows of every run, those rows left out.
 
-    scikit-learn's own scorers hand neither ``groups`` nor first outputs to ``predict``, silently; this one does both.
+    scikit-learn's own scorers give neither ``groups`` nor first outputs to ``predict``. This scorer gives both.
 
     Parameters
     ----------

@@ -19,10 +19,9 @@ __all__ = ["BlockedSplit", "split_runs"]
 class BlockedSplit(BaseCrossValidator):
     """Cross-validation over blocks of time.
 
-    With ``groups`` every fold holds whole runs, neighbours together; with one long record, hand
-    ``groups=BlockedSplit(...).labels(len(X))`` to the search. Without ``groups`` the record's blocks are the test sets
-    in turn and the longer side beside the block trains: both sides together would hide a hole in the middle, and lags
-    would reach over it.
+    With ``groups`` every fold holds whole runs, neighbours together. With one long record, give
+    ``groups=BlockedSplit(...).labels(len(X))`` to the search. Without ``groups`` the blocks of the record are the test sets in
+    turn, and the longer side next to the block is the training set: with both sides, lags would reach over the gap.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ def split_runs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows for training, validation and grading (paper section 2.4); runs stay whole.
 
-    Validation data choose orders and penalties, grading data are looked at once, at the end.
+    Validation data choose orders and penalties. Grading data are used once, at the end.
 
     Parameters
     ----------

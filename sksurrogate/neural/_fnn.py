@@ -153,7 +153,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
     Repeated rows are merged (up to 5000 rows), so that integer weights and repeated rows give the same network.
 
     With scikit-learn 1.9, ``set_callbacks`` takes its callbacks (``ProgressBar``, ``ScoringMonitor`` or your own, which may
-    stop a fit); they hear of every step from the best start, every iteration or every epoch.
+    stop a fit); they are called at every step from the best start, every iteration or every epoch.
 
     References
     ----------

@@ -17,10 +17,10 @@ __all__ = ["RecurrentRegressor"]
 
 
 class RecurrentRegressor(FreeRunMixin, BaseEstimator):
-    """Recurrent network that is driven by the inputs alone: a state description that the paper leaves open.
+    """Recurrent network with the inputs alone as its signals (a state description, which the paper does not treat).
 
-    A small encoder turns the first rows of a run into the hidden state; from there on outputs are never fed back, so
-    that the loss is the error of the free run and a free run cannot diverge.
+    A small encoder turns the first rows of a run into the hidden state. After that, outputs are never fed back. So the loss is the
+    error of the free run, and a free run cannot diverge.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     """Every named effect and the re-tuned parameters: what it is, its lines, how sure it is."""
     out = []
     for effect in report.effects:
-        what = "parameter" if effect.name == "parameter_error" else place_of(effect)
+        what = f"parameter {effect.location}" if effect.name == "parameter_error" else place_of(effect)
         out.append((what, change_of(effect, report.nominal, report.units), confidence(effect.probability)))
     named = {effect.location for effect in report.effects if effect.name == "parameter_error"}
     rows = [row for row in report.retuned if "value" in row and row["parameter"] not in named]

@@ -66,8 +66,8 @@ def runs_html(report: ReportData) -> str:
     first, others = report.traces[order[0]], [report.traces[k] for k in order[1:DRAWN]]
     out = [
         "<h2>Every run, the worst first</h2>",
-        '<p class="small">Each run was left out of the fit that drew it. Drag over a picture to zoom, double-click to go back.'
-        "</p>",
+        '<p class="small">Each run is simulated by a fit without this run. <span class="noprint">Drag over a figure to zoom, '
+        "double-click to go back.</span></p>",
         _large(first, report),
     ]
     if others:

@@ -61,8 +61,9 @@ padding:.15em .5em;font-size:.8em;white-space:pre;font-variant-numeric:tabular-n
 .skgap .grid{grid-template-columns:1fr}}
 @media print{.skgap{%LIGHT%;max-width:none;font-size:11px;padding:0}.skgap figure,.skgap tr,.skgap .card,.skgap .bars,
 .skgap pre{break-inside:avoid}.skgap h2,.skgap h3{break-after:avoid}.skgap .scroll{overflow:visible}
-.skgap td{white-space:normal}.skgap svg{max-width:32em}.skgap .grid{grid-template-columns:1fr 1fr}
-.skgap .noprint{display:none}}
+.skgap td{white-space:normal}.skgap svg{max-width:32em}.skgap .wide svg{width:75%}.skgap .grid{grid-template-columns:1fr 1fr}
+.skgap .noprint{display:none}.skgap pre{white-space:pre-wrap}}
+@page{margin:14mm}
 """
 
 STYLE = _BASE.replace("%LIGHT%", _LIGHT).replace("%DARK%", _DARK)
