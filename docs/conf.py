@@ -87,6 +87,11 @@ sphinx_gallery_conf = {
     "abort_on_example_error": False,
     "only_warn_on_example_error": False,
     "show_memory": False,
+    "default_thumb_file": str(HERE / "readme.png"),
+    "capture_repr": (),  # examples print what they show
+    "subsection_order": [
+        f"../examples/{part}" for part in ("tutorials", "diagnosis", "hybrid_and_control", "fits", "paper")
+    ],
     "show_signature": False,
     "remove_config_comments": True,
     "download_all_examples": False,

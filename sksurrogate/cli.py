@@ -97,8 +97,8 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("--quiet", action="store_true", help="no progress")
     diagnose.set_defaults(action=_diagnose)
     _add_blind(commands)
-    demo = commands.add_parser("demo", help="two stories on data that the package makes itself")
-    demo.add_argument("--html", metavar="FOLDER", help="write a page for each story there")
+    demo = commands.add_parser("demo", help="two diagnoses of data that the package makes")
+    demo.add_argument("--html", metavar="FOLDER", help="write a page for each diagnosis there")
     demo.set_defaults(action=_demo)
     return parser
 
@@ -354,13 +354,13 @@ def _demo(arguments: argparse.Namespace) -> int:
             raise DataError(f"--html {folder}: no folder can be made there ({_why(error)}).") from error
     good = True
     for number, story in enumerate((story_actuator_and_sensor, story_linearised), start=1):
-        print(f"[demo] story {number} of 2: a diagnosis, less than a minute on a free machine ...", file=sys.stderr)
+        print(f"[demo] diagnosis {number} of 2: less than a minute on a free machine ...", file=sys.stderr)
         summary = story()
         target = None if folder is None else str(folder / f"story_{number}.html")
         said, whole = _written("page", target, summary.report.to_html)
         good = good and whole
         print(
-            f"{'=' * 80}\nStory {number}: {summary.title}\n{'=' * 80}\n{summary.report}\n\n{textwrap.fill(summary.ending, 80)}\n"
+            f"{'=' * 80}\nExample {number}: {summary.title}\n{'=' * 80}\n{summary.report}\n\n{textwrap.fill(summary.ending, 80)}\n"
         )
         print("".join(f"{line}\n\n" for line in said), end="")
     return 0 if good else 1
