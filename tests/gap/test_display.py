@@ -68,6 +68,15 @@ def test_a_simulator_that_runs_away_does_not_flatten_the_measurement(report):
     assert high - low < 3 * np.ptp(report.traces[0].measured[:, 1])
 
 
+@pytest.mark.parametrize(
+    "rows, label", [((), "initial states fitted"), (({"parameter": "k", "value": 2.0},), "re-tuned")]
+)
+def test_without_a_named_effect_the_fitted_curve_says_what_was_fitted(report, rows, label):
+    report = dataclasses.replace(report, retuned=Table(rows))
+    for kind in ("trace", "residual"):
+        assert label in report.plot(kind=kind).ax_.get_legend_handles_labels()[1]
+
+
 def test_lines_differ_without_colour(report):
     for ax in report.plot().axes_:
         styles = [(line.get_linestyle(), line.get_linewidth()) for line in ax.lines]

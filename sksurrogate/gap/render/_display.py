@@ -10,7 +10,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, part_name, shown
-from sksurrogate.gap.render._runs import noise_of, run_error, worst_first
+from sksurrogate.gap.render._runs import fitted_name, noise_of, run_error, worst_first
 from sksurrogate.gap.render._units import TIME, axis, derivative_unit
 from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._missing_term import MissingTerm
@@ -177,7 +177,7 @@ class GapDisplay:
         measured = trace.measured[known, j]
         ax.plot(trace.t[known], measured, color="#8a8a8a", lw=3, label="measured")
         ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label="simulator")
-        ax.plot(trace.t, trace.after[:, j], color="#000000", lw=1, label="with the effects")
+        ax.plot(trace.t, trace.after[:, j], color="#000000", lw=1, label=fitted_name(self.report))
         low, high = ax.get_ylim()
         # A simulator that runs away must not flatten the measurement.
         room = 0.6 * float(np.ptp(measured)) if len(measured) else 0.0
@@ -193,7 +193,9 @@ class GapDisplay:
         if np.isfinite(noise):
             ax.axhspan(-2 * noise, 2 * noise, color="#d9d9d9", label="noise, two deviations")
         ax.plot(trace.t, trace.measured[:, j] - trace.before[:, j], color="#d55e00", ls="--", label="simulator")
-        ax.plot(trace.t, trace.measured[:, j] - trace.after[:, j], color="#000000", lw=1, label="with the effects")
+        ax.plot(
+            trace.t, trace.measured[:, j] - trace.after[:, j], color="#000000", lw=1, label=fitted_name(self.report)
+        )
         name = self.report.outputs[j]
         ax.set(xlabel=self._time_axis(trace.label), ylabel=f"residual of {axis(name, self.report.units)}")
         ax.margins(x=0)
@@ -204,7 +206,7 @@ class GapDisplay:
         errors = [run_error(self.report, self.report.traces[k]) for k in order]
         at = np.arange(len(order))
         ax.bar(at - 0.2, [before for before, _ in errors], 0.4, color="#d55e00", hatch="//", label="simulator")
-        ax.bar(at + 0.2, [after for _, after in errors], 0.4, color="#000000", label="with the effects")
+        ax.bar(at + 0.2, [after for _, after in errors], 0.4, color="#000000", label=fitted_name(self.report))
         ax.set_xticks(at, [str(self.report.traces[k].label) for k in order], rotation=45 if len(order) > 8 else 0)
         ax.set(xlabel="run, the worst first", ylabel="RMSE / deviation")
         ax.legend(frameon=False)

@@ -101,7 +101,7 @@ def _first_screen(report: ReportData) -> str:
     parts = [f'<p class="eyebrow">{escape(title)}</p><h1><span class="word {escape(report.verdict)}">']
     parts.append(f"{escape(report.verdict)}</span> {escape(headline(report))}</h1>")
     if not report.complete:
-        parts.append("<p><strong>Interrupted:</strong> the page holds what was known by then.</p>")
+        parts.append("<p><strong>Interrupted:</strong> this page holds the results so far.</p>")
     parts.append(budget_html(report.budget))
     for what, lines, sure in changes(report):
         body = "".join(f'<p class="change">{escape(line)}</p>' for line in lines)

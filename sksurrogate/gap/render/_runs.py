@@ -11,7 +11,7 @@ from sksurrogate.gap.render._units import TIME, axis
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
 
-__all__ = ["noise_of", "run_error", "runs_html", "worst_first"]
+__all__ = ["fitted_name", "noise_of", "run_error", "runs_html", "worst_first"]
 
 
 def deviations(report: ReportData) -> np.ndarray:
@@ -131,6 +131,13 @@ def _name(names: tuple[str, ...], j: int, letter: str) -> str:
     return names[j] if j < len(names) else f"{letter}{j}"
 
 
+def fitted_name(report: ReportData) -> str:
+    """What distinguishes the third curve of a run from the simulator."""
+    if report.effects:
+        return "with the effects"
+    return "re-tuned" if len(report.retuned) else "initial states fitted"
+
+
 def _output(trace: Trace, j: int, report: ReportData, height: int) -> Panel:
     """Measured, simulator, simulator with the effects."""
     measured, before, after = trace.measured[:, j], trace.before[:, j], trace.after[:, j]
@@ -143,7 +150,7 @@ def _output(trace: Trace, j: int, report: ReportData, height: int) -> Panel:
     lines = [
         Line("measured", trace.t[known], finite, "measured", width=4.0),
         Line("simulator", trace.t, before, "before", "6 4", 1.8),
-        Line("with the effects", trace.t, after, "ink", width=1.3),
+        Line(fitted_name(report), trace.t, after, "ink", width=1.3),
     ]
     return Panel(lines, axis(_name(report.outputs, j, "y"), report.units), (low, high), height=height)
 

@@ -40,8 +40,9 @@ def closed(report: ReportData) -> list[str]:
     lines = []
     if np.isfinite(s.fraction) and (report.effects or len(report.retuned)):
         low, high = (100 * end for end in s.interval)
+        how = "Closed" if report.effects else "Closed by re-tuning"
         lines.append(
-            f"Closed: {percent(s.fraction)} of the gap above the noise, 90 % interval {low:.1f} to {high:.1f} %."
+            f"{how}: {percent(s.fraction)} of the gap above the noise, 90 % interval {low:.1f} to {high:.1f} %."
         )
     if law is not None and law.certified and np.isfinite(s.fraction_law):
         lines.append(f"Closed with the law: {percent(s.fraction_law)}.")
