@@ -342,7 +342,9 @@ class DiagnosisPipeline(LawStage, Generic[C]):
                 if time_left() > 0.0:
                     place = self.where(verdict, effects)
                 if verdict in ("partial", "unknown") and self.inside.remains is not None and place.location is not None:
-                    term = replace(self.inside.missing_term(place.location, str(place.kind)), law=self.found.law)
+                    term = replace(
+                        self.inside.channels.missing_term(place.location, str(place.kind)), law=self.found.law
+                    )
         except TimeIsUp:
             self.cut["the place of the gap"], self.complete = None, False
         except (np.linalg.LinAlgError, FloatingPointError) as error:

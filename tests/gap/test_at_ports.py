@@ -9,7 +9,7 @@ from sksurrogate.effects import AugmentedSimulator, build_effects
 from sksurrogate.gap import EffectEstimate, GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.render._units import parameter_unit
-from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term
+from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -58,7 +58,7 @@ def test_a_missing_force_at_an_input_comes_as_an_effect():
     record = Record.from_runs([U[k] for k in split], [y[k] for k in split], [0.01 * np.arange(N)] * RUNS, 0.01)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v1", "v2"))
     null = problem.fit((), np.zeros(0), smoothed.x)
-    law = missing_term(Channels(null), "t2", "input").effects[0]
+    law = OdeChannels(null).missing_term("t2", "input").effects[0]
     assert law.location == "t2" and "v2" in law.variable
     better = AugmentedSimulator(arm(), [law], [law.values])
     left = [

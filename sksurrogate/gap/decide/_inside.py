@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Generic
+from typing import Any, ClassVar, Generic
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._rules import DecisionFeatures
 from sksurrogate.gap.fit._evidence import C, Evidence
-from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._residual_analysis import Remains
 
@@ -40,6 +40,8 @@ class BaseInside(ABC, Generic[C]):
     asks_early = False
     #: Which effects were compared, in words.
     among: str
+    channels_of: ClassVar[type[Channels]]
+    _channels: Channels[C] | None = None
     scale: np.ndarray | None = None
     beside: LawBeside | None = None
 
@@ -99,13 +101,23 @@ class BaseInside(ABC, Generic[C]):
     def likely_place(self, final: Evidence[C]) -> tuple[str | None, str | None]:
         """Location and kind of what has no name."""
 
-    @abstractmethod
+    @property
+    def channels(self) -> Channels[C]:
+        """Of the simulator alone."""
+        null = self.search.fitted_null.candidate
+        if self._channels is None or self._channels.null is not null:
+            self._channels = self.channels_of(null)
+        return self._channels
+
     def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
-        """By region and by time, of the signal at a place."""
+        """By region and by time, of the signal at a place; of what is left as a whole where no place is likely."""
+        likely = location is not None and kind in ("state", "input", "output")
+        channel = self.channels.at(str(location), str(kind)) if likely else None
+        return self.anywhere() if channel is None else self.channels.regions_and_times(channel)
 
     @abstractmethod
-    def missing_term(self, location: str, kind: str) -> MissingTerm:
-        """The shape of what is missing at a place."""
+    def anywhere(self) -> tuple[Table, Table]:
+        """By region and by time, of what is left as a whole."""
 
     def law_beside(self, base: Evidence[C], final: Evidence[C], held: HeldOut) -> CertifiedLaw | None:
         """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""

@@ -22,17 +22,17 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
-from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._search import Search
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
-from sksurrogate.gap.unnamed._disturbance_channel import Channels, missing_term, where_and_when
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
+from sksurrogate.gap.unnamed._latent_force import features
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, law_left
-from sksurrogate.gap.unnamed._where import force_predictability, likely_place, place_of_law
+from sksurrogate.gap.unnamed._where import force_predictability, likely_place, place_of_law, regions, times
 from sksurrogate.kernels.record import Record
 
 #: White noise is at most so many times what differences of the outputs show.
@@ -77,7 +77,7 @@ class OdeInside(BaseInside[OdeCandidate]):
         A sentence where the record fits in another unit of time.
     """
 
-    asks_early, among = True, "of the catalogue"
+    asks_early, among, channels_of = True, "of the catalogue", OdeChannels
     search: Search
 
     def __init__(self, search: Search, seed: int, whole: Record, excluded: Iterable[str] = ()):
@@ -97,9 +97,8 @@ class OdeInside(BaseInside[OdeCandidate]):
         return law.gain if law is not None else 0.0
 
     def begin(self) -> None:
-        """The places of the gap are made once for one null; whether the record fits in another unit of time."""
+        """Whether the record fits in another unit of time."""
         problem = self.search.problem
-        self.channels = Channels(self.search.fitted_null.candidate)
         self.clock = other_unit_of_time(problem.model, problem.record)
 
     def correction(self, correction: Any) -> Correction | None:
@@ -179,18 +178,18 @@ class OdeInside(BaseInside[OdeCandidate]):
             return None, None
         return likely_place(remains.places, lambda b, u: force_predictability(problem, remains.gap, b, u, self.seed))
 
-    def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
+    def anywhere(self) -> tuple[Table, Table]:
+        """Of the largest force that the simulator alone leaves."""
         assert self.remains is not None
-        return where_and_when(self.channels, self.remains.gap, location, kind)
-
-    def missing_term(self, location: str, kind: str) -> MissingTerm:
-        return missing_term(self.channels, location, kind)
+        problem, gap = self.search.problem, self.remains.gap
+        w = gap.force[int(np.argmax(gap.size))]
+        return regions(problem.record, *features(problem, gap.x), w), times(problem.record, w)
 
     def law_beside(
         self, base: Evidence[OdeCandidate], final: Evidence[OdeCandidate], held: HeldOut
     ) -> CertifiedLaw | None:
         search, same = self.search, base.candidate is self.channels.null
-        channels = self.channels if same else Channels(base.candidate)
+        channels = self.channels if same else OdeChannels(base.candidate)
         laws = fitted_laws(search, base, channels, self.places_of_law(final, bool(base.effects)))
         if not laws:
             return None

@@ -14,15 +14,13 @@ from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._rules import DecisionFeatures, share_left
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
-from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._shrink import Shrink
-from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.gap.unnamed._latent_force import Place
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._residual_analysis import Remains
-from sksurrogate.gap.unnamed._trajectory_channel import channel_of, equivalent_places, force_left, missing_term
-from sksurrogate.gap.unnamed._where import regions, times
+from sksurrogate.gap.unnamed._trajectory_channels import TrajectoryChannels, equivalent_places, force_left
 from sksurrogate.kernels.record import Record
 
 ACCESS = (
@@ -46,7 +44,7 @@ class TrajectoryInside(BaseInside[TrajectoryCandidate]):
         Whether the simulator answers no other inputs than those in X.
     """
 
-    among = "that can be tested here"
+    among, channels_of = "that can be tested here", TrajectoryChannels
     search: TrajectorySearch
 
     def __init__(self, search: TrajectorySearch, seed: int, only_given: bool):
@@ -71,10 +69,7 @@ class TrajectoryInside(BaseInside[TrajectoryCandidate]):
     def look_at_what_is_left(self, final: Evidence[TrajectoryCandidate]) -> None:
         """A force on the states of the surrogate, whether inputs and outputs repeat it, and the places it may come from."""
         latent, law = force_left(final, self.seed)
-        known = (
-            self.remains.places if self.remains is not None else equivalent_places(self.search.fitted_null.candidate)
-        )
-        self.remains = Remains(latent, law, known, latent)
+        self.remains = Remains(latent, law, equivalent_places(self.channels), latent)
 
     def withdraw(self, null: Evidence[TrajectoryCandidate]) -> None:
         self.look_at_what_is_left(null)
@@ -103,14 +98,11 @@ class TrajectoryInside(BaseInside[TrajectoryCandidate]):
         """The place of the likeliest equivalent disturbance."""
         return self.remains.places[0] if self.remains is not None and self.remains.places else None
 
-    def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
-        at = location if kind in ("input", "output") else (self.likeliest.location if self.likeliest else None)
-        channel = channel_of(self.search.fitted_null.candidate, at)
-        w = channel.force()
-        return regions(channel.record, channel.Z, channel.names, w), times(channel.record, w)
-
-    def missing_term(self, location: str, kind: str) -> MissingTerm:
-        return missing_term(self.search.fitted_null.candidate, location, kind)
+    def anywhere(self) -> tuple[Table, Table]:
+        """Of the signal at the likeliest place."""
+        place = self.likeliest
+        channel = self.channels.at(place.location, place.kind) if place is not None else None
+        return (EMPTY, EMPTY) if channel is None else self.channels.regions_and_times(channel)
 
     def notes(self, final: Evidence[TrajectoryCandidate], verdict: str) -> list[str]:
         problem = self.search.problem

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.gap.fit._pushes import a_sample_later
+from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -14,6 +14,65 @@ from sksurrogate.kernels.record import Record
 
 #: Correlation times, in samples, from which the size of a signal is fitted.
 STARTS = (5.0, 25.0)
+
+
+def fit_signal(
+    D: Disturbance,
+    r: np.ndarray,
+    sd: np.ndarray,
+    spread: np.ndarray,
+    unit: float,
+    sensor: int | None,
+    *,
+    near: Noise | None = None,
+    rough: bool = False,
+) -> tuple[Noise, float, np.ndarray]:
+    """The likeliest noise with a free signal at one place, its log likelihood, and which noise parameters stay.
+
+    In a balance or at an input the signal is the force, at a sensor the coloured noise of the sensor. The white noise is
+    fitted with it.
+
+    Parameters
+    ----------
+    D : Disturbance
+        With the force at the place.
+    r : ndarray (n_outputs, n_samples)
+        Measured less simulated.
+    sd, spread : ndarray (n_outputs,)
+        White noise as differences show it, and deviation of the outputs.
+    unit : float
+        Size of the force that counts as one.
+    sensor : int or None
+        At which the signal is.
+    near : Noise, optional
+        A noise to start from, that of a path nearby, instead of several correlation times.
+    rough : bool, default=False
+        From one correlation time, with the white noise as differences show it.
+
+    Returns
+    -------
+    noise : Noise
+    log_likelihood : float
+        -inf where no noise can be followed.
+    held : ndarray of bool
+    """
+    force, coloured = np.full(D.b, (0.1 if sensor is None else 1e-4) * unit), 1e-2 * sd
+    held = np.zeros(2 * D.m + D.b + 2, bool)
+    held[: D.m], held[D.m + D.b + 1 :] = rough, True
+    if sensor is not None:
+        held[D.m : D.m + D.b + 1], held[D.m + D.b + 1 + sensor], held[-1] = True, False, False
+        coloured[sensor] = max(0.1 * float(spread[sensor]), 1e-12)
+    times = [(t, REMEMBERED) if sensor is None else (REMEMBERED, t) for t in ((REMEMBERED,) if rough else STARTS)]
+    starts = [Noise(sd.copy(), force, a, coloured, b) for a, b in times] if near is None else [near]
+    best, value = starts[0], -np.inf
+    for start in starts:
+        try:
+            noise, found, _ = fit_noise(D, r, start, np.full(D.b, unit), held=held, max_iterations=6 if rough else 10)
+        except np.linalg.LinAlgError:
+            continue
+        if found > value:
+            best, value = noise, float(found)
+    return best, value, held
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +89,7 @@ class Channel:
     held: np.ndarray  #: Noise parameters that stay
     Z: np.ndarray  #: (n_samples, n_variables)
     names: list[str]
-    log_likelihood: float = -np.inf  #: Of the residual with the free signal
+    log_likelihood: float  #: Of the residual with the free signal
     #: (n_outputs, n_theta, n_samples), (n_theta,), (n_theta,): sensitivities of the parameters that follow, and what
     #: holds them: precision and pull
     followers: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None

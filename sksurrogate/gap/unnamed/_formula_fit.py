@@ -17,9 +17,9 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._fits import fit_last
 from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._curve_shapes import OUT_OF_REACH
-from sksurrogate.gap.unnamed._disturbance_channel import Channels
-from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers, drivers_at
+from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers
 from sksurrogate.gap.unnamed._formula_search import Draft, curve_at
 from sksurrogate.gap.unnamed._grammar import price_of
 
@@ -75,7 +75,7 @@ def fitted_laws(
         channel = channels.at(location, kind)
         if channel is None:
             continue
-        drivers = drivers_at(base.candidate, channel, location, kind)
+        drivers = channels.drivers(channel, location, kind)
         drafts = channels.drafts(location, kind)
         best = max([best, *(draft.level for draft in drafts)])
         chosen = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]

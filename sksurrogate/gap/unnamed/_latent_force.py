@@ -13,7 +13,7 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
 from sksurrogate.gap.fit._record_parts import row_folds
-from sksurrogate.gap.unnamed._channel import STARTS
+from sksurrogate.gap.unnamed._channel import fit_signal
 from sksurrogate.gap.unnamed._curve_shapes import channel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -201,53 +201,30 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
     one and with the white noise of differences.
     """
-    starts, most = ((REMEMBERED,), 6) if rough else (STARTS, 10)
     problem, theta, model = null.problem, null.fit.theta, null.model
-    record = problem.record
+    record, units = problem.record, problem.force_unit()
+    found: list[Place] = []
     with np.errstate(all="ignore"):
         x = next(paths(null, problem))
         lin = linearise(model, theta, x, problem.units((), theta))
         whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances)
-        r = record.residual(lin.y)
-        m = len(record.y)
-        C = whole.C.transpose(1, 2, 0)
-        tiny = 1e-2 * problem.sd
-        found = []
+        r, forces, C = record.residual(lin.y), whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
 
-        def evidence(B: np.ndarray, unit: float, sensor: int | None) -> float:
-            D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
-            coloured = np.maximum(tiny, 1e-12)
-            held = np.zeros(2 * m + 3, bool)
-            held[m + 2 : 2 * m + 2] = True
-            held[:m] = rough
-            force, best = 0.1 * unit, -np.inf
-            if sensor is not None:
-                held[m + 2 + sensor] = False
-                held[m] = True
-                force = 1e-4 * unit
-                coloured = coloured.copy()
-                coloured[sensor] = record.spread[sensor] * 0.1
-            for tau in starts:
-                start = Noise(problem.sd.copy(), np.array([force]), tau, coloured, tau)
-                try:
-                    best = max(best, fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=most)[1])
-                except np.linalg.LinAlgError:
-                    continue
-            return best
+        def likelihood(push: np.ndarray, unit: float, sensor: int | None = None) -> float:
+            D = Disturbance(lin.A, push, C, record.starts, whole.start_sd, whole.slack, record.known)
+            return fit_signal(D, r, problem.sd, record.spread, unit, sensor, rough=rough)[1]
 
         for b, name in enumerate(problem.balances):
-            found.append(
-                Place(name, "state", evidence(whole.B.transpose(1, 2, 0)[:, b : b + 1], problem.force_unit()[b], None))
-            )
+            found.append(Place(name, "state", likelihood(forces[:, b : b + 1], units[b])))
         for i, name in enumerate(problem.plant.inputs):
-            B = input_push(null, x, i)
-            twin = _same_push(B, whole.B.transpose(1, 2, 0))
+            push = input_push(null, x, i)
+            twin = _same_push(push, forces)
             if twin is not None:
                 found.append(Place(name, "input", found[twin].log_likelihood))
-            elif np.any(B):
-                found.append(Place(name, "input", evidence(B, max(float(np.std(record.u[i])), 1e-12), None)))
+            elif np.any(push):
+                found.append(Place(name, "input", likelihood(push, max(float(np.std(record.u[i])), 1e-12))))
         for j, name in enumerate(problem.plant.outputs):
-            found.append(Place(name, "output", evidence(whole.B.transpose(1, 2, 0)[:, :1], problem.force_unit()[0], j)))
+            found.append(Place(name, "output", likelihood(forces[:, :1], units[0], j)))
     return sorted(found, key=lambda place: -place.log_likelihood)
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED, FAR, NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.unnamed._disturbance_channel import Channels, places_by_law
+from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, latent_force, law_of, places
+
+#: Places that are compared by the law that fits there.
+COMPARED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +80,33 @@ def law_left(final: Evidence, seed: int) -> tuple[LatentForce, np.ndarray]:
         # Coloured sensor noise may have taken what is a law of the states.
         law = np.maximum(law, law_of(final.candidate, latent_force(final, quiet_sensors=True), seed))
     return latent, law
+
+
+def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
+    """The most likely places again, each with the law of states and inputs that fits there and a force for the rest.
+
+    A free force follows the gap from many places; a law of states and inputs follows it from the right one.
+    """
+    if not found:
+        return []
+    distinct: list[Place] = []
+    for place in found:
+        if not any(abs(place.log_likelihood - other.log_likelihood) < 1e-9 for other in distinct):
+            distinct.append(place)
+    again = {}
+    for place in distinct[:COMPARED]:
+        drafts = channels.drafts(place.location, place.kind)
+        if drafts and np.isfinite(drafts[0].level):
+            again[place.log_likelihood] = drafts[0].level
+    if len(again) < 2:
+        return list(found)
+    # The others stay as far below as they were.
+    drop = max(again) - max(again.values())
+    lowest = min(again.values())
+    out = [
+        replace(p, log_likelihood=again[p.log_likelihood])
+        if p.log_likelihood in again
+        else replace(p, log_likelihood=min(p.log_likelihood - drop, lowest))
+        for p in found
+    ]
+    return sorted(out, key=lambda place: -place.log_likelihood)

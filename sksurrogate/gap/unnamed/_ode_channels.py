@@ -1,4 +1,4 @@
-"""One place of the plant at which a free signal enters: its path, its smoothed signal, its way to the outputs."""
+"""Channels of a simulator with a right-hand side: linearised about the path that a free signal at the place gives."""
 
 from __future__ import annotations
 
@@ -8,24 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
-from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
-from sksurrogate.gap.results._missing_term import MissingTerm
-from sksurrogate.gap.results._table import Table
-from sksurrogate.gap.unnamed._channel import STARTS, Channel
-from sksurrogate.gap.unnamed._drivers import drivers_at
-from sksurrogate.gap.unnamed._formula_search import Draft, drafts_at
-from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, input_push, paths
-from sksurrogate.gap.unnamed._shape import shape_of
-from sksurrogate.gap.unnamed._where import regions, times
+from sksurrogate.gap.unnamed._channel import Channel, fit_signal
+from sksurrogate.gap.unnamed._channels import Channels
+from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
+from sksurrogate.gap.unnamed._latent_force import features, input_push, paths
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import state_jacobian
-from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import Linearised, linearise
 from sksurrogate.kernels.record import Record
-
-#: Places that are compared by the law that fits there.
-COMPARED = 3
 
 
 def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
@@ -125,12 +116,11 @@ def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> 
 
 
 def _about(
-    null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Sequence[str], known: Noise | None = None
+    null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Sequence[str], near: Noise | None = None
 ) -> tuple[Channel, np.ndarray]:
     """The channel linearised about a path x, and the free run without the signal to first order.
 
-    Its noise is fitted from one that is known, that of a path nearby, else from several starts; of a sensor it is what the
-    sensor adds to its output.
+    Its noise is fitted from one ``near`` to it, that of a path nearby, else from several starts.
     """
     problem, model, theta = null.problem, null.model, null.fit.theta
     record, plant = problem.record, problem.plant
@@ -143,18 +133,12 @@ def _about(
         B, unit = input_push(null, x, i), max(float(np.std(record.u[i])), 1e-12)
     D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
     r, sensor = record.residual(lin.y), sensor_at(null, location, kind)
-    m, force, coloured = len(r), 0.1 * unit, 1e-2 * problem.sd
-    held = np.zeros(2 * m + 3, bool)
-    held[m + 2 :] = True
-    if sensor is not None:
-        held[m : m + 2], held[m + 2 + sensor], held[-1] = True, False, False
-        force, coloured[sensor] = 1e-4 * unit, 0.1 * float(record.spread[sensor]) + 1e-12
-    times = [(t, REMEMBERED) if sensor is None else (REMEMBERED, t) for t in STARTS]
-    starts = [Noise(problem.sd.copy(), np.array([force]), a, coloured, b) for a, b in times]
-    noise = _fitted(D, r, starts if known is None else [known], unit, held)
+    noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor, near=near)
+    if not np.isfinite(value):
+        raise np.linalg.LinAlgError("no noise can be followed along this path")
     Z, names = features(problem, x)
     push, after = (B[:, 0] if sensor is None else None), followers(null, lin)
-    channel = Channel(record, D, noise, r, push, sensor, unit, held, Z, names, -np.inf, after, x, len(soft))
+    channel = Channel(record, D, noise, r, push, sensor, unit, held, Z, names, value, after, x, len(soft))
     return channel, lin.x
 
 
@@ -179,118 +163,11 @@ def held_by(null: OdeCandidate) -> tuple[np.ndarray, np.ndarray]:
     return precision, pull
 
 
-def _fitted(D: Disturbance, r: np.ndarray, starts: Sequence[Noise], unit: float, held: np.ndarray) -> Noise:
-    """The likeliest noise of several starts."""
-    best, value = None, -np.inf
-    for start in starts:
-        try:
-            noise, found, _ = fit_noise(D, r, start, np.array([unit]), held=held, max_iterations=10)
-        except np.linalg.LinAlgError:
-            continue
-        if found > value:
-            best, value = noise, found
-    if best is None:
-        raise np.linalg.LinAlgError("no noise can be followed along this path")
-    return best
+class OdeChannels(Channels[OdeCandidate]):
+    """Along a right-hand side: in every balance, at every input and sensor."""
 
+    def made(self, location: str, kind: str) -> Channel:
+        return channel_of(self.null, location, kind)
 
-def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
-    """The most likely places again, each with the law of states and inputs that fits there and a force for the rest.
-
-    A free force follows the gap from many places; a law of states and inputs follows it from the right one.
-    """
-    if not found:
-        return []
-    distinct: list[Place] = []
-    for place in found:
-        if not any(abs(place.log_likelihood - other.log_likelihood) < 1e-9 for other in distinct):
-            distinct.append(place)
-    again = {}
-    for place in distinct[:COMPARED]:
-        drafts = channels.drafts(place.location, place.kind)
-        if drafts and np.isfinite(drafts[0].level):
-            again[place.log_likelihood] = drafts[0].level
-    if len(again) < 2:
-        return list(found)
-    # The others stay as far below as they were.
-    drop = max(again) - max(again.values())
-    lowest = min(again.values())
-    out = [
-        replace(p, log_likelihood=again[p.log_likelihood])
-        if p.log_likelihood in again
-        else replace(p, log_likelihood=min(p.log_likelihood - drop, lowest))
-        for p in found
-    ]
-    return sorted(out, key=lambda place: -place.log_likelihood)
-
-
-def missing_term(channels: Channels, location: str, kind: str) -> MissingTerm:
-    """The shape of what is missing at a place, on top of the null; no curves where no signal there can be followed."""
-    channel = channels.at(location, kind)
-    if channel is None:
-        return MissingTerm(location, kind, (), (), ())
-    record = channel.record
-    first = record.t[record.starts]
-    table = times(record, channel.force())
-    changes = [row["start"] for row in table[1:] if row["kind"] == "change"] if np.ptp(first) == 0 else []
-    moments = [float(first[0] + moment) for moment in changes]
-    drivers = drivers_at(channels.null, channel, location, kind, moments)
-    return shape_of(channel, drivers, drafts_at(channel, drivers) if moments else channels.drafts(location, kind))
-
-
-def where_and_when(
-    channels: Channels, latent: LatentForce, location: str | None, kind: str | None
-) -> tuple[Table, Table]:
-    """By region and by time: of the force at the likely place, of the largest that the null leaves where none is likely."""
-    problem = channels.null.problem
-    channel = None
-    if location is not None and kind in ("state", "input", "output"):
-        channel = channels.at(location, kind)
-    if channel is None:
-        Z, names = features(problem, latent.x)
-        w = latent.force[int(np.argmax(latent.size))]
-        return regions(problem.record, Z, names, w), times(problem.record, w)
-    w = channel.force()
-    Z = channel.Z
-    return regions(channel.record, Z, channel.names, w), times(problem.record, w)
-
-
-class Channels:
-    """The channels of one null, each made once.
-
-    Parameters
-    ----------
-    null : OdeCandidate
-        The simulator, free parameters re-tuned.
-
-    Attributes
-    ----------
-    known : dict
-        Channels by location and kind; None for a place where no signal can be followed.
-    """
-
-    def __init__(self, null: OdeCandidate):
-        self.null = null
-        self.known: dict[tuple[str, str], Channel | None] = {}
-        self._drafts: dict[tuple[str, str], list[Draft]] = {}
-
-    def at(self, location: str, kind: str) -> Channel | None:
-        """That of a place; None where no signal there can be followed."""
-        if (location, kind) not in self.known:
-            try:
-                self.known[location, kind] = channel_of(self.null, location, kind)
-            except (np.linalg.LinAlgError, FloatingPointError):  # this place is lost, not the diagnosis
-                self.known[location, kind] = None
-        return self.known[location, kind]
-
-    def drafts(self, location: str, kind: str) -> list[Draft]:
-        """The formulae of most worth at a place, the best first."""
-        channel = self.at(location, kind)
-        if channel is not None and (location, kind) not in self._drafts:
-            self._drafts[location, kind] = drafts_at(channel, drivers_at(self.null, channel, location, kind))
-        return self._drafts.get((location, kind), [])
-
-    @property
-    def lost(self) -> list[str]:
-        """Locations where no signal can be followed."""
-        return [location for (location, _), channel in self.known.items() if channel is None]
+    def drivers(self, channel: Channel, location: str, kind: str, changes: Sequence[float] = ()) -> Drivers:
+        return drivers_at(self.null, channel, location, kind, changes)
