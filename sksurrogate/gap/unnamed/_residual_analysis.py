@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED, FAR, NEAR, NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import CLOSED, FAR, NEAR
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, latent_force, law_of, places
@@ -71,15 +71,9 @@ def gap_and_places(null: Evidence, channels: Channels, closed: bool) -> tuple[La
 
 
 def law_left(final: Evidence, seed: int) -> tuple[LatentForce, np.ndarray]:
-    """The force that is left, and its law."""
+    """The force that is left, and its law where nothing is named: beside names the evidence of a law answers."""
     latent = latent_force(final, quiet_sensors=final.left > FAR)
-    law = np.zeros(1)
-    if not final.effects or final.left > AT_THE_NOISE:
-        law = law_of(final.candidate, latent, seed)
-    if final.effects and NEARLY_WHITE < final.left <= FAR:
-        # Coloured sensor noise may have taken what is a law of the states.
-        law = np.maximum(law, law_of(final.candidate, latent_force(final, quiet_sensors=True), seed))
-    return latent, law
+    return latent, np.zeros(1) if final.effects else law_of(final.candidate, latent, seed)
 
 
 def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
