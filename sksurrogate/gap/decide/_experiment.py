@@ -13,7 +13,7 @@ from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._pushes import DIFFERENCE
+from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, TIED_LISTED, NextExperiment
 from sksurrogate.gap.results._table import Table
@@ -219,7 +219,7 @@ def of_ode(final: Evidence[OdeCandidate], tied: Sequence[OdeCandidate], varied: 
     named, problem = final.candidate, final.candidate.problem
     experiments, n = _experiments(named, varied), len(problem.plant.states)
     count = len(experiments)
-    pushed = [replace(e, x0=e.x0 + step) for step in DIFFERENCE * np.diag(problem.scale) for e in experiments]
+    pushed = [replace(e, x0=e.x0 + step) for step in STEP_OF_SLOPES * np.diag(problem.scale) for e in experiments]
     try:
         first = _responses(named, [*experiments, *pushed])
         others = [_responses(candidate, experiments) for candidate in tied]
@@ -230,7 +230,7 @@ def of_ode(final: Evidence[OdeCandidate], tied: Sequence[OdeCandidate], varied: 
     hidden = [problem.plant.states.index(s) for s in extra]
     sd = np.concatenate([final.noise.sigma, 0.01 * problem.scale[hidden]])
     # Initial states are fitted to the new run: what they can imitate separates nothing.
-    starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / DIFFERENCE
+    starts = (first[:, count:].reshape(len(first), n, count, -1) - first[:, None, :count]) / STEP_OF_SLOPES
     apart: Apart = {}
     for e, experiment in enumerate(experiments):
         differences = [first[:m, e] - other[:m, e] for other in others]

@@ -98,7 +98,7 @@ def _landing(y: np.ndarray, stretches: list[Stretch]) -> set[float]:
 
 
 #: A reading is off from so many robust deviations of the residual on, and its neighbours are below this share of it.
-OFF, NEIGHBOURS = 6.0, 0.35
+OUTLYING, NEIGHBOURS_OF_OUTLIERS = 6.0, 0.35
 #: Most readings in a row, and the largest share of all, that are off by themselves.
 LONGEST_BURST, MOST_OUTLYING = 8, 0.05
 #: They are the reason of what is left where the rest is at the noise, or where they hold this share of its power.
@@ -116,7 +116,7 @@ def outlying_rows(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
     [20, 21]
     """
     scale = 1.4826 * float(np.median(np.abs(residual)))
-    off = np.abs(residual) > OFF * max(scale, 1e-300)
+    off = np.abs(residual) > OUTLYING * max(scale, 1e-300)
     edges = np.flatnonzero(np.diff(np.r_[False, off, False].astype(int)))
     first_rows = set(starts.tolist()) | {len(residual)}
     found = [
@@ -124,7 +124,7 @@ def outlying_rows(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
         for a, b in zip(edges[::2], edges[1::2])
         if b - a <= LONGEST_BURST
         and not first_rows & set(range(a, b + 1))  # at the ends of a run nothing returns
-        and max(abs(residual[a - 1]), abs(residual[b])) < NEIGHBOURS * np.max(np.abs(residual[a:b]))
+        and max(abs(residual[a - 1]), abs(residual[b])) < NEIGHBOURS_OF_OUTLIERS * np.max(np.abs(residual[a:b]))
     ]
     rows = np.concatenate(found) if found else np.zeros(0, dtype=int)
     return rows if len(rows) <= MOST_OUTLYING * len(residual) else rows[:0]

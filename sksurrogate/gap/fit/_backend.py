@@ -32,65 +32,39 @@ class Fitted(Protocol):
         """Sum of squares over the noise, with the prior."""
 
 
-class Backend(Protocol):
-    """A simulator over a record, to which candidates are fitted."""
+class Backend(ABC):
+    """A simulator over a record, to which candidates are fitted; theta holds the parameters of effects, then the free ones."""
 
-    @property
-    def plant(self) -> Plant:
-        """The simulator."""
-
-    @property
-    def record(self) -> Record:
-        """What was measured."""
-
-    @property
-    def sd(self) -> np.ndarray:
-        """Sensor noise (n_outputs,), first estimate."""
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Parameters that are re-tuned with every candidate."""
-
-    @property
-    def caps(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Largest force of every balance, and coloured noise of every sensor, that count as disturbance."""
-
-    @property
-    def known(self) -> KnownParameters:
-        """What the user knows of the simulator's parameters."""
+    plant: Plant
+    record: Record  #: What was measured
+    sd: np.ndarray  #: (n_outputs,): sensor noise, first estimate
+    free: tuple[str, ...]  #: Parameters that are re-tuned with every candidate
+    #: (n_balances,), (n_outputs,): largest force of every balance, and coloured noise of every sensor, that count as
+    #: disturbance
+    caps: tuple[np.ndarray, np.ndarray] | None
+    known: KnownParameters  #: What the user knows of the simulator's parameters
 
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the parameters."""
-
-    def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and standard deviation of the prior on the parameters."""
-
-    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
-        """``sum ((theta - mean) / sd)^2`` of the prior on the parameters."""
-
-    def first_noise(self) -> Noise:
-        """Where the noise parameters start."""
-
-    def force_unit(self) -> np.ndarray:
-        """Size of the force that counts as one in every balance."""
-
-
-class KnownOfParameters:
-    """What bounds and holds the parameters of effects in turn, then of free parameters: the same for every access."""
-
-    def bounds(self: Backend, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters."""
         duration = self.record.dt * float(self.record.lengths.max())
         return self.known.bounds_of(self.plant.params, effects, self.free, duration)
 
-    def prior(self: Backend, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the prior: on free parameters, and on what the user knows."""
         return self.known.prior_of(self.plant.params, effects, self.free, theta)
 
-    def prior_square(self: Backend, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
+    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
         """``sum ((theta - mean) / sd)^2`` of the prior."""
         mean, sd = self.prior(effects, theta)
         return float(np.sum(((theta - mean) / sd) ** 2))
+
+    @abstractmethod
+    def first_noise(self) -> Noise:
+        """Where the noise parameters start."""
+
+    @abstractmethod
+    def force_unit(self) -> np.ndarray:
+        """Size of the force that counts as one in every balance."""
 
 
 @dataclass(frozen=True, eq=False)

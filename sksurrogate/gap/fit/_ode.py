@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._structure import largest_gains
-from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
+from sksurrogate.gap.fit._backend import Backend, BaseCandidate, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._normal_equations import project_starts
@@ -179,7 +179,7 @@ class OdeCandidate(BaseCandidate):
 
 
 @dataclass(frozen=True, eq=False)
-class OdeBackend(KnownOfParameters):
+class OdeBackend(Backend):
     """Everything that the questions of a diagnosis share."""
 
     plant: Plant

@@ -7,7 +7,7 @@ import numpy as np
 from sksurrogate.kernels.banded import first_order_scan, solve_recursion
 
 #: Differences are taken by this share of the range of an input, which may act in jumps, and of the size of anything else.
-PUSH_OF_INPUT, DIFFERENCE = 1e-3, 1e-4
+PUSH_OF_INPUT, STEP_OF_SLOPES = 1e-3, 1e-4
 #: Samples after which a disturbance has forgotten, where nothing better is known.
 REMEMBERED = 10.0
 

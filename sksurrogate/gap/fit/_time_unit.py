@@ -16,7 +16,7 @@ FACTORS = (1000.0, 60.0, 3600.0, 1 / 1000.0, 1 / 60.0, 1 / 3600.0)
 #: In the right unit the simulator alone explains at least this share of the outputs' variance more: half of what there is.
 MORE_EXPLAINED = 0.5
 #: Steps of the integrator in a sample, enough where a sample resolves the plant.
-SUBSTEPS = 8
+SUBSTEPS_OF_A_LOOK = 8
 
 
 def other_unit_of_time(model: PlantModel, record: Record) -> str:
@@ -48,7 +48,7 @@ def _explained(model: PlantModel, record: Record, factor: float) -> float:
     start = np.repeat(plant.x0[:, None], len(record.starts), axis=1)
     for j, i in enumerate(plant.output_states or ()):
         start[i] = record.y[j, record.starts]
-    nominal = AugmentedModel(model, (), (), other, n_sub=SUBSTEPS, scale=np.ones(len(plant.states)))
+    nominal = AugmentedModel(model, (), (), other, n_sub=SUBSTEPS_OF_A_LOOK, scale=np.ones(len(plant.states)))
     with np.errstate(all="ignore"):
         x = free_run(nominal, np.zeros(0), start)
         left = record.residual(nominal.bind(np.zeros((0, 1))).outputs(x[:, None])[:, 0])

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._backend import BaseCandidate, KnownOfParameters, as_white
+from sksurrogate.gap.fit._backend import Backend, BaseCandidate, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
@@ -152,7 +152,7 @@ class TrajectoryCandidate(BaseCandidate):
 
 
 @dataclass(frozen=True, eq=False)
-class TrajectoryBackend(KnownOfParameters):
+class TrajectoryBackend(Backend):
     """A simulator with ``simulate`` alone over a record."""
 
     simulations: Simulations
@@ -171,11 +171,11 @@ class TrajectoryBackend(KnownOfParameters):
     known: KnownParameters = field(default_factory=KnownParameters)
 
     @property
-    def plant(self) -> Plant:
+    def plant(self) -> Plant:  # type: ignore[override]
         return self.simulations.plant
 
     @property
-    def record(self) -> Record:
+    def record(self) -> Record:  # type: ignore[override]
         return self.simulations.record
 
     def outputs(self, effects: Sequence[BaseEffect], theta: np.ndarray, x0: np.ndarray | None = None) -> np.ndarray:

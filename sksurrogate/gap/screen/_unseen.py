@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts, scores
-from sksurrogate.gap.fit._pushes import DIFFERENCE
+from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_recursion
 
@@ -61,9 +61,9 @@ class Unseen:
                 continue
             ends = [
                 s.acted(s.pushed(model, start[:, None], (s.smoothed.x + offset)[:, None], offset))
-                for offset in (DIFFERENCE * free, -DIFFERENCE * free)
+                for offset in (STEP_OF_SLOPES * free, -STEP_OF_SLOPES * free)
             ]
-            found.append((ends[0] - ends[1])[:, 0] / (2.0 * DIFFERENCE))
+            found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP_OF_SLOPES))
         return np.array(found).reshape(-1, *s.problem.record.y.shape)
 
 

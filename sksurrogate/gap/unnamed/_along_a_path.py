@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._pushes import DIFFERENCE
+from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
 
 
@@ -38,7 +38,7 @@ def as_regressors(
         return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
 
     _, J, precision, pull = none.columns()
-    steps = DIFFERENCE * problem.units(candidate.effects, theta)[:n]
+    steps = STEP_OF_SLOPES * problem.units(candidate.effects, theta)[:n]
     values = np.repeat(theta[:, None], 1 + n, axis=1)
     values[np.arange(n), 1 + np.arange(n)] += steps
     found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))

@@ -13,7 +13,7 @@ from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.record import Record
 
 #: Correlation times, in samples, from which the size of a signal is fitted.
-STARTS = (5.0, 25.0)
+CORRELATION_TIMES = (5.0, 25.0)
 
 
 def fit_signal(
@@ -62,7 +62,8 @@ def fit_signal(
     if sensor is not None:
         held[D.m : D.m + D.b + 1], held[D.m + D.b + 1 + sensor], held[-1] = True, False, False
         coloured[sensor] = max(0.1 * float(spread[sensor]), 1e-12)
-    times = [(t, REMEMBERED) if sensor is None else (REMEMBERED, t) for t in ((REMEMBERED,) if rough else STARTS)]
+    tried = (REMEMBERED,) if rough else CORRELATION_TIMES
+    times = [(t, REMEMBERED) if sensor is None else (REMEMBERED, t) for t in tried]
     starts = [Noise(sd.copy(), force, a, coloured, b) for a, b in times] if near is None else [near]
     best, value = starts[0], -np.inf
     for start in starts:

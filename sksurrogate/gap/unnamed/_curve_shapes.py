@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._pushes import DIFFERENCE
+from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.kernels.disturbance import Disturbance
 
 #: Knots of a piecewise linear curve that may be a staircase: of an input in its place, of the time.
@@ -60,7 +60,7 @@ def channel(candidate: OdeCandidate, i: int, x: np.ndarray | None = None) -> tup
     """
     problem = candidate.problem
     record, u = problem.record, problem.record.u.copy()
-    step = DIFFERENCE * max(float(np.std(u[i])), 1e-9)
+    step = STEP_OF_SLOPES * max(float(np.std(u[i])), 1e-9)
     u[i] += step
     theta, x = candidate.fit.theta[:, None], (candidate.fit.x if x is None else x)[:, None]
     given = candidate.model.bind(theta)

@@ -17,7 +17,7 @@ from sksurrogate.kernels.record import Record
 
 AnyLaw = LawEffect | MemoryLawEffect | InputLawEffect | SensorLawEffect
 #: Time constants of the recent past, in samples, and the share of the longest run up to which they are tried.
-LATE, LATEST = (3.0, 10.0, 30.0, 100.0), 0.25
+TIME_CONSTANTS, LONGEST_PAST = (3.0, 10.0, 30.0, 100.0), 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,10 +112,10 @@ def drivers_at(
 def _past(record: Record, signals: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, float]]:
     """First-order filters of signals, settled at the start of every run, with their time constants."""
     out = {}
-    longest = LATEST * float(record.lengths.max())
+    longest = LONGEST_PAST * float(record.lengths.max())
     for name, z in signals.items():
         first = z[record.starts][record.run_of_row]
-        for k, samples in enumerate(c for c in LATE if c <= longest):
+        for k, samples in enumerate(c for c in TIME_CONSTANTS if c <= longest):
             a = float(np.exp(-1.0 / samples))
             moved = first_order_scan(a, (z - first)[None], record.starts)[0]
             out[f"lag({name})#{k}"] = first + (1.0 - a) * moved, samples * record.dt

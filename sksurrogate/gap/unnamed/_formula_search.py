@@ -20,7 +20,7 @@ import numpy as np
 
 from sksurrogate.effects._formula import Term, equation_of
 from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
-from sksurrogate.gap.fit._pushes import DIFFERENCE
+from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import NO_TERMS, Library, price_of, structure
@@ -339,9 +339,9 @@ class _Regression:
         moved = []
         for k, size in enumerate(unit):
             other = constants.copy()
-            other[k] += DIFFERENCE * size
+            other[k] += STEP_OF_SLOPES * size
             there = draft.coefficients @ self.values(_at(draft.terms, other), draft.late)
-            moved.append((there - here) / (DIFFERENCE * size))
+            moved.append((there - here) / (STEP_OF_SLOPES * size))
         return self.channel.respond(np.stack(moved))
 
 
