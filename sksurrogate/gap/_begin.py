@@ -24,7 +24,7 @@ from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
@@ -68,7 +68,7 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
-    search = Search(problem, library, smoothed.x, lost=model.said, later=later, **common)
+    search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, **common)
     inside = OdeInside(search, task.seed, whole, excluded_places(diagnoser.exclude))
     return _prepared(diagnoser, task, search, inside, rows)
 

@@ -27,7 +27,7 @@ from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._retuning import parameter_errors, retuned_table
 from sksurrogate.gap.decide._rules import DecisionFeatures, certified, decide, share_left
-from sksurrogate.gap.faults._book import RecordBook, faults_of
+from sksurrogate.gap.faults._record_book import RecordBook, faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from sksurrogate.gap._begin import Prepared
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._some_runs import Answer, in_some_runs
-from sksurrogate.gap.faults._book import first_look
+from sksurrogate.gap.faults._record_book import first_look
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs

@@ -7,7 +7,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.decide._held_out import held_out, without_names
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.search._fits import fit_last
+from sksurrogate.gap.search._fit_from_starts import fit_last
 from sksurrogate.kernels import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.physics import ODESimulator
 
 
 def searched(monkeypatch, simulator, X, y, **options):
     """The search of a diagnosis, and its report."""
-    kept, run = [], Search.run
+    kept, run = [], OdeSearch.run
 
     def remembered(self):
         kept.append(self)
         return run(self)
 
-    monkeypatch.setattr(Search, "run", remembered)
+    monkeypatch.setattr(OdeSearch, "run", remembered)
     report = GapDiagnoser(simulator, random_state=0, n_jobs=1, **options).fit(X, y).report_
     return kept[-1], report
 

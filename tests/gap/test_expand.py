@@ -7,7 +7,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._ode import Numerics
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 
 PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1))
 BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0))
@@ -26,15 +26,15 @@ def candidate(effect, cost, n_sub=1):
 
 @pytest.fixture
 def expander(monkeypatch):
-    monkeypatch.setattr(Search, "searching", lambda self, base: PROBLEM)
-    return Search(
+    monkeypatch.setattr(OdeSearch, "searching", lambda self, base: PROBLEM)
+    return OdeSearch(
         PROBLEM, [lag("q"), lag("v"), lag("f"), lag("w"), CATALOGUE["linear_loss"]("v", "v")], np.zeros((2, 10))
     )
 
 
 def test_siblings_that_were_fitted_with_these_numerics_are_not_fitted_again(monkeypatch, expander):
     asked = []
-    monkeypatch.setattr(Search, "shaped", lambda self, *given: asked.append(given) or [])
+    monkeypatch.setattr(OdeSearch, "shaped", lambda self, *given: asked.append(given) or [])
     known, coarse = candidate(lag("v"), 300.0), candidate(lag("f"), 400.0, n_sub=2)
     expander.remember([known, coarse])
     found = expander.siblings([candidate(lag("q"), 20.0)], BASE)
@@ -53,10 +53,10 @@ def test_every_effect_has_the_cheapest_of_its_starts_and_the_first_is_what_other
         asked.extend((len(starts), best) for starts in chosen)
         return [candidate(starts[0].effect, min(start.cost for start in starts)) for starts in chosen]
 
-    monkeypatch.setattr(Search, "fit_apart", fit_apart)
+    monkeypatch.setattr(OdeSearch, "fit_apart", fit_apart)
     effects = [lag(f"x{k}") for k in range(n)]
     chosen = [[SimpleNamespace(effect=e, cost=10.0 * k + c) for c in (3, 1, 2)] for k, e in enumerate(effects)]
-    found = Search(PROBLEM, effects, np.zeros((2, 10))).fit_all(PROBLEM, BASE, chosen)
+    found = OdeSearch(PROBLEM, effects, np.zeros((2, 10))).fit_all(PROBLEM, BASE, chosen)
     assert [(r.effects[0], r.fit.cost) for r in found] == [(e, 10.0 * k + 1.0) for k, e in enumerate(effects)]
     apart = 3 * (n if n <= 2 else 1)
     assert asked == [(1, 1000.0)] * apart + [(3, 1.0)] * (n - apart // 3)

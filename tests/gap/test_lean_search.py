@@ -5,8 +5,8 @@ import pytest
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.screen import _candidate_columns
-from sksurrogate.gap.screen._greedy import left_by_several
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.screen._left_by_several import left_by_several
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.physics import ODESimulator
 
 FEW = [
@@ -73,7 +73,7 @@ def searched(simulator, X, y, groups, first=False):
     """A search over a part of the catalogue, its report left undecided; ``first``: the screen of the null alone."""
     kept = []
 
-    class Watched(Search):
+    class Watched(OdeSearch):
         def run(self):
             kept.append(self)
             self.fit_null()
@@ -84,7 +84,7 @@ def searched(simulator, X, y, groups, first=False):
             raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch, pytest.warns(UserWarning, match="interrupted"):
-        patch.setattr("sksurrogate.gap._begin.Search", Watched)
+        patch.setattr("sksurrogate.gap._begin.OdeSearch", Watched)
         GapDiagnoser(simulator, effects=FEW, n_jobs=1).fit(X, y, groups=groups)
     return kept[0]
 

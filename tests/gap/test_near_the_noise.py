@@ -10,7 +10,7 @@ from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import arrived, estimate_noise
 from sksurrogate.gap.fit._ode import QUIET_OUTPUT, REACH
 from sksurrogate.gap.screen._screen import Start
-from sksurrogate.gap.search._fits import APART, apart
+from sksurrogate.gap.search._fit_from_starts import APART, apart
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator

@@ -7,7 +7,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.kernels.record import Record
@@ -60,7 +60,7 @@ def problems(simulator, y=None):
 
 def test_both_kinds_of_access_are_searched_by_the_same_code():
     for name in ("one_more", "needed", "passes", "beam", "swap", "without", "ranked", "simplify", "merge"):
-        assert getattr(Search, name) is getattr(TrajectorySearch, name) is getattr(SetSearch, name)
+        assert getattr(OdeSearch, name) is getattr(TrajectorySearch, name) is getattr(SetSearch, name)
 
 
 def test_both_kinds_of_access_bound_parameters_alike():
@@ -81,7 +81,7 @@ def test_an_output_that_shows_an_input_at_once_is_seen_through_either_access(sho
 def test_two_names_are_found_and_settled_through_either_access():
     ode, trajectory, smoothed = problems(plant(), lambda y: 1.3 * y + 0.4)
     library = [CATALOGUE[name]("y") for name in ("sensor_gain", "sensor_bias", "sensor_drift")]
-    for search in (Search(ode, library, smoothed.x), TrajectorySearch(trajectory, library)):
+    for search in (OdeSearch(ode, library, smoothed.x), TrajectorySearch(trajectory, library)):
         final = search.run()
         assert isinstance(final, Evidence)
         assert {effect.name for effect in final.effects} == {"sensor_gain", "sensor_bias"}

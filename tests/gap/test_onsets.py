@@ -8,8 +8,8 @@ import pytest
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.screen._screen import Screen, Start
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._onsets import confined
-from sksurrogate.gap.search._search import Search
 from sksurrogate.physics import ODESimulator
 
 DT, N, RUNS = 0.05, 300, 2
@@ -111,4 +111,4 @@ def test_effects_in_a_window_lend_their_shape_to_such_effects_alone():
         shaped=lambda base, effects, shape, best: [(effect, shape) for effect in effects],
     )
     base = SimpleNamespace(keys=())
-    assert Search.siblings(search, [nearest], base) == [(other, (8.0,))]
+    assert OdeSearch.siblings(search, [nearest], base) == [(other, (8.0,))]

@@ -7,7 +7,7 @@ import pytest
 
 from sksurrogate.effects._balance import ConstantBias, LinearLoss
 from sksurrogate.gap.decide._equivalence import probabilities
-from sksurrogate.gap.search._search import EQUAL
+from sksurrogate.gap.search._ode_search import EQUAL
 
 
 def candidate(*effects, value):

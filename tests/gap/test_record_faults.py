@@ -12,7 +12,7 @@ import pytest
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import Gains, Hum, Offsets, Shifts, smoothings
 from sksurrogate.gap.faults._proposals import tone
-from sksurrogate.gap.faults._readings import outlying_rows
+from sksurrogate.gap.faults._wrong_readings import outlying_rows
 from sksurrogate.kernels.record import Record
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

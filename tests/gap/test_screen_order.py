@@ -9,7 +9,7 @@ from sksurrogate.effects import CATALOGUE, BalanceEffect, Parameter
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.screen._screen import screen
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -72,7 +72,7 @@ def test_a_column_beyond_the_arithmetic_leaves_the_order_of_the_others(problem):
 def test_a_fit_that_went_astray_is_none(problem):
     """Its likelihood is a difference of astronomical numbers."""
     problem, smoothed = problem
-    search = Search(problem, effects("linear_loss", "quadratic_drag"), smoothed.x)
+    search = OdeSearch(problem, effects("linear_loss", "quadratic_drag"), smoothed.x)
     null = search.null = search.judge(estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise()))
     fits = [problem.fit((effect,), np.array([0.1]), smoothed.x) for effect in search.library]
     diverged = replace(fits[0], fit=replace(fits[0].fit, cost=1e80))

@@ -12,7 +12,7 @@ from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._grammar import Library, terms_of
-from sksurrogate.gap.unnamed._shape import shape_of
+from sksurrogate.gap.unnamed._missing_term import shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record

@@ -9,7 +9,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
 from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
 from sksurrogate.kernels.record import Record
 
@@ -55,11 +55,13 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     lag, mode, spring = (CATALOGUE[name]("v", "q") for name in ("hidden_relaxation", "hidden_mode", "hysteresis"))
     loss = CATALOGUE["linear_loss"]("v", "v")
     problem = SimpleNamespace(record=record_of(10), numerics=Numerics(1))
-    expander = Search(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
-    monkeypatch.setattr(Search, "searching", lambda self, base: problem)
-    monkeypatch.setattr(Search, "guess", lambda self, base: None)
+    expander = OdeSearch(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
+    monkeypatch.setattr(OdeSearch, "searching", lambda self, base: problem)
+    monkeypatch.setattr(OdeSearch, "guess", lambda self, base: None)
     empty = SimpleNamespace(starts=[])
-    monkeypatch.setattr(Search, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or empty)
+    monkeypatch.setattr(
+        OdeSearch, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or empty
+    )
     for effects in [(lag,), (lag, mode)]:
         keys = tuple(effect.key for effect in effects)
         base = OdeCandidate(effects, of_cost(1).fit, problem, None)

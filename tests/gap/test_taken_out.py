@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -44,7 +44,7 @@ def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
 
 def test_the_exact_twin_is_found_from_there(fitted):
     problem, candidate = fitted
-    search = Search(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], candidate.fit.x)
+    search = OdeSearch(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], candidate.fit.x)
     found = {r.effects[-1].name: r for r in search.anew(candidate.taken_out(1), None, 2, 0)}
     assert found["parameter_error"].fit.cost == pytest.approx(candidate.fit.cost, rel=1e-6)
     assert found["parameter_error"].fit.theta == pytest.approx(candidate.fit.theta, rel=1e-3)

@@ -11,7 +11,7 @@ from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._prior import shown, start_cost
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._screen import screen
-from sksurrogate.gap.screen._unseen import Unseen
+from sksurrogate.gap.screen._unseen_starts import Unseen
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

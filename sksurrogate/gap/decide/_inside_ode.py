@@ -24,7 +24,7 @@ from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
@@ -78,9 +78,9 @@ class OdeInside(BaseInside[OdeCandidate]):
     """
 
     asks_early, among, channels_of = True, "of the catalogue", OdeChannels
-    search: Search
+    search: OdeSearch
 
-    def __init__(self, search: Search, seed: int, whole: Record, excluded: Iterable[str] = ()):
+    def __init__(self, search: OdeSearch, seed: int, whole: Record, excluded: Iterable[str] = ()):
         super().__init__(search, seed)
         self.whole, self.excluded = whole, frozenset(excluded)
         self.scale = search.problem.scale

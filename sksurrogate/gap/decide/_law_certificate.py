@@ -17,7 +17,7 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._drivers import AnyLaw
 from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant
@@ -45,7 +45,7 @@ class CertifiedLaw:
         return self.law.found
 
 
-def held_out_law(search: Search, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
+def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
     """Beside the free runs of what is named those with the law that the runs outside each fold choose."""
     entrants = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
     finals = elected(search, entrants)

@@ -13,7 +13,7 @@ from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._name_prior import log_prior
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
@@ -56,7 +56,7 @@ class _Contender(NamedTuple):
     law: LawBeside
 
 
-def weigh(search: Search, final: Evidence, tolerance: float) -> Posterior:
+def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
     none = _without(final.candidate, tuple(range(n)))
@@ -76,7 +76,7 @@ def weigh(search: Search, final: Evidence, tolerance: float) -> Posterior:
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
 
 
-def stands(search: Search, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
+def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
     """The set that is likeliest beside a law, without effects that the practical bar does not need. And its posterior.
 
     Effects in whose place a law does as well are taken out, the least probable first; another effect takes the place of one
@@ -124,13 +124,13 @@ def _of_classes(posterior: Posterior, own: _Contender, near: Sequence[_Contender
     return replace(posterior, probabilities=tuple(probabilities), as_likely=tuple(one.candidate for one in near))
 
 
-def _taken(search: Search, candidate: OdeCandidate, before: Evidence) -> Evidence:
+def _taken(search: OdeSearch, candidate: OdeCandidate, before: Evidence) -> Evidence:
     """A smaller set that takes the place of another, under its own noise: that of the larger one knows less to explain."""
     search.judge(estimate_noise(candidate, before.noise, before.curvature))
     return search.judged[search.stand(search.polish(candidate))]
 
 
-def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
+def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidence:
     """A set without effects that the practical bar does not need, the least needed first.
 
     A set that leaves more than the noise is not exact. There an effect counts if the set without it, fitted again, leaves more
@@ -149,7 +149,7 @@ def needed_only(search: Search, final: Evidence, tolerance: float) -> Evidence:
 
 
 def contenders(
-    search: Search, final: Evidence, law: LawBeside, tolerance: float
+    search: OdeSearch, final: Evidence, law: LawBeside, tolerance: float
 ) -> tuple[_Contender, list[_Contender]]:
     """What stands beside its law, and other sets of as many effects beside theirs.
 
@@ -184,14 +184,14 @@ def preferred(own: _Contender, others: Sequence[_Contender]) -> _Contender:
     return max((one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE), key=lambda one: one.before)
 
 
-def _contender(search: Search, candidate: OdeCandidate, law: LawBeside) -> _Contender:
+def _contender(search: OdeSearch, candidate: OdeCandidate, law: LawBeside) -> _Contender:
     """A set with its law."""
     before = _before(search, candidate)
     return _Contender(float(np.logaddexp(law.small, law.large + np.log(UNNAMED))) + before, before, candidate, law)
 
 
 def _contender_of(
-    search: Search, candidate: OdeCandidate, tolerance: float, seeds: Sequence[tuple[int, int, Noise]]
+    search: OdeSearch, candidate: OdeCandidate, tolerance: float, seeds: Sequence[tuple[int, int, Noise]]
 ) -> list[_Contender]:
     """A set beside its own law; none where that cannot be judged."""
     known = search.judged.get(candidate) or search.judge(estimate_noise(candidate, search.fitted_null.noise))
@@ -199,7 +199,7 @@ def _contender_of(
     return [] if law is None else [_contender(search, candidate, law)]
 
 
-def _before(search: Search, candidate: OdeCandidate) -> float:
+def _before(search: OdeSearch, candidate: OdeCandidate) -> float:
     """Log prior of the names of a set, with the price of its parameters."""
     names = log_prior(candidate.effects, search.library, search.positions)
     return float(names - 0.5 * candidate.n_parameters * np.log(search.n_values))
@@ -212,7 +212,7 @@ def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
 
 
 def _judged(
-    search: Search,
+    search: OdeSearch,
     final: Evidence,
     candidate: OdeCandidate,
     tolerance: float,
@@ -234,7 +234,7 @@ def _judged(
 
 
 def _law(
-    search: Search,
+    search: OdeSearch,
     candidate: OdeCandidate,
     tolerance: float,
     noises: Sequence[Noise],
@@ -250,19 +250,19 @@ def _law(
         return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}))
 
 
-def gap_over_noise(search: Search) -> float:
+def gap_over_noise(search: OdeSearch) -> float:
     """RMS of the gap of the simulator over the noise."""
     return float(np.sqrt(max(search.gap_cost / search.n_values - 1.0, 1e-6)))
 
 
-def law_beside_set(search: Search, final: Evidence, tolerance: float) -> LawBeside | None:
+def law_beside_set(search: OdeSearch, final: Evidence, tolerance: float) -> LawBeside | None:
     """The law beside what is named."""
     if not final.effects:
         return law_beside_none(search, tolerance)
     return _judged(search, final, final.candidate, tolerance, along=False)
 
 
-def law_beside_none(search: Search, tolerance: float) -> LawBeside | None:
+def law_beside_none(search: OdeSearch, tolerance: float) -> LawBeside | None:
     """The law beside no effect at all, along the measured path."""
     null = search.fitted_null
     problem = null.candidate.problem

@@ -14,7 +14,7 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._shortlist import Shortlist
 from sksurrogate.gap.screen._slopes import Slopes
-from sksurrogate.gap.screen._unseen import Unseen
+from sksurrogate.gap.screen._unseen_starts import Unseen
 
 #: A change of the outputs beyond so many times their noise is not a start: it breaks the arithmetic, and the order.
 LARGEST_CHANGE = 1e12

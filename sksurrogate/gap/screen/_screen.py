@@ -24,10 +24,10 @@ from sksurrogate.gap.fit._normal_equations import (
 )
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._candidate_columns import Column, candidate_columns
-from sksurrogate.gap.screen._greedy import left_by_several
+from sksurrogate.gap.screen._left_by_several import left_by_several
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._shortlist import shortlist
-from sksurrogate.gap.screen._unseen import score_beside
+from sksurrogate.gap.screen._unseen_starts import score_beside
 from sksurrogate.kernels.disturbance import Noise
 
 #: Numbers of the null's columns that are kept (single precision).

@@ -20,7 +20,7 @@ from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._pairs import best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._fits import best_starts, cheapest, fit_added, fit_pair
+from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
 from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._stopping import remembers_enough
 from sksurrogate.kernels.clock import check_time, limited

@@ -14,7 +14,7 @@ from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import Draft, drafts_at
-from sksurrogate.gap.unnamed._shape import shape_of
+from sksurrogate.gap.unnamed._missing_term import shape_of
 from sksurrogate.gap.unnamed._where import regions, times
 
 

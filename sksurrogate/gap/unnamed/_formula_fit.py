@@ -15,8 +15,8 @@ import numpy as np
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
-from sksurrogate.gap.search._fits import fit_last
-from sksurrogate.gap.search._search import Search
+from sksurrogate.gap.search._fit_from_starts import fit_last
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._curve_shapes import OUT_OF_REACH
 from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers
@@ -56,7 +56,7 @@ class FittedLaw:
 
 
 def fitted_laws(
-    search: Search, base: Evidence[OdeCandidate], channels: Channels, places: Sequence[tuple[str, str]]
+    search: OdeSearch, base: Evidence[OdeCandidate], channels: Channels, places: Sequence[tuple[str, str]]
 ) -> list[FittedLaw]:
     """Laws on top of a base at some places, the best first.
 
@@ -94,7 +94,7 @@ def fitted_laws(
     return [replace(first, found=search.judged[polished]), *laws[1:]]
 
 
-def pruned(search: Search, base: Evidence[OdeCandidate], law: FittedLaw) -> FittedLaw:
+def pruned(search: OdeSearch, base: Evidence[OdeCandidate], law: FittedLaw) -> FittedLaw:
     """A formula without the terms that the free run does not need."""
     effect, values = law.effect, law.found.candidate.theta_of(len(law.found.effects) - 1)
     if law.curve or len(effect.terms) == 1:
@@ -113,7 +113,7 @@ def pruned(search: Search, base: Evidence[OdeCandidate], law: FittedLaw) -> Fitt
     return law if best.found.candidate is law.found.candidate else pruned(search, base, best)
 
 
-def ranked_laws(search: Search, base: Evidence[OdeCandidate], fits: list[FittedLaw]) -> list[FittedLaw]:
+def ranked_laws(search: OdeSearch, base: Evidence[OdeCandidate], fits: list[FittedLaw]) -> list[FittedLaw]:
     """Best first, under their own noise; of those that are as good the one with the fewest parameters."""
     candidates = [law.found.candidate for law in fits]
     kept = search.ranked(candidates, base.candidate)
@@ -130,7 +130,7 @@ def ranked_laws(search: Search, base: Evidence[OdeCandidate], fits: list[FittedL
 
 
 def fitted_draft(
-    search: Search, base: Evidence[OdeCandidate], x: np.ndarray | None, draft: Draft, drivers: Drivers
+    search: OdeSearch, base: Evidence[OdeCandidate], x: np.ndarray | None, draft: Draft, drivers: Drivers
 ) -> OdeCandidate | None:
     """A formula as an effect on top of the base, fitted in the free run from a path x."""
     candidate = base.candidate

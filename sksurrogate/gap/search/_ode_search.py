@@ -12,7 +12,7 @@ from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
-from sksurrogate.gap.search._fits import mean_start, numerics_matter, open_null
+from sksurrogate.gap.search._fit_from_starts import mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._nested import folded
 from sksurrogate.gap.search._onsets import look_for_onsets
 from sksurrogate.gap.search._restart import revived, scanned
@@ -25,7 +25,7 @@ FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, 500.0))
 
 
 @dataclass(eq=False)
-class Search(Expander):
+class OdeSearch(Expander):
     """The search around a simulator with a right-hand side or a step."""
 
     @property

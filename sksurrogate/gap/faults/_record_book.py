@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
-from sksurrogate.gap.faults._look import fault_left, tone_left
-from sksurrogate.gap.faults._readings import outlying, wrong_readings
+from sksurrogate.gap.faults._fault_left import fault_left, tone_left
+from sksurrogate.gap.faults._wrong_readings import outlying, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED
 from sksurrogate.gap.fit._evidence import Evidence
