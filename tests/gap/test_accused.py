@@ -6,7 +6,7 @@ import pytest
 
 from sksurrogate.gap.unnamed._latent_force import Place
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._where import likely_place, place_of_law
+from sksurrogate.gap.unnamed._likely_place import likely_place, place_of_law
 
 #: Log likelihoods of the balance and the input; R2 of the force from the input alone and from everything; who did it.
 CASES = [

@@ -30,9 +30,10 @@ from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._latent_force import features
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._likely_place import force_predictability, likely_place, place_of_law
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.gap.unnamed._residual_analysis import Remaining, law_left
-from sksurrogate.gap.unnamed._where import force_predictability, likely_place, place_of_law, regions, times
+from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.record import Record
 
 #: White noise is at most so many times what differences of the outputs show.
