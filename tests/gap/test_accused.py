@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sksurrogate.gap.unnamed._latent_force import Place
+from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._likely_place import likely_place, place_of_law
 

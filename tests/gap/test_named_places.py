@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.unnamed._latent_force import Place
+from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._where import by_location, named_places
 
 #: A force in the velocity is likeliest at the input, which pushes it.

@@ -16,6 +16,15 @@ from sksurrogate.kernels.record import Record
 CORRELATION_TIMES = (5.0, 25.0)
 
 
+@dataclass(frozen=True)
+class Place:
+    """A place at which a free signal may enter."""
+
+    location: str
+    kind: str
+    log_likelihood: float
+
+
 def fit_signal(
     D: Disturbance,
     r: np.ndarray,

@@ -13,10 +13,9 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
 from sksurrogate.gap.fit._record_parts import row_folds
-from sksurrogate.gap.unnamed._channel import fit_signal
 from sksurrogate.gap.unnamed._curve_shapes import channel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
-from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import linearise, settle_hidden
 from sksurrogate.kernels.record import Record
@@ -184,59 +183,6 @@ def forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, r
             total += float(np.sum((w[test] - w[train].mean()) ** 2))
         out[b] = 1.0 - error / total if total > 0 else 0.0
     return out
-
-
-@dataclass(frozen=True)
-class Place:
-    """One likely place."""
-
-    location: str
-    kind: str
-    log_likelihood: float
-
-
-def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
-    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
-
-    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
-    one and with the white noise of differences.
-    """
-    problem, theta, model = null.problem, null.fit.theta, null.model
-    record, units = problem.record, problem.force_unit()
-    found: list[Place] = []
-    with np.errstate(all="ignore"):
-        x = next(paths(null, problem))
-        lin = linearise(model, theta, x, problem.units((), theta))
-        whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances)
-        r, forces, C = record.residual(lin.y), whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
-
-        def likelihood(push: np.ndarray, unit: float, sensor: int | None = None) -> float:
-            D = Disturbance(lin.A, push, C, record.starts, whole.start_sd, whole.slack, record.known)
-            return fit_signal(D, r, problem.sd, record.spread, unit, sensor, rough=rough)[1]
-
-        for b, name in enumerate(problem.balances):
-            found.append(Place(name, "state", likelihood(forces[:, b : b + 1], units[b])))
-        for i, name in enumerate(problem.plant.inputs):
-            push = input_push(null, x, i)
-            twin = _same_push(push, forces)
-            if twin is not None:
-                found.append(Place(name, "input", found[twin].log_likelihood))
-            elif np.any(push):
-                found.append(Place(name, "input", likelihood(push, max(float(np.std(record.u[i])), 1e-12))))
-        for j, name in enumerate(problem.plant.outputs):
-            found.append(Place(name, "output", likelihood(forces[:, :1], units[0], j)))
-    return sorted(found, key=lambda place: -place.log_likelihood)
-
-
-def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
-    """The balance whose force moves the states as an input does (n_states, 1, n_samples), up to one factor; else None."""
-    for b in range(forces.shape[1]):
-        force = forces[:, b]
-        size = float(np.sum(force**2))
-        left = push[:, 0] - force * (float(np.sum(push[:, 0] * force)) / max(size, 1e-300))
-        if np.sum(left**2) < 1e-4 * np.sum(push**2):
-            return b
-    return None
 
 
 def input_push(null: OdeCandidate, x: np.ndarray, i: int) -> np.ndarray:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._ode import OdeBackend
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.gap.unnamed._channel import Place, fit_signal
+from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._curve_shapes import CERTAIN, OUT_OF_REACH
-from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, features, forest
+from sksurrogate.gap.unnamed._latent_force import LatentForce, features, forest, input_push, paths
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
+from sksurrogate.kernels.disturbance import Disturbance
+from sksurrogate.kernels.output_error import linearise
 
+#: Places that are compared by the law that fits there.
+COMPARED = 3
 #: R2 from which a force counts as predicted, by how much states must tell it better than the likely input to clear that, and
 #: by how much they may where the two places push alike.
 PREDICTED, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
@@ -81,3 +88,77 @@ def force_predictability(
     everything, _ = features(problem, latent.x)
     alone, all_told = (float(forest(record, force, size, Z, random_state)[0]) for Z in (own, everything))
     return alone, all_told
+
+
+def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
+    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
+
+    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
+    one and with the white noise of differences.
+    """
+    problem, theta, model = null.problem, null.fit.theta, null.model
+    record, units = problem.record, problem.force_unit()
+    found: list[Place] = []
+    with np.errstate(all="ignore"):
+        x = next(paths(null, problem))
+        lin = linearise(model, theta, x, problem.units((), theta))
+        whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances)
+        r, forces, C = record.residual(lin.y), whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
+
+        def likelihood(push: np.ndarray, unit: float, sensor: int | None = None) -> float:
+            D = Disturbance(lin.A, push, C, record.starts, whole.start_sd, whole.slack, record.known)
+            return fit_signal(D, r, problem.sd, record.spread, unit, sensor, rough=rough)[1]
+
+        for b, name in enumerate(problem.balances):
+            found.append(Place(name, "state", likelihood(forces[:, b : b + 1], units[b])))
+        for i, name in enumerate(problem.plant.inputs):
+            push = input_push(null, x, i)
+            twin = _same_push(push, forces)
+            if twin is not None:
+                found.append(Place(name, "input", found[twin].log_likelihood))
+            elif np.any(push):
+                found.append(Place(name, "input", likelihood(push, max(float(np.std(record.u[i])), 1e-12))))
+        for j, name in enumerate(problem.plant.outputs):
+            found.append(Place(name, "output", likelihood(forces[:, :1], units[0], j)))
+    return sorted(found, key=lambda place: -place.log_likelihood)
+
+
+def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
+    """The balance whose force moves the states as an input does (n_states, 1, n_samples), up to one factor; else None."""
+    for b in range(forces.shape[1]):
+        force = forces[:, b]
+        size = float(np.sum(force**2))
+        left = push[:, 0] - force * (float(np.sum(push[:, 0] * force)) / max(size, 1e-300))
+        if np.sum(left**2) < 1e-4 * np.sum(push**2):
+            return b
+    return None
+
+
+def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
+    """The most likely places again, each with the law of states and inputs that fits there and a force for the rest.
+
+    A free force follows the gap from many places; a law of states and inputs follows it from the right one.
+    """
+    if not found:
+        return []
+    distinct: list[Place] = []
+    for place in found:
+        if not any(abs(place.log_likelihood - other.log_likelihood) < 1e-9 for other in distinct):
+            distinct.append(place)
+    again = {}
+    for place in distinct[:COMPARED]:
+        drafts = channels.drafts(place.location, place.kind)
+        if drafts and np.isfinite(drafts[0].level):
+            again[place.log_likelihood] = drafts[0].level
+    if len(again) < 2:
+        return list(found)
+    # The others stay as far below as they were.
+    drop = max(again) - max(again.values())
+    lowest = min(again.values())
+    out = [
+        replace(p, log_likelihood=again[p.log_likelihood])
+        if p.log_likelihood in again
+        else replace(p, log_likelihood=min(p.log_likelihood - drop, lowest))
+        for p in found
+    ]
+    return sorted(out, key=lambda place: -place.log_likelihood)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.gap.fit._closeness import CLOSED, FAR, NEAR
 from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._channels import Channels
-from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, latent_force, law_of, places
-
-#: Places that are compared by the law that fits there.
-COMPARED = 3
+from sksurrogate.gap.unnamed._latent_force import LatentForce, latent_force, law_of
+from sksurrogate.gap.unnamed._likely_place import places, places_by_law
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,33 +72,3 @@ def law_left(final: Evidence, seed: int) -> tuple[LatentForce, np.ndarray]:
     """The force that is left, and its law where nothing is named: beside names the evidence of a law answers."""
     latent = latent_force(final, quiet_sensors=final.left > FAR)
     return latent, np.zeros(1) if final.effects else law_of(final.candidate, latent, seed)
-
-
-def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
-    """The most likely places again, each with the law of states and inputs that fits there and a force for the rest.
-
-    A free force follows the gap from many places; a law of states and inputs follows it from the right one.
-    """
-    if not found:
-        return []
-    distinct: list[Place] = []
-    for place in found:
-        if not any(abs(place.log_likelihood - other.log_likelihood) < 1e-9 for other in distinct):
-            distinct.append(place)
-    again = {}
-    for place in distinct[:COMPARED]:
-        drafts = channels.drafts(place.location, place.kind)
-        if drafts and np.isfinite(drafts[0].level):
-            again[place.log_likelihood] = drafts[0].level
-    if len(again) < 2:
-        return list(found)
-    # The others stay as far below as they were.
-    drop = max(again) - max(again.values())
-    lowest = min(again.values())
-    out = [
-        replace(p, log_likelihood=again[p.log_likelihood])
-        if p.log_likelihood in again
-        else replace(p, log_likelihood=min(p.log_likelihood - drop, lowest))
-        for p in found
-    ]
-    return sorted(out, key=lambda place: -place.log_likelihood)

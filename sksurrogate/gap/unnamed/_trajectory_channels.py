@@ -8,10 +8,10 @@ import numpy as np
 
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
-from sksurrogate.gap.unnamed._channel import Channel, fit_signal
+from sksurrogate.gap.unnamed._channel import Channel, Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._latent_force import LatentForce, Place, repeatable
+from sksurrogate.gap.unnamed._latent_force import LatentForce, repeatable
 
 
 def variables(problem: TrajectoryBackend, y: np.ndarray) -> tuple[np.ndarray, list[str]]:

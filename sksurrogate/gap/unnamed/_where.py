@@ -12,7 +12,7 @@ from sksurrogate.gap.fit._record_parts import row_folds
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
-from sksurrogate.gap.unnamed._latent_force import Place
+from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.kernels.record import Record, bridged
 
 #: Share of the size of the force that a tree must explain on the other half of the runs before regions are named, and
