@@ -253,7 +253,7 @@ class TrajectoryBackend(Backend):
         return self.disturbances[self.free_starts]
 
     @cached_property
-    def caps(self) -> tuple[np.ndarray, np.ndarray]:
+    def caps(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[override]
         """Forces on every state and coloured sensor noise that count as a disturbance."""
         return self.surrogate.caps(self.record.spread)
 
