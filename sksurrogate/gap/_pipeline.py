@@ -184,7 +184,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def leave_runs_out(self) -> None:
         """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment in the second process."""
         found, final = self.found, self.final
-        self.experiment = self.search.second.ask(partial(next_experiment, final, found.slots))
+        self.experiment = self.search.second.ask(partial(next_experiment, final, found.slots, self.inside.separations))
         found.finals = names_by_fold(self.search, final, found.slots)
         without = self.baseline.held(self.null, bool(final.effects))
         found.held = held_out(found.finals, without, same_names(found.finals, final.candidate))

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sksurrogate.gap.decide._experiment import suggestion, when_they_part
+from sksurrogate.gap.decide._estimates import when_they_part
+from sksurrogate.gap.decide._experiment import suggestion
 
 
 def test_an_exact_twin_does_not_hide_the_experiment_that_parts_another_rival():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,11 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._ports import at_port
 from sksurrogate.gap.decide._equivalence import Slot
-from sksurrogate.gap.decide._experiment import name_of, when_they_part
+from sksurrogate.gap.decide._experiment import name_of
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._next_experiment import TIED_LISTED, NextExperiment
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import richer as richer_form
@@ -98,3 +100,54 @@ def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
         rows.append(row)
     rows.sort(key=lambda row: (-np.nan_to_num(row["evidence"], nan=-np.inf), -row["screen"]))
     return Table(tuple(rows))
+
+
+def when_they_part(
+    named: str,
+    tied: Sequence[str],
+    same: bool,
+    experiment: NextExperiment | None,
+    richer: Sequence[str] = (),
+    among: str = "of the catalogue",
+) -> str:
+    """The sentence beside a name.
+
+    Parameters
+    ----------
+    tied : sequence of str
+        Candidates that these data cannot tell from it.
+    same : bool
+        Whether all of them predict the same.
+    experiment : NextExperiment or None
+        What was computed to part the effect that it is about.
+    richer : sequence of str
+        Forms that contain the named one and fit no better.
+    among : str
+        Which effects were compared.
+    """
+    if not tied and richer:
+        return f"Only richer forms ({', '.join(richer)}) explain these data as well; nothing in the data needs them."
+    if not tied:
+        return f"No other effect {among} explains these data as well."
+    listed = _first(tied)
+    how = "predict the same" if same else "explain these data equally well"
+    return f"{named} and {listed} {how} on the range that was reached; {_part(named, tied, experiment)}."
+
+
+def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) -> str:
+    """What parts them, of those that were asked for."""
+    if experiment is None:
+        return "no experiment that parts them was found"
+    if experiment.named != named:
+        return f"no experiment was computed for this pair (the suggested one concerns {experiment.named})"
+    if not experiment.parted:
+        return "they part in none of the experiments tried here"
+    record = experiment.options[0]["experiment"]
+    if set(tied) <= set(experiment.parted):
+        return f"they part with {record}"
+    return f"with {record} it parts from {_first(experiment.parted)}; nothing is known to part the rest"
+
+
+def _first(names: Sequence[str]) -> str:
+    """The first of some names."""
+    return ", ".join(names[:TIED_LISTED]) + (" and more" if len(names) > TIED_LISTED else "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar, Generic
 
 import numpy as np
@@ -12,6 +13,7 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._rules import DecisionFeatures
+from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
@@ -41,6 +43,8 @@ class BaseInside(ABC, Generic[C]):
     #: Which effects were compared, in words.
     among: str
     channels_of: ClassVar[type[Channels]]
+    #: How far experiments separate candidates.
+    separations: ClassVar[Callable[..., Separations]]
     _channels: Channels[C] | None = None
     scale: np.ndarray | None = None
     beside: LawBeside | None = None

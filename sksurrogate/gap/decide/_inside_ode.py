@@ -15,6 +15,7 @@ from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, law_beside_set, stands
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._rules import GRID_SHARE, DecisionFeatures, left_over
+from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
@@ -80,6 +81,7 @@ class OdeInside(BaseInside[OdeCandidate]):
 
     asks_early, among, channels_of = True, "of the catalogue", OdeChannels
     search: OdeSearch
+    separations = staticmethod(of_ode)
 
     def __init__(self, search: OdeSearch, seed: int, whole: Record, excluded: Iterable[str] = ()):
         super().__init__(search, seed)

@@ -12,6 +12,7 @@ from sksurrogate.gap.decide._generic_correction import Correction, generic_corre
 from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._rules import DecisionFeatures, share_left
+from sksurrogate.gap.decide._separations import of_trajectories
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
 from sksurrogate.gap.results._shrink import Shrink
@@ -46,6 +47,7 @@ class TrajectoryInside(BaseInside[TrajectoryCandidate]):
 
     among, channels_of = "that can be tested here", TrajectoryChannels
     search: TrajectorySearch
+    separations = staticmethod(of_trajectories)
 
     def __init__(self, search: TrajectorySearch, seed: int, only_given: bool):
         super().__init__(search, seed)
