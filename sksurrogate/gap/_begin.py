@@ -1,4 +1,4 @@
-"""How a diagnosis begins: the backend that a simulator's access allows, its search, and what can be asked inside."""
+"""How a diagnosis begins: the backend that a simulator's access allows, its search, and the questions about what has no name."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from sksurrogate.effects._still import driven_effects
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
-from sksurrogate.gap.decide._inside_ode import OdeInside
-from sksurrogate.gap.decide._inside_trajectory import TrajectoryInside
+from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
+from sksurrogate.gap.decide._unnamed_trajectory import TrajectoryUnnamed
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
@@ -69,8 +69,8 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
     search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, **common)
-    inside = OdeInside(search, task.seed, whole, excluded_places(diagnoser.exclude))
-    return _prepared(diagnoser, task, search, inside, rows)
+    unnamed = OdeUnnamed(search, task.seed, whole, excluded_places(diagnoser.exclude))
+    return _prepared(diagnoser, task, search, unnamed, rows)
 
 
 def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
@@ -90,8 +90,8 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
     _check_asked(plant, effects, testable)
     library = _allowed(testable, diagnoser, effects, task)
     search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(diagnoser, task))
-    inside = TrajectoryInside(search, task.seed, only_given=len(testable) < len(wanted))
-    return _prepared(diagnoser, task, search, inside, np.arange(whole.n_samples), left_out(effects, testable))
+    unnamed = TrajectoryUnnamed(search, task.seed, only_given=len(testable) < len(wanted))
+    return _prepared(diagnoser, task, search, unnamed, np.arange(whole.n_samples), left_out(effects, testable))
 
 
 def _asked(diagnoser: Any) -> Any:
@@ -111,13 +111,13 @@ def _common(diagnoser: Any, task: Task) -> dict[str, Any]:
 
 
 def _prepared(
-    diagnoser: Any, task: Task, search: Any, inside: Any, rows: np.ndarray, untestable: Sequence[str] = ()
+    diagnoser: Any, task: Task, search: Any, unnamed: Any, rows: np.ndarray, untestable: Sequence[str] = ()
 ) -> Prepared:
     """All stages of a search."""
     n_samples = search.problem.record.n_samples
     task.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(task.runs)} run(s)")
     asked = {name: getattr(diagnoser, name) for name in ("correction", "time_limit", "include_law")}
-    pipeline = DiagnosisPipeline(search, inside, task.labels, rows, untestable=untestable, **asked)
+    pipeline = DiagnosisPipeline(search, unnamed, task.labels, rows, untestable=untestable, **asked)
     return pipeline, rows, (search.second, search.later)
 
 

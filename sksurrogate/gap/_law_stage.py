@@ -35,8 +35,8 @@ class LawStage:
         final, null = pipeline.final, pipeline.null
         beside, stack = None, verdict in ("partial", "explained") and len(final.effects) >= STACK
         if stack:
-            beside = pipeline.inside.law_beside(null, final, found.held)
-            if beside is not None and pipeline.inside.law_instead(beside, final):
+            beside = pipeline.unnamed.law_beside(null, final, found.held)
+            if beside is not None and pipeline.unnamed.law_instead(beside, final):
                 names = ", ".join(effect.name for effect in final.effects)
                 self.withdraw(INSTEAD.format(names=names))
                 pipeline.share_the_gap()
@@ -44,7 +44,7 @@ class LawStage:
             else:
                 beside = None
         if beside is None and verdict in ("partial", "unknown"):
-            beside = pipeline.inside.law_beside(final if verdict == "partial" else null, final, found.held)
+            beside = pipeline.unnamed.law_beside(final if verdict == "partial" else null, final, found.held)
         if beside is not None:
             found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
             pipeline.measure()
@@ -58,7 +58,7 @@ class LawStage:
         found.uncertified = why
         pipeline.search.final, found.slots, found.finals = null, [], []
         found.shares, found.probabilities, found.fitted, found.bounds, found.experiment = [], [], None, None, None
-        pipeline.inside.withdraw(null)
+        pipeline.unnamed.withdraw(null)
         after = held.retuned if pipeline.problem.free else held.before
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
         pipeline.measure()
@@ -78,7 +78,7 @@ class LawStage:
         """The simulator with what was found, and with a certified law."""
         found = self.found
         final = (found.lawful_fitted if self.carried_law else found.fitted) or self.final  # type: ignore[attr-defined]
-        named, scale = final.candidate, self.inside.scale  # type: ignore[attr-defined]
+        named, scale = final.candidate, self.unnamed.scale  # type: ignore[attr-defined]
         problem, plant = named.problem, named.problem.plant
         values = [
             {p.name: float(v) for p, v in zip(effect.parameters, named.theta_of(i))}

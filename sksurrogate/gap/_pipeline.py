@@ -21,12 +21,12 @@ from sksurrogate.gap.decide._equivalence import Slot, canonical_classes, probabi
 from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import name_of, next_experiment
 from sksurrogate.gap.decide._held_out import Baseline, held_out, measure, notes_on_names, same_names, shares, traces
-from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._retuning import parameter_errors, retuned_table
 from sksurrogate.gap.decide._rules import DecisionFeatures, certified, decide, share_left
+from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.faults._record_book import RecordBook, faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
@@ -51,7 +51,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     Parameters
     ----------
-    inside : BaseInside
+    unnamed : BaseUnnamed
         What no name answers, as far as the simulator's access allows it.
     correction : estimator or None
         Generic learner of the waterfall.
@@ -70,7 +70,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def __init__(
         self,
         search: BaseSearch[C],
-        inside: BaseInside[C],
+        unnamed: BaseUnnamed[C],
         labels: Sequence[Any],
         rows: np.ndarray,
         *,
@@ -79,7 +79,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         include_law: bool,
         untestable: Sequence[str] = (),
     ):
-        self.problem, self.search, self.inside = search.problem, search, inside
+        self.problem, self.search, self.unnamed = search.problem, search, unnamed
         self.labels, self.rows = labels, rows
         self.learner, self.untestable = correction, tuple(untestable)
         self.posterior = Posterior((), None)
@@ -103,7 +103,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
                     return None
         except KeyboardInterrupt:
             warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
-            self.complete = self.inside.complete = False
+            self.complete = self.unnamed.complete = False
         with quiet():
             return self.answer(time.perf_counter() - progress.started_at)
 
@@ -137,14 +137,14 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def baseline(self) -> Baseline:
         """What needs no name."""
         early = self.learner is None and self.search.later.apart
-        return Baseline(self.null, self.inside.correction(self.learner), early, self.search.later)
+        return Baseline(self.null, self.unnamed.correction(self.learner), early, self.search.later)
 
     # ---- the stages -------------------------------------------------------------------------------------------------
     def fit_null(self) -> None:
         """The simulator alone; what can be asked in the second process while names are looked for."""
         self.search.fit_null()
-        self.inside.begin()
-        if self.inside.asks_early:
+        self.unnamed.begin()
+        if self.unnamed.asks_early:
             _ = self.baseline
 
     def look_for_names(self) -> None:
@@ -158,13 +158,13 @@ class DiagnosisPipeline(LawStage, Generic[C]):
 
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
-        self.inside.look(self.final)
+        self.unnamed.look(self.final)
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
-            self.book = self.book.looked_at(self.search, self.rows, self.inside.law_gain)
+            self.book = self.book.looked_at(self.search, self.rows, self.unnamed.law_gain)
 
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""
-        self.posterior = self.inside.weigh(self.final)
+        self.posterior = self.unnamed.weigh(self.final)
         if self.posterior.too_far:
             self.found.uncertified = _notes.too_little(self.posterior.too_far)
 
@@ -184,7 +184,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def leave_runs_out(self) -> None:
         """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment in the second process."""
         found, final = self.found, self.final
-        self.experiment = self.search.second.ask(partial(next_experiment, final, found.slots, self.inside.separations))
+        self.experiment = self.search.second.ask(partial(next_experiment, final, found.slots, self.unnamed.separations))
         found.finals = names_by_fold(self.search, final, found.slots)
         without = self.baseline.held(self.null, bool(final.effects))
         found.held = held_out(found.finals, without, same_names(found.finals, final.candidate))
@@ -193,7 +193,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         """The force that the names leave, and how far the gap shrinks above the noise."""
         if self.found.held is None:
             return
-        self.inside.look_at_what_is_left(self.final)
+        self.unnamed.look_at_what_is_left(self.final)
         self.measure()
 
     def certify(self) -> None:
@@ -214,9 +214,9 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             found.probabilities = probabilities(self.search, final.candidate, slots, self.posterior.probabilities)
         else:
             found.retuning = found.shrink.fraction_power if found.retuned else 0.0
-            self.inside.weigh_none()
+            self.unnamed.weigh_none()
         if final.effects or self.problem.free:
-            found.fitted = self.inside.larger(final)
+            found.fitted = self.unnamed.larger(final)
             found.bounds = intervals(found.fitted)
 
     def suggest_an_experiment(self) -> None:
@@ -227,21 +227,21 @@ class DiagnosisPipeline(LawStage, Generic[C]):
     def measure(self) -> None:
         """How far the gap shrinks on runs left out."""
         assert self.found.held is not None
-        self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.inside.seed)
+        self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
 
     def floor(self) -> np.ndarray:
         """Sensor noise: of the final fit and of the latent force the larger, and no more than the outputs' differences show.
 
         A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
         """
-        remains = self.inside.remains
+        remains = self.unnamed.remains
         fits = [self.final.noise.sigma, *([remains.latent.noise.sigma] if remains is not None else [])]
-        return np.max([np.minimum(sigma, self.inside.most_noise) for sigma in fits], axis=0)
+        return np.max([np.minimum(sigma, self.unnamed.most_noise) for sigma in fits], axis=0)
 
     # ---- the report -------------------------------------------------------------------------------------------------
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
-        found, final, shrink, remains = self.found, self.final, self.found.shrink, self.inside.remains
+        found, final, shrink, remains = self.found, self.final, self.found.shrink, self.unnamed.remains
         if shrink is None or remains is None or (final.effects and not found.probabilities):
             return "unknown", UNDECIDED
         common = DecisionFeatures(
@@ -249,22 +249,22 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             probability=min(found.probabilities, default=1.0),
             retuned=found.retuned,
             share_left=share_left(shrink),
-            left=self.inside.over_noise(final, found.retuned),
+            left=self.unnamed.over_noise(final, found.retuned),
             after=shrink.after,
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
             law=float(np.max(remains.law, initial=0.0)),
             n_samples=self.problem.record.n_samples,
             tolerance=self.search.tolerance,
         )
-        return decide(self.inside.features(common, final, shrink))
+        return decide(self.unnamed.features(common, final, shrink))
 
     def effects(self, verdict: str) -> list[EffectEstimate]:
         """The named effects, by their share; where re-tuning alone closes the gap the parameters that moved."""
         found = self.found
-        out = estimates(self.search, self.final, found, self.inside.among)
+        out = estimates(self.search, self.final, found, self.unnamed.among)
         if not out and verdict == "explained":
             share = found.shrink.fraction_power if found.shrink else float("nan")
-            out = parameter_errors(self.retuned(), share, self.inside.imitated_by_retuning())
+            out = parameter_errors(self.retuned(), share, self.unnamed.imitated_by_retuning())
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
 
     def retuned(self) -> Table:
@@ -286,8 +286,8 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             location, kind, _ = named[0]
         elif verdict == "unknown":
             law = found.law if found.law is not None and found.law.tells_the_place else None
-            location, kind = (law.location, law.kind) if law is not None else self.inside.likely_place(final)
-        remains = self.inside.remains
+            location, kind = (law.location, law.kind) if law is not None else self.unnamed.likely_place(final)
+        remains = self.unnamed.remains
         if found.shrink is None or remains is None or found.held is None:
             return Where(location, kind)
         return Where(
@@ -295,7 +295,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             kind,
             _where.by_output(found.shrink),
             _where.by_location(remains.places, named),
-            *self.inside.where_and_when(location, kind),
+            *self.unnamed.where_and_when(location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
 
@@ -341,9 +341,13 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             with time_until(self.started_at + (self.time_limit or np.inf)):
                 if time_left() > 0.0:
                     place = self.where(verdict, effects)
-                if verdict in ("partial", "unknown") and self.inside.remains is not None and place.location is not None:
+                if (
+                    verdict in ("partial", "unknown")
+                    and self.unnamed.remains is not None
+                    and place.location is not None
+                ):
                     term = replace(
-                        self.inside.channels.missing_term(place.location, str(place.kind)), law=self.found.law
+                        self.unnamed.channels.missing_term(place.location, str(place.kind)), law=self.found.law
                     )
         except TimeIsUp:
             self.cut["the place of the gap"], self.complete = None, False
@@ -357,15 +361,15 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         if shrink is None or not shrink.measurable:
             return EMPTY
         names = [name_of(effect) for effect in self.final.effects]
-        return budget_of(names, found.shares, found.retuning, shrink, self.inside.law_in_the_budget(shrink), found.law)
+        return budget_of(names, found.shares, found.retuning, shrink, self.unnamed.law_in_the_budget(shrink), found.law)
 
     def remainder(self) -> Remainder:
         """What is left beside everything that is named."""
         found, shrink = self.found, self.found.shrink
-        if shrink is None or self.inside.remains is None:
+        if shrink is None or self.unnamed.remains is None:
             return NOTHING_KNOWN
-        over_noise = self.inside.over_noise(self.final, found.retuned)
-        return remainder_of(shrink, share_left(shrink), over_noise, self.inside.beside)
+        over_noise = self.unnamed.over_noise(self.final, found.retuned)
+        return remainder_of(shrink, share_left(shrink), over_noise, self.unnamed.beside)
 
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""
@@ -381,7 +385,7 @@ class DiagnosisPipeline(LawStage, Generic[C]):
         )
         if verdict == "none" and found.shrink is not None:
             notes += _notes.on_none(found.shrink)
-        notes += self.inside.notes(final, verdict)
+        notes += self.unnamed.notes(final, verdict)
         notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)
         if loop is not None and final.left < FAR:  # what is left must be noise, not the gap itself

@@ -10,12 +10,12 @@ import numpy as np
 
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, law_beside_set, stands
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._rules import GRID_SHARE, DecisionFeatures, left_over
 from sksurrogate.gap.decide._separations import of_ode
+from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
@@ -61,7 +61,7 @@ def lost_places(names: Sequence[str]) -> list[str]:
     ]
 
 
-class OdeInside(BaseInside[OdeCandidate]):
+class OdeUnnamed(BaseUnnamed[OdeCandidate]):
     """Along the free run, and along the smoothed path.
 
     Parameters

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
-from sksurrogate.gap.decide._inside import BaseInside
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._rules import DecisionFeatures, share_left
 from sksurrogate.gap.decide._separations import of_trajectories
+from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
 from sksurrogate.gap.results._shrink import Shrink
@@ -36,7 +36,7 @@ TRANSIENTS = (
 )
 
 
-class TrajectoryInside(BaseInside[TrajectoryCandidate]):
+class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
     """Seen through a linear surrogate, after the search: it moves the initial states.
 
     Parameters

@@ -23,7 +23,7 @@ from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._residual_analysis import Remains
 
 
-class BaseInside(ABC, Generic[C]):
+class BaseUnnamed(ABC, Generic[C]):
     """Questions on top of what is named; those that only a right-hand side answers have no answer here.
 
     Attributes
