@@ -8,11 +8,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from sksurrogate.gap.fit._closeness import FAR, MOST_LEFT, NEARLY_WHITE, SETTLED
-from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
-from sksurrogate.gap.unnamed._curve_shapes import CERTAIN
 from sksurrogate.gap.unnamed._latent_force import LatentForce
 
 #: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.

@@ -21,6 +21,10 @@ from sksurrogate.kernels.noise_fit import fit_noise
 C = TypeVar("C", bound=BaseCandidate)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0
+#: A law without a name, beside names or in their place, is certain from this gain (twice nats) on.
+CERTAIN = 10.0
+#: What is this many nats below the best is out of the question, however rough the comparison.
+OUT_OF_REACH = 200.0
 
 
 @dataclass(frozen=True, eq=False)

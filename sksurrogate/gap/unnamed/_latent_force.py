@@ -13,7 +13,6 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
 from sksurrogate.gap.fit._record_parts import row_folds
-from sksurrogate.gap.unnamed._curve_shapes import channel
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -183,8 +182,3 @@ def forest(record: Record, force: np.ndarray, size: np.ndarray, Z: np.ndarray, r
             total += float(np.sum((w[test] - w[train].mean()) ** 2))
         out[b] = 1.0 - error / total if total > 0 else 0.0
     return out
-
-
-def input_push(null: OdeCandidate, x: np.ndarray, i: int) -> np.ndarray:
-    """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
-    return channel(null, i, x)[0][:, None]

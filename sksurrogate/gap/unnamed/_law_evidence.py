@@ -24,8 +24,7 @@ from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_start
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
 from sksurrogate.gap.unnamed._amplitude import RANK, amplitude_evidence, known_to_rounding, prior_roots
-from sksurrogate.gap.unnamed._curve_shapes import Curve
-from sksurrogate.gap.unnamed._law_places import in_all_places
+from sksurrogate.gap.unnamed._law_places import Curve, in_all_places
 from sksurrogate.gap.unnamed._law_shapes import Law
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.unnamed._curve_shapes import Curve, channel, reading, response
+from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST, Law, laws, of_time, over_sample, staircases, surfaces
+from sksurrogate.kernels.disturbance import Disturbance
+
+
+class Curve(NamedTuple):
+    """Place, signal, and what functions of the signal move the outputs by (n_outputs, n, n_samples).
+
+    The last is computed when it is asked for: all curves at once would be large.
+    """
+
+    location: str
+    variable: str
+    moved: Callable[[], np.ndarray]
 
 
 def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
@@ -34,7 +48,7 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
             moves = partial(moved, D.B[:, :, b].T, law.functions)
             yield Curve(name, law.variable, moves), law, "state"
     for i, name in enumerate(plant.inputs):
-        push, shown = channel(base, i)
+        push, shown = input_gain(base, i)
         own = [law for law in raw if law.variable.removesuffix(AND_ITS_PAST) == name]
         for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown, law.shown)
@@ -45,3 +59,44 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
         for law in [*of_readings, *staircases(readings[o], name)]:
             moves = partial(reading, len(plant.outputs), o, law.functions)
             yield Curve(name, law.variable, moves), law, "output"
+
+
+def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
+    """What functions (k, n_samples) in sensor o move the outputs by: (n_outputs, k, n_samples)."""
+    out = np.zeros((n_outputs, *f.shape))
+    out[o] = f
+    return out
+
+
+def input_gain(candidate: OdeCandidate, i: int, x: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """What a unit of input i moves the next states (n_states, n_samples) and this sample's outputs (n_outputs, n_samples) by.
+
+    Along a path of the states, the free run by default.
+    """
+    problem = candidate.problem
+    record, u = problem.record, problem.record.u.copy()
+    step = STEP_OF_SLOPES * max(float(np.std(u[i])), 1e-9)
+    u[i] += step
+    theta, x = candidate.fit.theta[:, None], (candidate.fit.x if x is None else x)[:, None]
+    given = candidate.model.bind(theta)
+    shifted = replace(problem, record=replace(record, u=u)).augmented(candidate.effects).bind(theta)
+    with np.errstate(all="ignore"):
+        return (shifted(x) - given(x))[:, 0] / step, (shifted.outputs(x) - given.outputs(x))[:, 0] / step
+
+
+def response(
+    D: Disturbance, push: np.ndarray, f: np.ndarray, shown: np.ndarray | None = None, now: np.ndarray | None = None
+) -> np.ndarray:
+    """What functions f (k, n_samples) move the outputs by, to first order: (n_outputs, k, n_samples).
+
+    They act on the next states through ``push`` (n_states, n_samples), and on this sample's outputs through ``shown``, there by their
+    values ``now`` where f are means over the samples.
+    """
+    with np.errstate(all="ignore"):
+        moved = D.moved(push[:, None] * f)
+    return moved if shown is None else moved + shown[:, None] * (f if now is None else now)
+
+
+def input_push(null: OdeCandidate, x: np.ndarray, i: int) -> np.ndarray:
+    """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
+    return input_gain(null, i, x)[0][:, None]

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.unnamed._curve_shapes import FINE_KNOTS, RUNS_THAT_SHARE, hats
 from sksurrogate.gap.unnamed._latent_force import past_of
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold, play, rate_limit
@@ -38,6 +37,23 @@ AND_ITS_PAST = " and its past"
 LAGS_OF_PAST = (1, 2, 4, 8, 16)
 #: Half widths of plays, of the range of a signal; samples in which what follows it at a limited rate crosses that range.
 PLAYS, SLEWS = (0.02, 0.05, 0.15, 0.4), 2.0 ** np.arange(1, 11)
+#: Knots of a piecewise linear curve that may be a staircase: of an input in its place, of the time.
+FINE_KNOTS = 40
+#: Runs from which on what they share at one time since their starts is a law, and not the disturbance of one of them.
+RUNS_THAT_SHARE = 3
+
+
+def hats(z: np.ndarray, n_knots: int) -> np.ndarray:
+    """Piecewise linear functions of a signal that add up to one, (n_knots, n_samples); one where it stands still."""
+    knots = np.unique(np.quantile(z, np.linspace(0.0, 1.0, n_knots)))
+    if np.ptp(z) <= 1e-9 * max(float(np.max(np.abs(z))), 1e-300):
+        knots = knots[:1]
+    return hats_at(z, knots)
+
+
+def hats_at(z: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Hat functions on knots (n_knots, n_samples), constant beyond the ends."""
+    return np.stack([np.interp(z, knots, hat) for hat in np.eye(len(knots))])
 
 
 class Form(NamedTuple):

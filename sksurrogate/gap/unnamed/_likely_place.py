@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.gap.fit._evidence import CERTAIN, OUT_OF_REACH
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
-from sksurrogate.gap.unnamed._curve_shapes import CERTAIN, OUT_OF_REACH
-from sksurrogate.gap.unnamed._latent_force import LatentForce, features, forest, input_push, paths
+from sksurrogate.gap.unnamed._latent_force import LatentForce, features, forest, paths
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.output_error import linearise

@@ -15,9 +15,9 @@ from sksurrogate.gap.fit._normal_equations import solve
 from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.unnamed._channel import Channel
-from sksurrogate.gap.unnamed._curve_shapes import hats_at
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import Draft
+from sksurrogate.gap.unnamed._law_shapes import hats_at
 
 #: Knots of a curve; rows that each must see.
 KNOTS_OF_TERM, FEWEST_ROWS = 14, 8

@@ -12,7 +12,8 @@ from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
-from sksurrogate.gap.unnamed._latent_force import features, input_push, paths
+from sksurrogate.gap.unnamed._latent_force import features, paths
+from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import state_jacobian
 from sksurrogate.kernels.output_error import Linearised, linearise
