@@ -22,12 +22,12 @@ symbols: x is the state of the `location`, v is the `variable` that drives the e
 PORTS = """
 ## At a port
 
-A *port* is where a force, a flow or heat enters: every input, and every joint of `MuJoCoSimulator`. Every law of the tables
-*on the balance of a state* and *with a hidden state*, limits and overflow apart, can act at a port. It adds to what enters
-there: `location` is the port, `variable` a state, and c has the unit of the port. x is the input.
+A *port* is a place where a force, a flow or heat enters: every input, and every joint of `MuJoCoSimulator`. Every law of the tables
+*on the balance of a state* and *with a hidden state*, except limits and overflow, can act at a port. It is added to the force or
+flow there: `location` is the port, `variable` a state, and c has the unit of the port. x is the input.
 
-- The diagnosis tries laws at inputs that move several balances, and at the joints that a simulator offers. Where an input
-  enters one balance in proportion, a law there is a law of that balance, and only that one is tried.
+- The diagnosis tries laws at inputs that move several balances, and at the joints of a simulator. If an input enters one
+  balance in proportion, a law there is a law of that balance, and only that one is tried.
 - By default a speed drives frictions and losses, a position drives springs, stops and hidden parts, a level drives outflows:
 
 | driven by | laws |
@@ -68,19 +68,25 @@ def parameter_text(cls: type[BaseEffect]) -> str:
     return ", ".join(texts) or "none"
 
 
+NEEDS = {
+    "trajectory": "`simulate` only",
+    "step": "a right-hand side or a step",
+}
+
+
 def section(place: str) -> str:
     """One table."""
-    rows = [
-        "| name | form | parameters, magnitude first | needs | seen as | twins |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    for name, cls in CATALOGUE.items():
-        if place_of(cls) == place:
-            needs = "trajectory" if cls.access == "trajectory" else "step or right-hand side"
-            form = cls.equation.replace("|", "\\|")
-            twins = ", ".join(cls.twins)
-            rows.append(f"| `{name}` | {form} | {parameter_text(cls)} | {needs} | {cls.signature} | {twins} |")
-    return f"\n## {PLACES[place]}\n\n" + "\n".join(rows) + "\n"
+    found = {name: cls for name, cls in CATALOGUE.items() if place_of(cls) == place}
+    access = {cls.access for cls in found.values()}
+    head = ["name", "form", "parameters, magnitude first", *(["needs"] if len(access) > 1 else []), "seen as", "twins"]
+    rows = [" | ".join(["", *head, ""]).strip(), "| " + " | ".join("---" for _ in head) + " |"]
+    for name, cls in found.items():
+        needs = [NEEDS[cls.access]] if len(access) > 1 else []
+        form = cls.equation.replace("|", "\\|")
+        cells = [f"`{name}`", form, parameter_text(cls), *needs, cls.signature, ", ".join(cls.twins)]
+        rows.append(f"| {' | '.join(cells)} |")
+    common = "" if len(access) > 1 else f"The simulator needs {NEEDS[access.pop()]}.\n\n"
+    return f"\n## {PLACES[place]}\n\n{common}" + "\n".join(rows) + "\n"
 
 
 def ports() -> str:
