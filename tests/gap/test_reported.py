@@ -1,10 +1,11 @@
-"""Values and intervals of named effects stand in one range."""
+"""Values and intervals of named effects are in one range; a fault of the record in words."""
 
 import numpy as np
 import pytest
 
 from sksurrogate.effects._disturbance import PeriodicDisturbance
 from sksurrogate.gap.decide._estimates import reported
+from sksurrogate.gap.results._data_faults import DataFault
 
 
 @pytest.mark.parametrize("amplitude", [1.5, -1.5])
@@ -19,3 +20,9 @@ def test_every_value_lies_in_its_interval_and_is_the_same_effect(amplitude, phas
     t = np.linspace(0, 5, 50)
     given = amplitude * np.sin(2.0 * t + phase)
     np.testing.assert_allclose(params["amplitude"] * np.sin(params["angular_frequency"] * t + params["phase"]), given)
+
+
+@pytest.mark.parametrize("runs, said", [((None,), "in the record (row 3)"), (("a",), "in run 'a' (row 3)")])
+def test_a_fault_of_an_unlabelled_record_names_no_run(runs, said):
+    fault = DataFault("spikes", "y", "output", runs, (3,), 0.5)
+    assert fault.what == f"1 spike of up to 0.5 {said}"

@@ -25,14 +25,14 @@ def test_where_nothing_parts_them_only_another_sensor_can():
     assert found.options[0]["gain"] == 0.2
     assert "Only another sensor" in found.sentence
     assert found.parted == ()
-    assert "part in none" in when_they_part("drag", ["twin", "other"], True, found)
+    assert "none of the experiments tried here separates them" in when_they_part("drag", ["twin", "other"], True, found)
 
 
 def test_a_sentence_says_only_what_was_computed_for_its_name():
     found = suggestion({"a faster run": np.array([0.0, 40.0])}, ["drag", "twin", "friction"])
     both = when_they_part("drag", ["twin", "friction"], False, found)
-    assert "parts from friction; nothing is known to part the rest" in both
-    assert when_they_part("drag", ["friction"], False, found).endswith("they part with a faster run.")
+    assert "separates it from friction; no experiment is known for the rest" in both
+    assert when_they_part("drag", ["friction"], False, found).endswith("; a faster run separates them.")
     assert "no experiment was computed for this pair (the suggested one concerns drag)" in when_they_part(
         "bias", ["gain"], True, found
     )

@@ -137,15 +137,15 @@ def when_they_part(
 def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) -> str:
     """What parts them, of those that were asked for."""
     if experiment is None:
-        return "no experiment that parts them was found"
+        return "no experiment that separates them was found"
     if experiment.named != named:
         return f"no experiment was computed for this pair (the suggested one concerns {experiment.named})"
     if not experiment.parted:
-        return "they part in none of the experiments tried here"
+        return "none of the experiments tried here separates them"
     record = experiment.options[0]["experiment"]
     if set(tied) <= set(experiment.parted):
-        return f"they part with {record}"
-    return f"with {record} it parts from {_first(experiment.parted)}; nothing is known to part the rest"
+        return f"{record} separates them"
+    return f"{record} separates it from {_first(experiment.parted)}; no experiment is known for the rest"
 
 
 def _first(names: Sequence[str]) -> str:

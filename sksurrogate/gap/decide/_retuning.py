@@ -19,7 +19,7 @@ AT_BOUND = 1e-9
 PART_OF_RETUNING = 0.5
 #: What is said of parameters that close the gap, and where they would hide effects as large.
 RETUNED = "Re-tuning alone closes the gap."
-HIDES = " It would hide these effects: they part from it where parameters are measured or fewer are free (free_params)."
+HIDES = " It would hide these effects. To separate them, measure parameters, or free fewer of them (free_params)."
 
 
 def retuned_table(

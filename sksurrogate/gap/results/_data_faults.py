@@ -77,7 +77,8 @@ class DataFault:
         """The fault in words, without its place."""
         n, size = len(self.rows), f"{self.size:.3g}"
         where = f"{'run' if len(self.runs) == 1 else 'runs'} {listed([repr(label) for label in self.runs])}"
-        rows = f" (rows {listed([str(row) for row in self.rows])})" if self.rows else ""
+        where = "the record" if self.runs == (None,) else where  # one run without a label
+        rows = f" ({'row' if n == 1 else 'rows'} {listed([str(row) for row in self.rows])})" if self.rows else ""
         single = f"{size}" if len(self.values) == 1 else f"up to {size}"
         return {
             "spikes": f"{n} spike{'s' if n != 1 else ''} of up to {size} in {where}{rows}",
