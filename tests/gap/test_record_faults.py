@@ -95,6 +95,15 @@ def test_a_fault_of_runs_is_no_effect(kind):
         assert fault.runs == (1,) and fault.values[1] in range(3, 7) and fault.location is None
 
 
+def test_a_scale_of_two_runs_is_listed_with_these_alone():
+    case = make_case("cart", "nothing", False)
+    some = np.isin(case.groups, (1, 3))
+    report = diagnosed(replace(case, Y=np.where(some[:, None], 1.15 * case.Y, case.Y))).report_
+    assert report.verdict == "none" and report.data.kinds == ("gain",)
+    assert report.data[0].values == pytest.approx({1: 0.15, 3: 0.15}, abs=0.01)
+    assert "off by 15" in report.sentence and "in runs 1, 3" in report.sentence
+
+
 def test_offsets_and_friction_are_both_found():
     report = diagnosed(make_case("cart", "offset", True)).report_
     assert report.data.kinds == ("offset",)

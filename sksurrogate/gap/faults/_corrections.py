@@ -229,7 +229,10 @@ class Gains(_OfRuns):
     """The scale of one output differs from run to run: measured = (1 + value) true."""
 
     kind, effect = "gain", "sensor_gain"
-    remedy = "Calibrate the sensor for every run, or divide by 1 + these values."
+    remedy = (
+        "Calibrate the sensor for every run, or divide by 1 + these values. Where the plant is linear, an input that is "
+        "stronger or weaker in these runs reads the same."
+    )
 
     def and_also(self, other: Any) -> BaseFault:
         return replace(self, values=(1.0 + self.values) * (1.0 + other.values) - 1.0)

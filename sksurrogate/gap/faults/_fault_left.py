@@ -13,7 +13,7 @@ from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import CLOSED
 from sksurrogate.gap.fit._evidence import Evidence, bar, estimate_noise
-from sksurrogate.gap.fit._normal_equations import weights_beside
+from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
 from sksurrogate.gap.search._base import EXTRA, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -145,12 +145,12 @@ class _Fit:
         return -self.n * float(np.log(max(float(rest @ rest), self.n))) - self.cost(proposal, 1)
 
     def cost(self, proposal: Proposal, tried: int) -> float:
-        """``k ln N + 2 ln M``."""
+        """``k ln N + 2 ln M``, and what the choice of its runs costs."""
         k = proposal.columns.shape[1] + proposal.extra
-        return float(bar(k, tried, self.n))
+        return float(bar(k, tried, self.n)) + proposal.chosen
 
-    def fitted(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
-        """The largest log likelihood with the noise fitted, and the weights there."""
+    def fitted(self, columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """The largest log likelihood with the noise fitted, the weights there, and the squares of these over their variances."""
         n = columns.shape[1]
         J = np.concatenate([self.J, columns], axis=1)
         problem, D = self.model.problem, self.model.disturbance
@@ -160,13 +160,22 @@ class _Fit:
         ]
         noise, value, _ = max(fits, key=lambda fit: fit[1])
         G, _ = D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
-        return float(value), weights_beside(G, self.precision, self.pull)
+        theta, variance = weights_beside(G, self.precision, self.pull), np.diag(inverse(G[1:, 1:] + np.diag(prior[0])))
+        return float(value), theta, theta**2 / np.maximum(variance, 1e-300)
+
+    def in_runs(self, proposal: Proposal, nats: np.ndarray) -> Proposal:
+        """The fault in those runs whose value is worth its ``ln N``, itself where all are or none is."""
+        kept = nats[self.J.shape[1] :] > np.log(self.n)
+        return proposal.some(kept) if proposal.some is not None and 0 < kept.sum() < len(kept) else proposal
 
     def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
         """A fault with a noise of its own, and the model fitted again without it; None where its weights are not possible."""
         try:
-            alone, _ = self.fitted(proposal.columns[:, :0])
-            value, theta = self.fitted(proposal.columns)
+            alone, _, _ = self.fitted(proposal.columns[:, :0])
+            value, theta, nats = self.fitted(proposal.columns)
+            whole, proposal = proposal, self.in_runs(proposal, nats)
+            if proposal is not whole:
+                value, theta, _ = self.fitted(proposal.columns)
         except np.linalg.LinAlgError:
             return None
         fault, model = proposal.fault(theta[self.J.shape[1] :]), self.model

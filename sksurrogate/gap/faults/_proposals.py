@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,8 @@ class Proposal:
     columns: np.ndarray  #: (n_outputs, n_columns, n_samples): what it adds to the readings, by its weights
     fault: Callable[[np.ndarray], BaseFault | None]  #: The fault at some weights; None where these are not possible
     extra: int = 0  #: Parameters that were chosen before (a frequency, a number of samples)
+    chosen: float = 0.0  #: Price of runs chosen among all, twice the log likelihood
+    some: Callable[[np.ndarray], Proposal] | None = None  #: The same in some of its runs, where each has a value
 
 
 def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarray) -> Iterator[Proposal]:
@@ -75,7 +77,12 @@ def _by_run(
         values[runs] = weights
         return kind(j, values) if kind is Offsets or np.all(np.abs(weights) < 0.9) else None
 
-    return Proposal(columns, fault)
+    def some(kept: np.ndarray) -> Proposal:
+        """Each run may have the fault or not."""
+        part = _by_run(kind, j, runs[kept], moved[kept], shape, n_runs)
+        return replace(part, chosen=2.0 * len(runs) * np.log(2.0), some=None)
+
+    return Proposal(columns, fault, some=some if len(runs) > 1 else None)
 
 
 def later(y: np.ndarray, k: int) -> np.ndarray:
