@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,18 @@ class PlantModel:
             self._step.probe(*at, self.plant.dt)
         if self._output is not None:
             self._output.probe(*at)
+
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Within, :attr:`said` takes up the first answer that is nan."""
+        functions = [function for function in (self._rhs, self._step, self._output) if function is not None]
+        for function in functions:
+            function.watched = True
+        try:
+            yield
+        finally:
+            for function in functions:
+                function.watched = False
 
     @property
     def takes_many(self) -> bool:

@@ -21,6 +21,8 @@ _LARGEST_POWER = 8
 _SAID: weakref.WeakSet[Any] = weakref.WeakSet()
 #: Fewer points than this are passed as plain arrays: the detour would cost more than it saves.
 _FEW_POINTS = 200
+#: States beyond this are of a run that leaves the numbers: what is nan there is no answer of the function.
+_RUNAWAY = 1e20
 
 
 class _Points(np.ndarray):
@@ -81,6 +83,8 @@ class PointwiseFunction:
         #: What the function said when it last refused a point.
         self.refusal = ""
         self._copies, self._wrote = False, ""
+        #: Whether ``said`` takes up answers that are nan too: looked at where a candidate has failed, for it takes time.
+        self.watched = False
 
     def probe(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> None:
         """Decide how to call the function, at points around ``x`` (n_states,), ``u`` (n_inputs,).
@@ -196,7 +200,21 @@ class PointwiseFunction:
             )
         for i, component in enumerate(value):
             out[i] = component
+        if self.watched:
+            self._watch(x, u, out)
         return out
+
+    def _watch(self, x: np.ndarray, u: np.ndarray, out: np.ndarray) -> None:
+        """Take up the first nan at a point that is none of a run that leaves the numbers by itself."""
+        points, inputs, values = (a.reshape(len(a), -1) for a in (x, u, out))
+        bad = np.flatnonzero((np.abs(points) < _RUNAWAY).all(axis=0) & offered(inputs) & np.isnan(values).any(axis=0))
+        if len(bad):
+            k = int(bad[0])
+            self.said[
+                f"{self.what} gives {[float(f'{v:.4g}') for v in values[:, k]]} for {list(self.names)} at x="
+                f"{[float(f'{v:.4g}') for v in points[:, k]]}, u={[float(f'{v:.4g}') for v in inputs[:, k]]}"
+            ] = None
+            self.watched = False
 
     def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
         """Points ``x`` (n_states, n_points) -> (size, n_points); t and entries of p are floats or (n_points,)."""

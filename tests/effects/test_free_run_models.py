@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from sksurrogate.compose._term import Basis, TermModel
+from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.kernels.linearised import linearise
+from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._fit_model import FitModel
@@ -79,3 +81,33 @@ def test_what_is_laid_out_again_is_not_stored():
     stored = pickle.dumps(fit)
     assert len(stored) == fresh
     np.testing.assert_array_equal(pickle.loads(stored).bind(theta)(x), after)
+
+
+class Settling(CATALOGUE["hidden_relaxation"]):
+    """One whose own state begins anywhere."""
+
+    free_start = True
+
+
+def test_sensitivities_beside_hidden_states_that_begin_at_rest_or_anywhere_are_those_of_free_runs():
+    fit, _, _ = models("zoh", None)
+    effects = [CATALOGUE["hidden_relaxation"]("v", "v"), Settling("v", "q")]
+    model = AugmentedModel(fit.inner, effects, ("k",), fit.record, n_sub=3, scale=SCALE)
+    assert model.free_states.tolist() == [True, True, False, True]
+    theta, first = np.array([0.4, 0.3, 0.2, 0.5, 0.1]), np.random.default_rng(4).normal(size=(4, RUNS))
+
+    def run(theta, first):
+        begun = model.bind(theta[:, None]).start(first[:2, None])[:, 0]
+        return free_run(model, theta, np.where(model.free_states[:, None], first, begun))
+
+    there = linearise(model, theta, run(theta, first), np.abs(theta))
+    for found, count in ((there.Z_theta, len(theta)), (there.Z_x, 4)):
+        for k in range(count):
+            push = 1e-5 * (np.arange(count) == k)
+            if count == 4:
+                ends = [run(theta, first + sign * push[:, None]) for sign in (1, -1)]
+            else:
+                ends = [run(theta + sign * push, first) for sign in (1, -1)]
+            slope = (ends[0] - ends[1]) / 2e-5
+            # forward differences of step 1e-4
+            np.testing.assert_allclose(found[:, k], slope, rtol=0, atol=2e-3 * max(np.abs(slope).max(), 0.1))

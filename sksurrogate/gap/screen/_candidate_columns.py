@@ -56,11 +56,13 @@ def candidate_columns(
     """
     at_starts = _AtStarts(s, shape, chosen, Unseen(s), Slopes(s))
     found = side_by_side(at_starts.of, candidates, second)
+    for effect in [effect for effect, columns in zip(candidates, found) if columns is None]:
+        at_starts.ask_why(effect)
     path = s.smoothed.x
     return [
         Column(effect, theta, column, path if hidden is None else np.concatenate([path, hidden]), evident, through)
         for effect, columns in zip(candidates, found)
-        for theta, column, hidden, evident, through in columns
+        for theta, column, hidden, evident, through in columns or ()
     ]
 
 
@@ -79,7 +81,8 @@ class _AtStarts:
     unseen: Unseen
     slopes: Slopes
 
-    def of(self, effect: BaseEffect) -> list[_Freight]:
+    def of(self, effect: BaseEffect) -> list[_Freight] | None:
+        """Its columns; None where the model has no number for any."""
         s = self.s
         starts, n_evident = self.starts(effect)
         if not starts:
@@ -93,6 +96,8 @@ class _AtStarts:
             out[:, refused], others = self.responses(effect, theta[:, refused])
             paths = [others[refused.index(k)] if k in refused else path for k, path in enumerate(paths)]
             size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
+        if np.isnan(size).all():
+            return None
         columns, n = np.ascontiguousarray(out.transpose(1, 0, 2)), len(s.smoothed.x)
         return [
             (
@@ -104,6 +109,11 @@ class _AtStarts:
             )
             for k in np.flatnonzero((size > 0.0) & (size < LARGEST_CHANGE))
         ]
+
+    def ask_why(self, effect: BaseEffect) -> None:
+        """Let the model take up what the simulator gives at the first starting value."""
+        with self.s.problem.model.watched():
+            self.responses(effect, np.array(self.starts(effect)[0][:1], dtype=float).T)
 
     def responses(self, effect: BaseEffect, theta: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """What :meth:`Responses.columns` gives, some starting values at a time: memory does not grow with their number."""

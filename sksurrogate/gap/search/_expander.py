@@ -280,6 +280,9 @@ def shipped(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Frei
     said = len(problem.model.said)
     try:
         candidate = fit()
+        if candidate is None and len(problem.model.said) == said:
+            with problem.model.watched():  # it has no finite run: the simulator's doing, or the effect's own?
+                fit()
     except (ArithmeticError, ValueError, SurrogateError) as error:
         return f"{type(error).__name__}: {error}"
     if candidate is None and len(problem.model.said) > said:
