@@ -190,7 +190,7 @@ def stored_rows(path: Any) -> list[dict[str, Any]]:
             except json.JSONDecodeError:
                 continue
             if isinstance(row, dict) and "arm" in row:
-                case = (row["arm"], row.get("seed"), row.get("diagnosis"), row.get("simulator"))
+                case = tuple(row.get(key) for key in ("arm", "seed", "diagnosis", "simulator", "record"))
                 if case not in seen or row.get("seed") is None:
                     rows.append(row)
                 seen.add(case)

@@ -1,5 +1,6 @@
 """The same case as plants record it: what was measured moves as the plant did, everything else stays."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from sksurrogate.blind._campaign import _belongs, run_case
 from sksurrogate.blind._march import march
 from sksurrogate.blind._records import RECORDS, as_recorded
 from sksurrogate.blind._solve import Solver
+from sksurrogate.blind._table import stored_rows
 from sksurrogate.exceptions import SurrogateError
 
 
@@ -65,7 +67,7 @@ def answered(question):
     return {"error": f"{np.isnan(question.y).any()} {n} {question.time is None}"}
 
 
-def test_rows_say_how_they_were_recorded_and_count_for_that_record_alone():
+def test_rows_say_how_they_were_recorded_and_count_for_that_record_alone(tmp_path):
     where = f"{__name__}:answered"
     with Solver(where) as solver:
         rows = [run_case("none", 1, diagnosis=where, record=record, solver=solver) for record in RECORDS]
@@ -73,3 +75,6 @@ def test_rows_say_how_they_were_recorded_and_count_for_that_record_alone():
     for row, record in zip(rows, RECORDS):
         assert row.get("record", "complete") == record
         assert [name for name in RECORDS if _belongs(row, where, None, name)] == [record]
+    file = tmp_path / "rows.jsonl"
+    file.write_text("".join(json.dumps(row) + "\n" for row in [*rows, *rows]))
+    assert [row.get("record") for row in stored_rows(file)] == [None, "missing", "two_rate", "jitter"]
