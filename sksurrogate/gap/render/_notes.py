@@ -29,12 +29,12 @@ def failed_stages(failed: Mapping[str, str]) -> list[str]:
     Examples
     --------
     >>> failed_stages({"law": "the matrix is singular"})[0][:49]
-    'Not answered, for the simulator is not finite or '
+    'Not answered, because the simulator is not finite'
     """
     if not failed:
         return []
     parts = "; ".join(f"{name} ({why})" for name, why in failed.items())
-    return [f"Not answered, for the simulator is not finite or too stiff along the path that was needed: {parts}."]
+    return [f"Not answered, because the simulator is not finite or too stiff along the path that was needed: {parts}."]
 
 
 def at_a_bound(retuned: Table) -> list[str]:

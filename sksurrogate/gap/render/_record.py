@@ -19,7 +19,7 @@ def record_lines(faults: DataFaults, width: int) -> list[str]:
     >>> fault = DataFault("gain", "level", "output", (2,), (), 0.05, 0.4, {2: 0.05}, "sensor_gain")
     >>> print("\\n".join(record_lines(DataFaults((fault,)), 60)))
     The record
-      - level: a scale that is off by 5 % in run 2; 40 % of the
+      - level: a gain error of 5 % in run 2; 40 % of the
         gap.
     """
     if not faults:

@@ -83,10 +83,10 @@ class DataFault:
         return {
             "spikes": f"{n} spike{'s' if n != 1 else ''} of up to {size} in {where}{rows}",
             "dropouts": f"{n} readings dropped out by up to {size} in {where}{rows}",
-            "stuck": f"the sensor stood still for {n} readings in {where}{rows}",
+            "stuck": f"the sensor repeated one value for {n} readings in {where}{rows}",
             "shift": f"outputs and inputs are {single} samples apart in {where}",
-            "offset": f"a zero that is off by {single} in {where}",
-            "gain": f"a scale that is off by {100 * self.size:.3g} % in {where}",
+            "offset": f"an offset of {single} in {where}",
+            "gain": f"a gain error of {100 * self.size:.3g} % in {where}",
             "hum": f"a tone of amplitude {size} in {where}",
             "input_noise": f"the measurement of this input is noisy (standard deviation {size}) in {where}",
         }[self.kind]
@@ -129,8 +129,8 @@ class DataFaults:
             "; ".join(f"{one.location or 'all outputs'}: {one.what}" for one in self.entries if one.taken_out is taken)
             for taken in (True, False)
         )
-        text = f"The record itself has faults, which were taken out before effects were compared: {out}." if out else ""
-        return f"{text} The record itself holds part of what is left: {left}.".strip() if left else text
+        text = f"The record has faults. They were removed before effects were compared: {out}." if out else ""
+        return f"{text} Faults of the record explain a part of the rest: {left}.".strip() if left else text
 
     def table(self) -> Table:
         """One row a fault."""
