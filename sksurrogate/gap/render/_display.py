@@ -241,7 +241,8 @@ class GapDisplay:
             return
         edges = [r["start"] for r in rows] + [rows[-1]["stop"]]
         ax.stairs([r["level"] for r in rows], edges, color="#d55e00", fill=True, alpha=0.4)
-        ax.set(xlabel=f"time since the start of a run ({rows[0]['kind']})", ylabel="size of the gap's source")
+        time = axis(TIME, self.report.units)
+        ax.set(xlabel=f"{time} since the start of a run ({rows[0]['kind']})", ylabel="size of the gap's source")
         ax.margins(x=0)
 
     def _frequency(self, ax: Any) -> None:
