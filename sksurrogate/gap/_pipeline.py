@@ -4,91 +4,40 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, Generic
 
 import numpy as np
 
-from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import INTERRUPTED, SOON, Progress, Stage, quiet
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
-from sksurrogate.gap.decide._equivalence import Slot, canonical_classes, probabilities
+from sksurrogate.gap.decide._equivalence import canonical_classes
 from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import name_of, next_experiment
-from sksurrogate.gap.decide._held_out import Baseline, held_out, measure, notes_on_names, same_names, shares, traces
-from sksurrogate.gap.decide._intervals import intervals
-from sksurrogate.gap.decide._partial_results import PartialResults
-from sksurrogate.gap.decide._posterior import Posterior
+from sksurrogate.gap.decide._held_out import Baseline, held_out, notes_on_names, same_names, traces
 from sksurrogate.gap.decide._retuning import parameter_errors, retuned_table
-from sksurrogate.gap.decide._rules import DecisionFeatures, certified, decide, share_left
-from sksurrogate.gap.decide._unnamed import BaseUnnamed
-from sksurrogate.gap.faults._record_book import RecordBook, faults_of
+from sksurrogate.gap.decide._rules import certified, share_left
+from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
-from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
+from sksurrogate.gap.fit._evidence import C, estimate_noise
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import MissingTerm
-from sksurrogate.gap.results._next_experiment import NextExperiment
-from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
 from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 from sksurrogate.gap.results._shrink import NOT_KNOWN
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.results._where import Where
-from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed import _where
 from sksurrogate.kernels.clock import TimeIsUp, time_left, time_until
 
 
-class DiagnosisPipeline(LawStage, Generic[C]):
-    """Goes through the stages; an interrupt leaves what is known.
-
-    Parameters
-    ----------
-    unnamed : BaseUnnamed
-        What no name answers, as far as the simulator's access allows it.
-    correction : estimator or None
-        Generic learner of the waterfall.
-    labels : sequence
-        Of the runs.
-    rows : ndarray of int
-        Rows of the whole record that the search sees.
-    untestable : sequence of str
-        Effects that were asked for and cannot be tested.
-    time_limit : float, optional
-        Seconds; a stage that is not over at its share of them is cut, and the next ones answer what they can.
-    include_law : bool
-        Whether the augmented simulator carries a certified law.
-    """
-
-    def __init__(
-        self,
-        search: BaseSearch[C],
-        unnamed: BaseUnnamed[C],
-        labels: Sequence[Any],
-        rows: np.ndarray,
-        *,
-        correction: Any,
-        time_limit: float | None,
-        include_law: bool,
-        untestable: Sequence[str] = (),
-    ):
-        self.problem, self.search, self.unnamed = search.problem, search, unnamed
-        self.labels, self.rows = labels, rows
-        self.learner, self.untestable = correction, tuple(untestable)
-        self.posterior = Posterior((), None)
-        self.found = PartialResults()
-        self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
-        self.failed: dict[str, str] = {}
-        self.started_at, self.include_law = time.perf_counter(), bool(include_law)
-        self.experiment: PendingAnswer[NextExperiment | None] | None = None
-        self.book: RecordBook | None = None
+class DiagnosisPipeline(LawStage[C]):
+    """Goes through the stages; an interrupt leaves what is known."""
 
     def run(self, progress: Progress) -> GapReport | None:
         """All stages, and the report of what is known after them; None where ``book`` has another record by then."""
@@ -122,16 +71,6 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             if np.isinf(stage.until):  # nothing can be said without it
                 raise
             self.failed[stage.name] = str(error)
-
-    @property
-    def final(self) -> Evidence:
-        """What stands."""
-        return self.search.final or self.null
-
-    @property
-    def null(self) -> Evidence:
-        """No effect."""
-        return self.search.fitted_null
 
     @cached_property
     def baseline(self) -> Baseline:
@@ -203,61 +142,12 @@ class DiagnosisPipeline(LawStage, Generic[C]):
             return
         self.withdraw(_notes.too_little([effect.name for effect in final.effects], "on runs left out"))
 
-    def share_the_gap(self) -> None:
-        """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""
-        found, final = self.found, self.final
-        if found.shrink is None:
-            return
-        if final.effects:
-            found.shares, found.retuning = shares(final.candidate, found.shrink.fraction_power)
-            slots = found.slots or [Slot[C](i, [], []) for i in range(len(final.effects))]
-            found.probabilities = probabilities(self.search, final.candidate, slots, self.posterior.probabilities)
-        else:
-            found.retuning = found.shrink.fraction_power if found.retuned else 0.0
-            self.unnamed.weigh_none()
-        if final.effects or self.problem.free:
-            found.fitted = self.unnamed.larger(final)
-            found.bounds = intervals(found.fitted)
-
     def suggest_an_experiment(self) -> None:
         """The experiment that would tell apart what these data cannot."""
         if self.experiment is not None and not self.found.uncertified:
             self.found.experiment = self.experiment.answer()
 
-    def measure(self) -> None:
-        """How far the gap shrinks on runs left out."""
-        assert self.found.held is not None
-        self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
-
-    def floor(self) -> np.ndarray:
-        """Sensor noise: of the final fit and of the latent force the larger, and no more than the outputs' differences show.
-
-        A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
-        """
-        remains = self.unnamed.remains
-        fits = [self.final.noise.sigma, *([remains.latent.noise.sigma] if remains is not None else [])]
-        return np.max([np.minimum(sigma, self.unnamed.most_noise) for sigma in fits], axis=0)
-
     # ---- the report -------------------------------------------------------------------------------------------------
-    def decided(self) -> tuple[str, Reasons]:
-        """The verdict, and the rule that gave it."""
-        found, final, shrink, remains = self.found, self.final, self.found.shrink, self.unnamed.remains
-        if shrink is None or remains is None or (final.effects and not found.probabilities):
-            return "unknown", UNDECIDED
-        common = DecisionFeatures(
-            names=len(final.effects),
-            probability=min(found.probabilities, default=1.0),
-            retuned=found.retuned,
-            share_left=share_left(shrink),
-            left=self.unnamed.over_noise(final, found.retuned),
-            after=shrink.after,
-            error=shrink.before if np.isfinite(shrink.before) else np.inf,
-            law=float(np.max(remains.law, initial=0.0)),
-            n_samples=self.problem.record.n_samples,
-            tolerance=self.search.tolerance,
-        )
-        return decide(self.unnamed.features(common, final, shrink))
-
     def effects(self, verdict: str) -> list[EffectEstimate]:
         """The named effects, by their share; where re-tuning alone closes the gap the parameters that moved."""
         found = self.found

@@ -280,7 +280,7 @@ def test_the_verdict_knows_how_many_effects_are_named(monkeypatch):
         asked.append(facts)
         return decide(facts)
 
-    monkeypatch.setattr("sksurrogate.gap._pipeline.decide", spy)
+    monkeypatch.setattr("sksurrogate.gap._state.decide", spy)
     X, y, groups = seen_as(lambda y: 1.3 * y + 0.4)
     diagnoser = GapDiagnoser(FirstOrder(), effects=["sensor_gain", "sensor_bias"], random_state=0)
     report = diagnoser.fit(X, y, groups=groups).report_

@@ -1,0 +1,142 @@
+"""What a diagnosis knows so far, and what follows from it: how far the gap shrinks, the parts of each effect, the verdict."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, Generic
+
+import numpy as np
+
+from sksurrogate._parallel._worker_process import PendingAnswer
+from sksurrogate.gap.decide._equivalence import Slot, probabilities
+from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
+from sksurrogate.gap.decide._intervals import intervals
+from sksurrogate.gap.decide._partial_results import PartialResults
+from sksurrogate.gap.decide._posterior import Posterior
+from sksurrogate.gap.decide._rules import DecisionFeatures, decide, share_left
+from sksurrogate.gap.decide._unnamed import BaseUnnamed
+from sksurrogate.gap.faults._record_book import RecordBook
+from sksurrogate.gap.fit._evidence import C, Evidence
+from sksurrogate.gap.results._next_experiment import NextExperiment
+from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
+from sksurrogate.gap.search._base import BaseSearch
+
+
+class DiagnosisState(Generic[C]):
+    """What the stages share.
+
+    Parameters
+    ----------
+    unnamed : BaseUnnamed
+        What no name answers, as far as the simulator's access allows it.
+    correction : estimator or None
+        Generic learner of the waterfall.
+    labels : sequence
+        Of the runs.
+    rows : ndarray of int
+        Rows of the whole record that the search sees.
+    untestable : sequence of str
+        Effects that were asked for and cannot be tested.
+    time_limit : float, optional
+        Seconds; a stage that is not over at its share of them is cut, and the next ones answer what they can.
+    include_law : bool
+        Whether the augmented simulator carries a certified law.
+    """
+
+    #: Labels of the runs in which what was found acts; None for all.
+    acts_in: tuple[Any, ...] | None = None
+
+    def __init__(
+        self,
+        search: BaseSearch[C],
+        unnamed: BaseUnnamed[C],
+        labels: Sequence[Any],
+        rows: np.ndarray,
+        *,
+        correction: Any,
+        time_limit: float | None,
+        include_law: bool,
+        untestable: Sequence[str] = (),
+    ):
+        self.problem, self.search, self.unnamed = search.problem, search, unnamed
+        self.labels, self.rows = labels, rows
+        self.learner, self.untestable = correction, tuple(untestable)
+        self.posterior = Posterior((), None)
+        self.found = PartialResults()
+        self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
+        self.failed: dict[str, str] = {}
+        self.started_at, self.include_law = time.perf_counter(), bool(include_law)
+        self.experiment: PendingAnswer[NextExperiment | None] | None = None
+        self.book: RecordBook | None = None
+
+    @property
+    def final(self) -> Evidence:
+        """What stands."""
+        return self.search.final or self.null
+
+    @property
+    def null(self) -> Evidence:
+        """No effect."""
+        return self.search.fitted_null
+
+    def measure(self) -> None:
+        """How far the gap shrinks on runs left out."""
+        assert self.found.held is not None
+        self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
+
+    def floor(self) -> np.ndarray:
+        """Sensor noise: of the final fit and of the latent force the larger, and no more than the outputs' differences show.
+
+        A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
+        """
+        remains = self.unnamed.remains
+        fits = [self.final.noise.sigma, *([remains.latent.noise.sigma] if remains is not None else [])]
+        return np.max([np.minimum(sigma, self.unnamed.most_noise) for sigma in fits], axis=0)
+
+    def share_the_gap(self) -> None:
+        """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""
+        found, final = self.found, self.final
+        if found.shrink is None:
+            return
+        if final.effects:
+            found.shares, found.retuning = shares(final.candidate, found.shrink.fraction_power)
+            slots = found.slots or [Slot[C](i, [], []) for i in range(len(final.effects))]
+            found.probabilities = probabilities(self.search, final.candidate, slots, self.posterior.probabilities)
+        else:
+            found.retuning = found.shrink.fraction_power if found.retuned else 0.0
+            self.unnamed.weigh_none()
+        if final.effects or self.problem.free:
+            found.fitted = self.unnamed.larger(final)
+            found.bounds = intervals(found.fitted)
+
+    def withdraw(self, why: str) -> None:
+        """The names are withdrawn: the null stands."""
+        found, null, held = self.found, self.null, self.found.held
+        assert held is not None
+        found.uncertified = why
+        self.search.final, found.slots, found.finals = null, [], []
+        found.shares, found.probabilities, found.fitted, found.bounds, found.experiment = [], [], None, None, None
+        self.unnamed.withdraw(null)
+        after = held.retuned if self.problem.free else held.before
+        found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
+        self.measure()
+
+    def decided(self) -> tuple[str, Reasons]:
+        """The verdict, and the rule that gave it."""
+        found, final, shrink, remains = self.found, self.final, self.found.shrink, self.unnamed.remains
+        if shrink is None or remains is None or (final.effects and not found.probabilities):
+            return "unknown", UNDECIDED
+        common = DecisionFeatures(
+            names=len(final.effects),
+            probability=min(found.probabilities, default=1.0),
+            retuned=found.retuned,
+            share_left=share_left(shrink),
+            left=self.unnamed.over_noise(final, found.retuned),
+            after=shrink.after,
+            error=shrink.before if np.isfinite(shrink.before) else np.inf,
+            law=float(np.max(remains.law, initial=0.0)),
+            n_samples=self.problem.record.n_samples,
+            tolerance=self.search.tolerance,
+        )
+        return decide(self.unnamed.features(common, final, shrink))
