@@ -18,8 +18,8 @@ from sksurrogate._warned_once import warned_once
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
-from sksurrogate.gap._origin import with_origin
 from sksurrogate.gap._progress import Progress, progress_shown
+from sksurrogate.gap._provenance import with_origin
 from sksurrogate.gap._rounds import diagnosed_in_rounds
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
