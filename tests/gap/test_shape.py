@@ -40,7 +40,7 @@ def channel(record, term, seed=1):
     D = Disturbance(POLE * ones, 0.1 * ones, ones, record.starts, np.array([3.0]), np.array([1e-5]))
     noise = Noise(np.array([SIGMA]), np.array([float(np.std(w)) + 0.05]), 5.0, np.array([1e-4]), 10.0)
     held = np.array([False, False, False, True, True])
-    return Channel(record, D, noise, r, 0.1 * ones[0], None, 1.0, held, z.T, ["a", "b"])
+    return Channel(record, D, noise, r, 0.1 * ones[0], None, 1.0, held, z.T, ["a", "b"], -np.inf)
 
 
 def shape(c, changes=()):
