@@ -27,7 +27,7 @@ from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.signals import Signal
 
-__all__ = ["SHARES", "Starting", "can_start", "edges_of", "starting", "window"]
+__all__ = ["SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", "window"]
 
 #: Shares of the longest run at which windows are tried to begin or end.
 SHARES = tuple(np.arange(1, 16) / 16.0)

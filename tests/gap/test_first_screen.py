@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap import EffectEstimate, GapDiagnoser, GapReport
 from sksurrogate.gap.render._code import code_of
 from sksurrogate.gap.render._curves import effect_curve
@@ -165,6 +166,21 @@ def test_the_code_to_paste_gives_the_augmented_simulator(diagnoser, monkeypatch)
     exec(code, names)
     np.testing.assert_allclose(names["Y"], diagnoser.augmented_.simulate(U, x0=[0.5]), atol=1e-6)
     assert names["local"].A.shape == (1, 1) and names["K"].shape == (1, 1)
+
+
+def test_the_code_of_an_effect_that_begins_in_some_runs_is_that_effect(diagnoser):
+    found = diagnoser.report_
+    late = {**found.effects[0].params, "onset": 1.5}
+    effects = [replace(found.effects[0], params=late, runs=(3, 1))]
+    code = code_of(replace(found, effects=effects)).replace(
+        "from my_plant import plant as simulator", "simulator = given"
+    )
+    names = {"given": diagnoser.simulator}
+    exec(code.split("Y = model")[0], names)
+    drag = starting(CATALOGUE["quadratic_drag"]("speed", "speed"))
+    own, U = AugmentedSimulator(diagnoser.simulator, [drag], [late], diagnoser.augmented_.retuned), np.ones((50, 1))
+    np.testing.assert_allclose(names["model"].simulate(U), own.simulate(U), atol=1e-6)
+    assert [len(names["model"].in_run(label).effects) for label in (3, 1, 4, 2)] == [1, 1, 0, 0]
 
 
 def test_every_run_of_the_data_is_in_the_report_with_its_inputs(diagnoser):

@@ -9,6 +9,7 @@ from sklearn.base import clone
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.render._code import code_of
 from sksurrogate.physics import ODESimulator
 
 LEVEL = 0.8
@@ -53,6 +54,7 @@ def test_a_friction_of_two_runs_is_named_with_its_runs(diagnosed):
     assert "acts in runs '2', '5' alone" in report.notes[0] and "runs '1', '3', '4' would show it" in report.notes[0]
     assert "in runs '2', '5'" in str(report)
     assert json.loads(report.to_json())["effects"][0]["runs"] == ["2", "5"]
+    assert "    runs=[['2', '5']],  # model.in_run(label)" in code_of(report)
 
 
 def test_the_augmented_simulator_holds_the_runs(diagnosed, tmp_path):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.render._values import number
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
@@ -12,13 +13,13 @@ from sksurrogate.gap.results._report_data import ReportData
 __all__ = ["code_of"]
 
 _BUILD = """\
-from sksurrogate import CATALOGUE, AugmentedSimulator
+from sksurrogate.effects import {names}
 from {module} import {name} as simulator  # as it was diagnosed
 
 model = AugmentedSimulator(
     simulator,
     effects=[{effects}],
-    values=[{values}],{retuned}
+    values=[{values}],{retuned}{runs}
 )
 """
 _FROM_DIAGNOSER = """\
@@ -72,10 +73,19 @@ def _built(report: ReportData) -> str:
     return _BUILD.format(
         module=module,
         name=name,
-        effects=", ".join(map(_made, effects)),
+        effects=", ".join(made := [*map(_made, effects)]),
+        names=f"CATALOGUE, AugmentedSimulator{', starting' if any(one.startswith('starting') for one in made) else ''}",
         values=", ".join(_numbers(effect.params) for effect in effects),
         retuned=f"\n    retuned={_numbers(retuned)}," if retuned else "",
+        runs=f"\n    runs={_runs(effects)},  # model.in_run(label) is the simulator of one run"
+        if any(effect.runs is not None for effect in effects)
+        else "",
     )
+
+
+def _runs(effects: Sequence[EffectEstimate]) -> str:
+    """Labels of the runs of every effect, None for all."""
+    return f"[{', '.join('None' if effect.runs is None else repr(list(effect.runs)) for effect in effects)}]"
 
 
 def _reference(simulator: str) -> tuple[str, str]:
@@ -86,9 +96,11 @@ def _reference(simulator: str) -> tuple[str, str]:
 
 
 def _made(effect: EffectEstimate) -> str:
-    """``CATALOGUE["name"](place, variable)``."""
+    """``CATALOGUE["name"](place, variable)``, within its window where it has one."""
     places = ", ".join(repr(place) for place in (effect.location, effect.variable) if place is not None)
-    return f'CATALOGUE["{effect.name}"]({places})'
+    made = f'CATALOGUE["{effect.name}"]({places})'
+    span = tuple(name for name in effect.params if name in WINDOW)
+    return f"starting({made}, {span!r})" if span else made
 
 
 def _numbers(values: Mapping[str, float]) -> str:
