@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
@@ -17,7 +19,7 @@ from sksurrogate.gap.decide._rules import GRID_SHARE, DecisionFeatures, left_ove
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import CLOSED, NEAR, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
@@ -27,12 +29,13 @@ from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import STACK
+from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
-from sksurrogate.gap.unnamed._latent_force import features
+from sksurrogate.gap.unnamed._latent_force import LatentForce, features
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._likely_place import force_predictability, likely_place, place_of_law
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
-from sksurrogate.gap.unnamed._residual_analysis import Remaining, law_left
+from sksurrogate.gap.unnamed._residual_analysis import Remains, gap_and_places, law_left
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.record import Record
 
@@ -86,7 +89,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         super().__init__(search, seed)
         self.whole, self.excluded = whole, frozenset(excluded)
         self.scale = search.problem.scale
-        self.remaining: Remaining | None = None
+        self.gap_asked: PendingAnswer[tuple[LatentForce, list[Place]]] | None = None
         self.instead: LawBeside | None = None
         self.clock = ""
 
@@ -111,7 +114,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
     def look(self, final: Evidence[OdeCandidate]) -> None:
         """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
         search = self.search
-        self.remaining = Remaining(search.later, search.fitted_null, self.channels, final, self.seed)
+        self.ask_for_the_gap(final)
         if not (0 < len(final.effects) < STACK and final.left < NEAR and self.law_gain(final) > CERTAIN):
             return
         other = search.further(final.candidate)
@@ -131,9 +134,17 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         self.beside = self.instead = law_beside_none(self.search, self.search.tolerance)
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
-        if self.remaining is None:
-            self.remaining = Remaining(self.search.later, self.search.fitted_null, self.channels, final, self.seed)
-        self.remains = self.remaining.of(final)
+        asked = self.gap_asked or self.ask_for_the_gap(final)
+        latent, law = law_left(final, self.seed)
+        gap, places = asked.answer()
+        self.remains = Remains(latent, law, places, gap)
+
+    def ask_for_the_gap(self, final: Evidence[OdeCandidate]) -> PendingAnswer[tuple[LatentForce, list[Place]]]:
+        """The force on top of the simulator alone and its places, worked out while other questions are asked."""
+        search = self.search
+        question = partial(gap_and_places, search.fitted_null, self.channels, final.left < CLOSED)
+        self.gap_asked = search.later.ask(question)
+        return self.gap_asked
 
     def withdraw(self, null: Evidence[OdeCandidate]) -> None:
         assert self.remains is not None

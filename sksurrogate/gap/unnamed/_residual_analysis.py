@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate._parallel._worker_process import WorkerProcess
-from sksurrogate.gap.fit._closeness import CLOSED, FAR, NEAR
+from sksurrogate.gap.fit._closeness import FAR, NEAR
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._channels import Channels
@@ -23,41 +22,6 @@ class Remains:
     law: np.ndarray  #: (n_balances,): R2 of its law on runs left out
     places: list[Place]  #: The most likely first
     gap: LatentForce  #: On top of the simulator: the gap itself, in the balances
-
-
-class Remaining:
-    """What remains, worked out while other questions are asked.
-
-    Parameters
-    ----------
-    later : Second
-        Process for what is wanted later.
-    null, first : Evidence
-        No effect, and the names that stand at the beginning.
-    channels : Channels
-        Of the null.
-    """
-
-    def __init__(self, later: WorkerProcess, null: Evidence, channels: Channels, first: Evidence, seed: int):
-        self.first, self.seed = first, seed
-        closed = first.left < CLOSED
-        # An open gap takes long to be placed, and without names there is nothing else to be asked meanwhile.
-        self.both = both = closed and bool(first.effects)
-
-        def question() -> tuple[tuple[LatentForce, list[Place]], tuple[LatentForce, np.ndarray] | None]:
-            return gap_and_places(null, channels, closed), law_left(first, seed) if both else None
-
-        self._pending = later.ask(question)
-
-    def of(self, final: Evidence) -> Remains:
-        """Of the names that stand at the end."""
-        here = final.candidate is not self.first.candidate or not self.both
-        own = law_left(final, self.seed) if here else None
-        (force, likely), beside = self._pending.answer()
-        found = own or beside
-        assert found is not None
-        latent, law = found
-        return Remains(latent, law, likely, force)
 
 
 def gap_and_places(null: Evidence, channels: Channels, closed: bool) -> tuple[LatentForce, list[Place]]:
