@@ -80,7 +80,7 @@ class TrajectoryCandidate(BaseCandidate):
         return self.problem.without_starts(columns, starts)
 
     def taken_out(self, i: int) -> TrajectoryCandidate | None:
-        J = np.delete(self.fit.J, np.arange(len(self.fit.theta))[self.slice_of(i)], axis=1)
+        J = np.delete(self.fit.J, self.slice_of(i), axis=1)
         return self.with_values(*self.without_effect(i), J)
 
     def at_nominal(self) -> TrajectoryCandidate | None:

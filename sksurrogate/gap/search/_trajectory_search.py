@@ -108,7 +108,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         effects, theta = candidate.without_effect(i)
         if not effects:
             return self.fitted_null.candidate
-        known = np.delete(candidate.fit.J, np.arange(len(candidate.fit.theta))[candidate.slice_of(i)], axis=1)
+        known = np.delete(candidate.fit.J, candidate.slice_of(i), axis=1)
         return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
     def in_place_of(self, final: Evidence[TrajectoryCandidate], i: int) -> list[TrajectoryCandidate]:
