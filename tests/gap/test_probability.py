@@ -35,7 +35,7 @@ def test_none_and_a_law_without_a_name_count_against_it():
     assert chance(rejected=[other], posterior=0.6) == pytest.approx(0.6 / (1.0 + np.exp(-EQUAL)))
 
 
-def test_a_rejected_rival_counts_as_little_as_its_finer_fit_said():
+def test_a_rejected_candidate_counts_as_little_as_its_finer_fit_said():
     other = candidate(LinearLoss("speed", "speed"), value=100.0)
     assert chance(rejected=[other]) == pytest.approx(1.0 / (1.0 + np.exp(-EQUAL)))
     two = candidate(LinearLoss("speed", "speed"), LinearLoss("speed", "load"), value=100.0)

@@ -86,7 +86,7 @@ def test_levels_of_an_input_are_no_grid_of_the_sensor():
     assert not is_rounded(y, level, lattice_steps(y)[0])
 
 
-def test_without_its_name_the_sensor_is_accused_and_the_step_is_told():
+def test_without_its_name_the_sensor_is_the_place_and_the_step_is_told():
     U, Y, runs = experiment(0.3, 0.02)
     report = GapDiagnoser(tank(), effects=["linear_loss", "sensor_gain"], random_state=0).fit(U, Y, groups=runs).report_
     assert report.verdict == "unknown"

@@ -69,7 +69,7 @@ def test_a_column_beyond_the_arithmetic_leaves_the_order_of_the_others(problem):
     assert max(starts, key=lambda start: start.white).effect.name == "quadratic_drag"
 
 
-def test_a_fit_that_went_astray_is_none(problem):
+def test_a_fit_that_diverged_is_none(problem):
     """Its likelihood is a difference of astronomical numbers."""
     problem, smoothed = problem
     search = OdeSearch(problem, effects("linear_loss", "quadratic_drag"), smoothed.x)

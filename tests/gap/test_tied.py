@@ -6,7 +6,7 @@ from sksurrogate.gap.decide._estimates import when_they_part
 from sksurrogate.gap.decide._experiment import suggestion
 
 
-def test_an_exact_twin_does_not_hide_the_experiment_that_parts_another_rival():
+def test_an_exact_twin_does_not_hide_the_experiment_that_parts_another_candidate():
     apart = {"a faster run": np.array([0.0, 40.0, 8.0]), "a larger run": np.array([0.1, 5.0, 90.0])}
     found = suggestion(apart, ["drag", "twin", "friction", "loss"])
     assert [(row["experiment"], row["gain"], row["between"]) for row in found.options] == [

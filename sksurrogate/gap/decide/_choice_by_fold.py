@@ -15,7 +15,7 @@ from sksurrogate.gap.search._base import CORRELATED, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 
 #: Candidates that stand for election again in every fold, the best on all runs.
-MOST_RIVALS = 8
+MOST_ELECTED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,4 +149,4 @@ def _others(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]]) -> list[C
         if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and names not in same
     ]
     found = [candidate for candidate in found if np.isfinite(search.score(candidate))]
-    return sorted(found, key=search.order([final, *found]), reverse=True)[:MOST_RIVALS]
+    return sorted(found, key=search.order([final, *found]), reverse=True)[:MOST_ELECTED]

@@ -44,7 +44,7 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
 
     Parameters
     ----------
-    apart : dict of ndarray (n_rivals,)
+    apart : dict of ndarray (n_candidates,)
         For every experiment the nats that part the named effect from each candidate; nan where they are not known.
     names : sequence of str
         The named effect, then its candidates.

@@ -64,9 +64,9 @@ class Evidence(Generic[C]):
         return float(np.max(rms / sigma))
 
 
-def bar(n_parameters: int, n_rivals: int, n_values: int) -> float:
-    """What 2 (L_rival - L_null) must exceed: ``k ln N + 2 ln M``."""
-    return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_rivals, 1))
+def bar(n_parameters: int, n_candidates: int, n_values: int) -> float:
+    """What 2 (L_candidate - L_null) must exceed: ``k ln N + 2 ln M``."""
+    return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_candidates, 1))
 
 
 def profile(

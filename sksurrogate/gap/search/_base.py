@@ -19,7 +19,7 @@ from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.kernels.disturbance import Noise
 
-#: 2 (L_best - L_rival) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
+#: 2 (L_best - L_candidate) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 6.0
 #: What further effects, windows of time and faults of the record must beat their bar by: a mismatch of numerics can pass it alone.
 EXTRA = 10.0
@@ -170,7 +170,7 @@ class BaseSearch(ABC, Generic[C]):
         return -np.inf if known is None else known.log_likelihood - 0.5 * self.prior_cost(candidate)
 
     def gain(self, candidate: C) -> float:
-        """2 (L_rival - L_null)."""
+        """2 (L_candidate - L_null)."""
         return 2.0 * (self.evidence(candidate) - self.evidence(self.fitted_null.candidate))
 
     def score(self, candidate: C) -> float:

@@ -213,7 +213,7 @@ class SetSearch(BaseSearch[C]):
         return extra > self.needed_gain(candidate.n_parameters - best.n_parameters)
 
     def needed_gain(self, k: int) -> float:
-        """2 (L_rival - L_best) that a further effect of k parameters must reach."""
+        """2 (L_candidate - L_best) that a further effect of k parameters must reach."""
         return self.bar(max(k, 1)) + EXTRA
 
     def beam(self, best: C) -> list[C]:

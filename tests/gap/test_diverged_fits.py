@@ -64,7 +64,7 @@ def voltage(t, x, u, p):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_trajectory_of_its_rival(seed):
+def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_trajectory_of_another_candidate(seed):
     """A battery whose voltmeter stands at its limit at first: no reading shows where its three states began."""
     states = ["charge", "fast", "slow"]
     common = {"dt": 2.0, "states": states, "inputs": ["load"], "x0": [0.8, 0.0, 0.0], "params": {"capacity": 2500.0}}

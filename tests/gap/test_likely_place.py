@@ -23,13 +23,13 @@ CASES = [
 
 
 @pytest.mark.parametrize(("state", "channel", "alone", "everything", "kind"), CASES)
-def test_the_place_that_tells_the_force_is_accused(state, channel, alone, everything, kind):
+def test_the_place_that_tells_the_force_is_likely(state, channel, alone, everything, kind):
     found = [Place("x", "state", state), Place("u", "input", channel), Place("y", "output", -2000.0)]
     found.sort(key=lambda place: -place.log_likelihood)
     assert likely_place(found, lambda *_: (alone, everything)) == ({"state": "x", "input": "u"}[kind], kind)
 
 
-def test_a_sensor_is_accused_where_nothing_else_is_likely():
+def test_a_sensor_is_likely_where_nothing_else_is_likely():
     found = [Place("y", "output", 0.0), Place("x", "state", -50.0), Place("u", "input", -60.0)]
     assert likely_place(found, lambda *_: (0.9, 0.9)) == ("y", "output")
 
