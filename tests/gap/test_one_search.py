@@ -10,6 +10,8 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
+from sksurrogate.gap.unnamed._ode_channels import OdeChannels
+from sksurrogate.gap.unnamed._trajectory_channels import TrajectoryChannels
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -46,16 +48,16 @@ class Outside:
         return self.inner.simulate(U)
 
 
-def problems(simulator, y=None):
-    """Both backends over the same record of two runs."""
+def problems(simulator, y=None, labels=("a", "b")):
+    """Both backends over the same record."""
     rng = np.random.default_rng(0)
-    U = [np.repeat(rng.uniform(-1, 1, 20), 5)[:, None] for _ in range(2)]
+    U = [np.repeat(rng.uniform(-1, 1, 20), 5)[:, None] for _ in labels]
     Y = [simulator.simulate(u) if y is None else y(simulator.simulate(u)) for u in U]
     Y = [part + 0.01 * rng.normal(size=part.shape) for part in Y]
     record = Record.from_runs(U, Y, [0.1 * np.arange(len(u)) for u in U], 0.1)
     inside = describe(simulator)
     ode, smoothed = build_problem(inside, PlantModel(inside), record, (), ("x",))
-    return ode, build_trajectory(describe(Outside(simulator)), record, (), ("a", "b")), smoothed
+    return ode, build_trajectory(describe(Outside(simulator)), record, (), labels), smoothed
 
 
 def test_both_kinds_of_access_are_searched_by_the_same_code():
@@ -87,3 +89,17 @@ def test_two_names_are_found_and_settled_through_either_access():
         assert {effect.name for effect in final.effects} == {"sensor_gain", "sensor_bias"}
         values = dict(zip([e.name for e in final.effects], [final.candidate.theta_of(i)[0] for i in range(2)]))
         assert values["sensor_bias"] == pytest.approx(0.4, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", ["ode", "trajectory"])
+def test_a_law_that_begins_within_the_runs_is_listed_for_both_kinds_of_access(kind):
+    """Planted: the sensor adds 0.3 + 0.5 y from row 60 of 100 on, through one code for all channels."""
+    late = (np.arange(100) >= 60)[:, None]
+    ode, trajectory, smoothed = problems(plant(), lambda y: y + late * (0.3 + 0.5 * y), ("a", "b", "c"))
+    if kind == "ode":
+        channels = OdeChannels(ode.fit((), np.zeros(0), smoothed.x))
+    else:
+        channels = TrajectoryChannels(trajectory.fit((), np.zeros(0)))
+    found = channels.missing_term("y", "output").candidates
+    offset, slope = (float(part.split("*")[0]) for part in found[0].split(" + "))
+    assert "*y*(t > 6)" in found[0] and (offset, slope) == pytest.approx((0.3, 0.5), rel=0.1)
