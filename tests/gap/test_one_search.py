@@ -91,11 +91,12 @@ def test_two_names_are_found_and_settled_through_either_access():
         assert values["sensor_bias"] == pytest.approx(0.4, abs=0.01)
 
 
+@pytest.mark.parametrize("n_runs", [2, 3])
 @pytest.mark.parametrize("kind", ["ode", "trajectory"])
-def test_a_law_that_begins_within_the_runs_is_listed_for_both_kinds_of_access(kind):
+def test_a_law_that_begins_within_the_runs_is_listed_for_both_kinds_of_access(kind, n_runs):
     """Planted: the sensor adds 0.3 + 0.5 y from row 60 of 100 on, through one code for all channels."""
     late = (np.arange(100) >= 60)[:, None]
-    ode, trajectory, smoothed = problems(plant(), lambda y: y + late * (0.3 + 0.5 * y), ("a", "b", "c"))
+    ode, trajectory, smoothed = problems(plant(), lambda y: y + late * (0.3 + 0.5 * y), tuple(range(n_runs)))
     if kind == "ode":
         channels = OdeChannels(ode.fit((), np.zeros(0), smoothed.x))
     else:

@@ -76,7 +76,7 @@ class Channels(ABC, Generic[C]):
         channel = self.at(location, kind)
         if channel is None:
             return MissingTerm(location, kind, (), (), ())
-        record = channel.record
+        record = self.null.problem.record  # that of a channel may be cut into blocks
         first = record.t[record.starts]
         table = times(record, channel.force())
         changes = [row["start"] for row in table[1:] if row["kind"] == "change"] if np.ptp(first) == 0 else []
