@@ -13,13 +13,15 @@ from sksurrogate.kernels.shooting import FreeRunLoss, descend
 
 __all__ = ["EvidenceFit", "first_penalty", "fit_by_evidence"]
 
-#: Rounds of Levenberg-Marquardt between which the penalty is weighed again, and steps in a round.
-PENALTY_ROUNDS, STEPS_IN_ROUND = 12, 4
+#: Rounds of Levenberg-Marquardt between which the penalty is weighed again, at most, and steps in a round: as many steps as
+#: a fit with a fixed penalty takes.
+PENALTY_ROUNDS, STEPS_IN_ROUND = 50, 4
 #: Largest change of the logarithm of the penalty in a round: the path stays near minima that the data have led to.
 LARGEST_LOG_CHANGE = 1.2
 #: Parts that are left out at least and at most.
 FEWEST_PARTS, MOST_PARTS = 4, 16
-#: The penalty has settled at such a change of its logarithm.
+#: The penalty has settled at such a change of its logarithm; the way down at less than half a nat a round, which no choice
+#: hangs on: in squares as much as the variance of the noise, of residuals that stay alike as many times as much.
 PENALTY_SETTLED = 0.05
 
 
@@ -58,12 +60,10 @@ def _parts(e: np.ndarray) -> list[np.ndarray]:
     return np.array_split(np.arange(e.size), n_parts)
 
 
-def _weighed(loss: FreeRunLoss, model: Any, gram: np.ndarray, e: np.ndarray) -> Evidence:
+def _weighed(loss: FreeRunLoss, model: Any, gram: np.ndarray, e: np.ndarray, correlation: float) -> Evidence:
     """The evidence at a model; one group of all weights."""
     groups = np.where(np.arange(model.theta.size) < model.n_weights, 0, -1)
-    return weigh(
-        gram, model.theta, groups, np.array([loss.alpha]), float(np.sum(e**2)), loss.n_rows, correlation_length(e)
-    )
+    return weigh(gram, model.theta, groups, np.array([loss.alpha]), float(np.sum(e**2)), loss.n_rows, correlation)
 
 
 def _gram(loss: FreeRunLoss, model: Any, y: np.ndarray) -> np.ndarray:
@@ -79,7 +79,7 @@ def first_penalty(loss: FreeRunLoss, model: Any, guess: float = 1e-2, n_rounds: 
         return guess
     loss = replace(loss, alpha=guess)
     for _ in range(n_rounds):
-        loss = replace(loss, alpha=float(_weighed(loss, model, gram, e).penalty[0]))
+        loss = replace(loss, alpha=float(_weighed(loss, model, gram, e, correlation_length(e)).penalty[0]))
     return loss.alpha
 
 
@@ -115,10 +115,12 @@ def fit_by_evidence(
         model, value, y = descend(loss, model, n_steps, 1e-6, y)
         if not np.isfinite(value) or (holds is not None and not holds(model)):
             return found
-        evidence = _weighed(loss, model, _gram(loss, model, y), loss.errors(y))
+        e = loss.errors(y)
+        alike = correlation_length(e)
+        evidence = _weighed(loss, model, _gram(loss, model, y), e, alike)
         found = EvidenceFit(model, loss, y, evidence)
         change = float(np.log((evidence.penalty[0] + 1e-300) / (loss.alpha + 1e-300)))
-        if abs(change) < PENALTY_SETTLED and before - value < 1e-4 * value:
+        if abs(change) < PENALTY_SETTLED and before - value < alike * evidence.noise:
             break
         before = value
         loss = replace(loss, alpha=float(loss.alpha * np.exp(np.clip(change, -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE))))

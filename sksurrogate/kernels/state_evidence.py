@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 
 from sksurrogate.kernels.evidence import Evidence, correlation_length, weigh
-from sksurrogate.kernels.shooting_evidence import LARGEST_LOG_CHANGE, PENALTY_ROUNDS, PENALTY_SETTLED
+from sksurrogate.kernels.shooting_evidence import LARGEST_LOG_CHANGE, PENALTY_SETTLED
 from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import OutputErrorLoss, StateFit, fit_output_error, state_slopes
 
 __all__ = ["fit_state_evidence", "run_variance", "weigh_states"]
 
-#: Steps of Levenberg-Marquardt between which the penalty is weighed again.
-STEPS_BETWEEN = 10
+#: Steps of Levenberg-Marquardt between which the penalty is weighed again, and how often it is at most.
+STEPS_BETWEEN, STATE_ROUNDS = 10, 12
 #: Prior standard deviation of the affine part, whose coefficients are of order one in standardised units: it holds what the
 #: outputs do not see (other coordinates of the state), and nothing else.
 AFFINE_PRIOR = 100.0
@@ -58,7 +58,7 @@ def fit_state_evidence(
     Steps to models that ``holds`` refuses are not taken.
     """
     steps = fit.n_iter
-    for _ in range(PENALTY_ROUNDS):
+    for _ in range(STATE_ROUNDS):
         wanted = float(weigh_states(model, fit, U, Y, starts, alpha).penalty[0]) / max(int(np.isfinite(Y).sum()), 1)
         change = float(np.clip(np.log(wanted / alpha), -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE))
         if abs(change) < PENALTY_SETTLED:
