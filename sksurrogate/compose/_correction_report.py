@@ -13,8 +13,8 @@ from sksurrogate.compose._support import SHARES, Support, block_powers, supporte
 
 __all__ = ["CorrectionReport", "keep_supported", "reach", "surrogate_alone"]
 
-#: Reach of a correction beyond its data, as a share of their range, from as much again to hardly any.
-FADES = (1.0, 0.3, 0.1)
+#: Reach of a correction beyond its data, as a share of their range, from hardly any to as much again.
+FADES = (0.1, 0.3, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def keep_supported(
     names : sequence of str
         Of the outputs.
     fade : float, optional
-        None: of ``FADES``, the longest unless left-out runs speak for a shorter one.
+        None: of ``FADES`` the one that surely gains most on left-out runs, the shortest where they do not go so far.
     """
     o = measured[0].shape[1]
     left_out = LeftOut(correction, inputs, measured)
@@ -113,28 +113,19 @@ class _Judged:
         return float(np.mean([support.closed for support in self.supports]))
 
     @property
-    def lower(self) -> float:
-        """Gain less its standard error, mean over outputs."""
-        return float(np.mean([support.closed - support.standard_error for support in self.supports]))
-
-
-def _reaching(tried: Sequence[_Judged]) -> _Judged:
-    """The longest reach; a shorter one where its gain less the standard error is above the gain of the longer."""
-    best = tried[0]
-    for one in tried[1:]:
-        if one.lower > best.closed:
-            best = one
-    return best
+    def sure(self) -> float:
+        """Sure gain, mean over outputs."""
+        return float(np.mean([support.sure for support in self.supports]))
 
 
 def _best_outside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
     """A share for every output."""
 
     def judged(fade: float) -> _Judged:
-        power, rmse = _power(left_out.errors(SHARES, fade))
+        power, rmse = _power(left_out.errors(SHARES, fade), left_out)
         return _Judged(SHARES, fade, [supported(power[:, :, j], SHARES) for j in range(len(size))], rmse)
 
-    return _reaching([judged(fade) for fade in fades])
+    return max((judged(fade) for fade in fades), key=lambda one: one.sure)
 
 
 def _best_inside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
@@ -143,21 +134,22 @@ def _best_inside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) ->
     errors = left_out.errors(np.tile(factors, len(fades)), np.repeat(fades, len(factors)))
 
     def judged(fade: float, some: slice) -> _Judged:
-        power, rmse = _power([error[some] for error in errors])
+        power, rmse = _power([error[some] for error in errors], left_out)
         return _Judged(factors, fade, [supported(np.sum(power / size**2, axis=2), factors)] * len(size), rmse)
 
-    return _reaching([judged(fade, slice(3 * k, 3 * k + 3)) for k, fade in enumerate(fades)])
+    every = [judged(fade, slice(3 * k, 3 * k + 3)) for k, fade in enumerate(fades)]
+    return max(every, key=lambda one: one.sure)
 
 
-def _power(errors: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _power(errors: list[np.ndarray], left_out: LeftOut) -> tuple[np.ndarray, np.ndarray]:
     """Squared errors of blocks (n_factors, n_blocks, n_outputs), and RMSE (n_factors, n_outputs)."""
-    power = block_powers(errors)
+    power = block_powers(errors, left_out.ends, [len(U) for U in left_out.inputs])
     return power, np.sqrt(power.sum(axis=1) / sum(error.shape[1] for error in errors))
 
 
 def reach(fade: float | str) -> float:
     """``fade`` as a number: "evidence" as far as it goes while nothing has been left out."""
-    return FADES[0] if fade == "evidence" else float(fade)
+    return FADES[-1] if fade == "evidence" else float(fade)
 
 
 def surrogate_alone(

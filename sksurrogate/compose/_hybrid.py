@@ -66,7 +66,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         Penalty of the default residual: how much evidence a correction needs.
     fade : float or "evidence", default="evidence"
         Share of the range of a feature in the training data by which it may leave it before the correction fades and
-        the physics is left alone; ``inf``: never. "evidence": 1, or 0.3 or 0.1 where runs left out gain more with it.
+        the physics is left alone; ``inf``: never. "evidence": 0.1, or 0.3 or 1 where runs left out gain more with it.
     warm_start : bool, default=False
         Whether ``fit`` goes on from the correction of the last call (default residual).
     random_state : int, RandomState or None, default=0
@@ -85,7 +85,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         On the training runs.
     shrinkage_ : ndarray (n_outputs,)
         Share of the correction that left-out runs support and that is kept: 1 is the whole correction, 0 the simulator alone.
-        It maximises the gain over the simulator less one standard error of the gain. One number for all outputs with "dynamics" and
+        It maximises the gain over the simulator that is sure (95 %, from the spread over blocks of rows). One number for all outputs with "dynamics" and
         "input".
     report_ : CorrectionReport
         The same with the errors of simulator, whole correction and kept share on left-out runs; ``print`` gives a sentence.

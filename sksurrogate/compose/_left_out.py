@@ -106,6 +106,11 @@ class LeftOut:
             except (ValueError, np.linalg.LinAlgError):
                 continue
 
+    @property
+    def ends(self) -> list[tuple[int, int]]:
+        """Run of every piece, and the row behind its last."""
+        return [(piece.run, piece.stop) for _, judged in self.fitted for piece in judged]
+
     def errors(self, factors: np.ndarray, fade: float | np.ndarray | None = None) -> list[np.ndarray]:
         """Errors (n_factors, n_rows, n_outputs) of every piece at these shares of the correction, behind its first rows.
 

@@ -132,9 +132,8 @@ def fitted_starts(
     for u, part, plain, found in zip(U, y, plain_starts(simulator, first), starts(simulator, U, first)):
         both = np.stack([runs_from(simulator, u[None], np.asarray(x0)[None])[0] for x0 in (plain, found)])
         errors.append((both - part)[:, n_rows:] / size)
-    power = block_powers(errors).sum(axis=2)
-    support = supported(power, np.array([0.0, 1.0]))
-    if support.closed - support.standard_error < MOST_OF_ERROR:
+    power = block_powers(errors, [(r, b) for r, _, b in blocks], [len(part) for part in measured]).sum(axis=2)
+    if supported(power, np.array([0.0, 1.0])).sure < MOST_OF_ERROR:
         return None
     return starts, list(path[:, record.starts].T)
 

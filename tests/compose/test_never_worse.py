@@ -7,7 +7,7 @@ from sklearn.neighbors import KNeighborsRegressor
 
 from sksurrogate.compose import HybridRegressor
 from sksurrogate.compose._left_out import folds_of
-from sksurrogate.compose._support import supported
+from sksurrogate.compose._support import block_powers, supported
 from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
 from sksurrogate.physics import CallableSimulator, ODESimulator
 
@@ -48,6 +48,45 @@ def test_a_clear_correction_is_kept_whole_unless_a_smaller_share_is_surely_bette
     power = 1.0 - 2.0 * np.outer(factors, best) + factors[:, None] ** 2
     assert supported(power, factors).factor == 1.0
     assert supported(1.0 - 1.8 * factors[:, None] + np.outer(factors**2, np.ones(8)), factors).factor == 0.9
+
+
+def test_a_gain_that_chance_explains_supports_nothing():
+    """Without any gain, one record of twenty keeps something: Student's t, as few blocks as there are."""
+    rng, kept = np.random.default_rng(0), 0
+    for _ in range(1000):
+        kept += supported(np.stack([np.ones(8), 1.0 - rng.normal(size=8)]), np.array([0.0, 1.0])).factor > 0
+    assert kept / 1000 == pytest.approx(0.05, abs=0.02)  # 1000 draws: 0.007
+
+
+def test_blocks_that_gain_much_and_little_support_what_none_of_them_loses():
+    power = np.array([[0.01, 0.93, 0.01, 0.21, 0.01, 0.09, 0.01, 2.44]] * 2)
+    power[1] *= [1.0, 0.0, 0.05, 0.01, 0.9, 0.1, 1.0, 0.85]
+    found = supported(power, np.array([0.0, 1.0]))
+    assert found.factor == 1.0 and 0.05 < found.sure < 0.2 and found.closed < found.standard_error
+    power[1, 7] = 3.5  # the largest loses
+    assert supported(power, np.array([0.0, 1.0])).factor == 0.0
+
+
+def test_free_runs_over_the_same_rows_are_one_block():
+    errors = [np.random.default_rng(run).normal(size=(2, 30, 1)) for run in range(9)]
+    ends, lengths = [(run, 30) for run in range(9)], [30] * 9
+    once, twice = block_powers(errors, ends, lengths), block_powers(2 * errors, 2 * ends, lengths)
+    assert once.shape == (2, 9, 1)
+    np.testing.assert_allclose(twice, 2.0 * once)
+    # eight blocks of three rows, the first of them not judged
+    cut = block_powers([np.ones((2, 21, 1)), np.ones((2, 8, 1))], [(0, 24), (0, 24)], [24])
+    np.testing.assert_allclose(cut[0, :, 0], [3.0, 3.0, 3.0, 3.0, 5.0, 6.0, 6.0])
+
+
+def test_the_correction_reaches_beyond_its_data_as_far_as_runs_support_it():
+    rng = np.random.default_rng(0)
+    base, groups = rng.uniform(size=(240, 1)), np.repeat(np.arange(6), 40)
+    simulator = CallableSimulator(identity)
+    within = HybridRegressor(simulator, LinearRegression(), "static").fit(base, 1.5 * base[:, 0], groups=groups)
+    assert within.shrinkage_ == 1.0 and within.report_.fade == 0.1
+    apart = base + groups[:, None]  # every run elsewhere: those at the ends lie outside of all others
+    beyond = HybridRegressor(simulator, LinearRegression(), "static").fit(apart, 1.5 * apart[:, 0], groups=groups)
+    assert beyond.shrinkage_ == 1.0 and beyond.report_.fade > 0.1
 
 
 @pytest.mark.parametrize("lengths", [[97], [40, 55], [20, 30, 25, 40, 33]])

@@ -184,5 +184,6 @@ class _Supported:
         if not runs:
             return 0.0
         errors = [(alone - y) + SHARES[:, None, None] * (whole - alone) for _, alone, whole, y in runs]
-        power = block_powers([error[:, LAGS:] for error in errors])
+        lengths = [len(y) for *_, y in runs]
+        power = block_powers([error[:, LAGS:] for error in errors], list(enumerate(lengths)), lengths)
         return np.array([supported(power[:, :, j], SHARES).factor for j in range(power.shape[2])])
