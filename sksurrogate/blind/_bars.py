@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._limits import mean, median, share, wilson
 from sksurrogate.blind._plants import PLANTS
 
 __all__ = [
@@ -19,7 +20,6 @@ __all__ = [
     "place_up_to_twins",
     "stated",
     "unknown_scores",
-    "wilson",
 ]
 
 Row = Mapping[str, Any]
@@ -31,33 +31,6 @@ UNKNOWN = ("outside", "novel", "outside_disturbed")
 PARTIAL_CATALOGUE_ARMS = ("outside", "outside_disturbed")
 #: Edges of the bins of gap / noise.
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, math.inf)
-
-
-def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
-    """Wilson's score interval of a share; 90 % by default.
-
-    Parameters
-    ----------
-    hits, count : int
-    z : float, default=1.645
-        Quantile of the normal distribution.
-
-    Returns
-    -------
-    low, high : float
-
-    Examples
-    --------
-    >>> low, high = wilson(49, 50)
-    >>> round(low, 3), round(high, 3)
-    (0.915, 0.996)
-    """
-    if count == 0:
-        return math.nan, math.nan
-    share, spread = hits / count, z * z / count
-    middle = (share + spread / 2) / (1 + spread)
-    half = z * math.sqrt(share * (1 - share) / count + spread / (4 * count)) / (1 + spread)
-    return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
 def place_up_to_twins(row: Row) -> bool:
@@ -116,17 +89,17 @@ def _named_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     known = all("gap_beyond_retuning" in r for r in _of(by, "detuned"))
     seen = [r for r in _of(by, "detuned") if known and r["gap_beyond_retuning"] >= 4.0]
     return [
-        _share("one effect: named, nothing else", [bool(r["right"]) for r in one], 0.98),
-        _mean("one effect: mean size of the class", [n for r in _answered(one) for n in r["classes"]], 2.5),
-        _share("one effect: its place or an exact twin's", ["error" not in r and place_up_to_twins(r) for r in one], 0.98),
-        _share("one effect in a region: named, nothing else", [bool(r["right"]) for r in _of(by, "region")], 0.98),
-        _share("one effect from some time on: named, nothing else", [bool(r["right"]) for r in _of(by, "time")], 0.98),
-        _share("two effects: both named, nothing else", [bool(r["right"]) for r in _of(by, "two")], 0.93),
-        _share("weak effect: in the class", ["error" not in r and r["named"] > 0 for r in weak], 0.95),
-        _mean("weak effect: mean size of the class", [n for r in _answered(weak) for n in r["classes"]], 4.0),
-        _share("parameters off by 8 %: named, nothing else", [bool(r["right"]) for r in _of(by, "detuned")], 0.95),
-        _share("the same, where re-tuning leaves a gap of 4 x noise", [bool(r["right"]) for r in seen], 0.95),
-        _share("beside a disturbance: named, nothing else", [bool(r["right"]) for r in _of(by, "effect_disturbed")], 0.95),
+        share("one effect: named, nothing else", [bool(r["right"]) for r in one], 0.98),
+        mean("one effect: mean size of the class", [n for r in _answered(one) for n in r["classes"]], 2.5),
+        share("one effect: its place or an exact twin's", ["error" not in r and place_up_to_twins(r) for r in one], 0.98),
+        share("one effect in a region: named, nothing else", [bool(r["right"]) for r in _of(by, "region")], 0.98),
+        share("one effect from some time on: named, nothing else", [bool(r["right"]) for r in _of(by, "time")], 0.98),
+        share("two effects: both named, nothing else", [bool(r["right"]) for r in _of(by, "two")], 0.93),
+        share("weak effect: in the class", ["error" not in r and r["named"] > 0 for r in weak], 0.95),
+        mean("weak effect: mean size of the class", [n for r in _answered(weak) for n in r["classes"]], 4.0),
+        share("parameters off by 8 %: named, nothing else", [bool(r["right"]) for r in _of(by, "detuned")], 0.95),
+        share("the same, where re-tuning leaves a gap of 4 x noise", [bool(r["right"]) for r in seen], 0.95),
+        share("beside a disturbance: named, nothing else", [bool(r["right"]) for r in _of(by, "effect_disturbed")], 0.95),
     ]  # fmt: skip
 
 
@@ -139,7 +112,7 @@ def _control_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
         ("effect never reached: false names", "unexcited", 0.02),
     )
     return [
-        _share(text, ["error" in r or bool(r["effects"]) for r in _of(by, arm)], most, at_most=True)
+        share(text, ["error" in r or bool(r["effects"]) for r in _of(by, arm)], most, at_most=True)
         for text, arm, most in asked
     ]
 
@@ -148,13 +121,13 @@ def _unknown_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     """Effects outside the catalogue."""
     plain = _of(by, "outside", "novel")
     return [
-        _share("outside the catalogue: unknown", [bool(r["right"]) for r in plain], 0.97),
-        _share(
+        share("outside the catalogue: unknown", [bool(r["right"]) for r in plain], 0.97),
+        share(
             "outside the catalogue: its place or an exact twin's",
             ["error" not in r and place_up_to_twins(r) for r in plain],
             0.95,
         ),
-        _share(
+        share(
             "outside the catalogue, beside a disturbance: unknown",
             [bool(r["right"]) for r in _of(by, "outside_disturbed")],
             0.95,
@@ -165,7 +138,7 @@ def _unknown_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
 def _size_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     """Intervals, shrink, seconds."""
     covered = [bool(v) for r in _answered(_of(by, *NAMED_ARMS)) for v in r["covered"]]
-    inside = _share("90 % intervals that hold the truth", covered, 0.85)
+    inside = share("90 % intervals that hold the truth", covered, 0.85)
     low, high, figure = inside["low"], inside["high"], inside["figure"]
     inside["bar"] = "85 to 95 %"
     sure = (low >= 0.85 and high <= 0.95) or low > 0.95 or high < 0.85
@@ -180,57 +153,12 @@ def _size_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
     busy = [r["processor_seconds"] for r in whole if r.get("processor_seconds") is not None]
     return [
         inside,
-        _median("shrink on runs nobody fitted (the true effect with its true parameters: 1)", [r["shrink"] for r in one], 0.98),
-        _median("shrink over that of the true effect refitted", against, 0.98),
-        _median("seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue", [r["seconds"] for r in whole], 3.0, at_most=True),
-        _median("processor seconds of two cores, the same", busy, 6.0, at_most=True),
-        _median("seconds where the true effect is taken out of the catalogue", part, 3.0, at_most=True),
+        median("shrink on runs nobody fitted (the true effect with its true parameters: 1)", [r["shrink"] for r in one], 0.98),
+        median("shrink over that of the true effect refitted", against, 0.98),
+        median("seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue", [r["seconds"] for r in whole], 3.0, at_most=True),
+        median("processor seconds of two cores, the same", busy, 6.0, at_most=True),
+        median("seconds where the true effect is taken out of the catalogue", part, 3.0, at_most=True),
     ]  # fmt: skip
-
-
-def _line(question: str, bar: str, figure: float, cases: int, low: float, high: float, good: bool, sure: bool) -> dict[str, Any]:  # fmt: skip
-    """A line of the table."""
-    cleared = ("yes" if good else "no") if sure else ("yes, open" if good else "no, open")
-    return {
-        "question": question,
-        "bar": bar,
-        "figure": figure,
-        "cases": cases,
-        "low": low,
-        "high": high,
-        "cleared": cleared,
-    }
-
-
-def _share(question: str, hits: Sequence[bool], bar: float, at_most: bool = False) -> dict[str, Any]:
-    """A share of cases."""
-    low, high = wilson(sum(hits), len(hits))
-    figure = sum(hits) / len(hits) if hits else math.nan
-    good = figure <= bar if at_most else figure >= bar
-    return _line(question, f"{'at most ' if at_most else ''}{100 * bar:g} %", figure, len(hits), low, high, good,
-                 not low < bar < high)  # fmt: skip
-
-
-def _mean(question: str, values: Sequence[float], bar: float) -> dict[str, Any]:
-    """A mean that should be small."""
-    n = len(values)
-    figure = float(np.mean(values)) if n else math.nan
-    half = 1.645 * float(np.std(values)) / math.sqrt(n) if n else math.nan
-    sure = not figure - half < bar < figure + half
-    return _line(question, f"at most {bar:g}", figure, n, figure - half, figure + half, figure <= bar, sure)
-
-
-def _median(question: str, values: Sequence[float], bar: float, at_most: bool = False) -> dict[str, Any]:
-    """A median with its interval by order statistics."""
-    ordered, n = np.sort(np.asarray(values, dtype=float)), len(values)
-    if not n:
-        return _line(question, "", math.nan, 0, math.nan, math.nan, False, False)
-    half = 1.645 * math.sqrt(n) / 2
-    low = float(ordered[max(math.floor(n / 2 - half), 0)])
-    high = float(ordered[min(math.ceil(n / 2 + half), n - 1)])
-    figure = float(np.median(ordered))
-    good = figure <= bar if at_most else figure >= bar
-    return _line(question, f"at {'most' if at_most else 'least'} {bar:g}", figure, n, low, high, good, not low < bar < high)  # fmt: skip
 
 
 def detection(rows: Sequence[Row], edges: Sequence[float] = EDGES) -> list[dict[str, Any]]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.blind._bars import wilson
 from sksurrogate.blind._cases import ARMS
+from sksurrogate.blind._limits import wilson
 
 __all__ = ["embedded", "missing_terms", "overview", "recorded_terms"]
 

@@ -15,6 +15,7 @@ from sksurrogate._files import write_text
 from sksurrogate.blind import _bars
 from sksurrogate.blind._cases import ARMS
 from sksurrogate.blind._pictures import embedded, missing_terms, overview
+from sksurrogate.blind._promises import promises
 from sksurrogate.blind._robot_arms import ROBOT_ARMS
 from sksurrogate.exceptions import DataError
 
@@ -109,6 +110,10 @@ class BlindResult:
         """Figures beside the bars to be cleared: question, bar, figure, cases, low, high (90 %), cleared."""
         return _bars.bars(self.rows)
 
+    def promises(self) -> list[dict[str, Any]]:
+        """What a diagnosis promises: question, bar, figure, cases, low, high (90 %), cleared."""
+        return promises(self.rows)
+
     def detection(self) -> list[dict[str, Any]]:
         """Share of true effects in the class named over bins of the gap in units of the noise; arms with one effect."""
         return _bars.detection(self.rows)
@@ -133,14 +138,14 @@ class BlindResult:
     def sections(self) -> list[tuple[str, list[dict[str, Any]]]]:
         """Titles and tables of the whole answer."""
         found = [
-            ("By arm", self.scores()), ("Bars", self.bars()), ("Detection over the size of the gap", self.detection()),
+            ("What a diagnosis promises", self.promises()), ("By arm", self.scores()), ("Bars", self.bars()), ("Detection over the size of the gap", self.detection()),
             ("Unknown", self.unknown()), ("Stated probabilities", self.calibration()),
             ("The suggested next experiment", self.experiments()), ("Failures by kind", self.kinds()),
         ]  # fmt: skip
         return [(title, rows) for title, rows in found if rows]
 
     def to_markdown(self) -> str:
-        """Tables: by arm, bars, detection, unknown, probabilities, experiments, failures."""
+        """Tables: promises, by arm, bars, detection, unknown, probabilities, experiments, failures."""
         parts = [f"{title}\n\n{table(rows)}" for title, rows in self.sections()]
         return "\n\n".join([f"{len(self.rows)} cases", *parts]) + "\n"
 

@@ -7,8 +7,10 @@ import pytest
 from scipy.stats import binomtest
 
 from sksurrogate.blind import ARMS, BlindResult
-from sksurrogate.blind._bars import bars, detection, experiments, place_up_to_twins, stated, unknown_scores, wilson
+from sksurrogate.blind._bars import bars, detection, experiments, place_up_to_twins, stated, unknown_scores
+from sksurrogate.blind._limits import wilson
 from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms
+from sksurrogate.blind._promises import calibration_error, class_stated, promises
 
 TRUE = ("coulomb_friction", "speed", "speed")
 
@@ -53,6 +55,45 @@ def test_bars_say_whether_they_are_cleared_and_whether_more_cases_would_tell():
     assert found["shrink over that of the true effect refitted"]["figure"] == pytest.approx(0.99 / 0.995)
     assert found["seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"]["figure"] == 2.0
     assert "two effects: both named, nothing else" not in found  # not asked
+
+
+def test_promises_are_shares_of_their_arms_with_limits():
+    rows = [made("region", k > 0, seed=k) for k in range(10)] + [made("effect", seed=k) for k in range(10)]
+    rows += [made("tails", seed=k) for k in range(6)] + [made("none", False, seed=1, false_names=1)]
+    found = {line["question"]: line for line in promises(rows)}
+    one = found["one effect, in all runs, a region or a time: named, nothing else"]
+    assert (one["figure"], one["cases"], one["cleared"]) == (0.95, 20, "no, open")
+    assert (one["low"], one["high"]) == wilson(19, 20)
+    false = found["no effect (white, coloured, disturbed, spikes, tails, unreached): false names"]
+    assert false["figure"] == pytest.approx(1 / 7) and false["cleared"] == "no"
+    assert not any(question.startswith("two") for question in found)  # not asked
+    assert found["right names that close more than 95 % on unseen runs: not called unknown"]["cases"] == 19
+
+
+def test_a_right_name_that_closes_the_gap_breaks_a_promise_as_unknown():
+    rows = [made("effect"), made("effect", seed=1, verdict="unknown")]
+    found = {line["question"]: line for line in promises(rows)}
+    assert found["right names that close more than 95 % on unseen runs: not called unknown"]["figure"] == 0.5
+
+
+def test_the_class_shares_the_probability_of_a_name():
+    other = ("stribeck_friction", "speed", "speed")
+    tied = as_dict(other, equivalents=[list(TRUE)], probability=0.97)
+    false = as_dict(("linear_loss", "current", "current"), equivalents=[], probability=0.4)
+    assert class_stated(made("two", effects=[tied, false])) == [(0.97, True), (0.4, False)]
+    assert class_stated(made("effect", verdict="unknown")) == []
+    moved = as_dict(("parameter_error", "inertia", None), equivalents=[], probability=1.0)
+    assert class_stated(made("far", effects=[moved])) == []
+    sensor = as_dict(("sensor_drift", "speed", None), equivalents=[], probability=0.99)
+    assert class_stated(made("trends", verdict="explained", truths=[], effects=[sensor])) == [(0.99, True)]
+
+
+def test_the_error_of_calibration_is_the_distance_in_every_bin():
+    assert calibration_error([(0.6, True)] * 6 + [(0.6, False)] * 4)[0] == pytest.approx(0.0)
+    off = [(0.6, True)] * 10 + [(1.0, True)] * 8 + [(1.0, False)] * 2  # 0.4 and 0.2 off, as many of each
+    error, low, high = calibration_error(off)
+    assert error == pytest.approx(0.3) and low <= error <= high
+    assert np.isnan(calibration_error([])[0])
 
 
 def test_rows_that_failed_count_as_misses_and_cases_not_drawn_do_not():
