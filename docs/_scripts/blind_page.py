@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sksurrogate.blind import BlindResult
-from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms
+from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms, reliability
 from sksurrogate.blind._retune import with_retuning
 from sksurrogate.blind._table import table
 
@@ -74,6 +74,24 @@ def targets(result: BlindResult) -> str:
             for row in result.bars()
         ]
     )  # fmt: skip
+
+
+def promised(rows: Sequence[Row]) -> str:
+    """What a diagnosis promises, by the cases of one commit."""
+    seen = BlindResult(tuple(rows))
+    lines = [
+        {"promise": row["question"], "bar": row["bar"], "figure": limits(row), "kept": row["cleared"]} for row in seen.promises()
+    ]  # fmt: skip
+    code = ", ".join(commits(seen))
+    right = sum(bool(row["right"]) for row in seen.rows)
+    head = f"{len(seen.rows)} fresh cases answered by commit {code}, {right} right."
+    return f"{head}\n\n{table(lines)}"
+
+
+def missed(rows: Sequence[Row]) -> str:
+    """Every miss of these cases."""
+    keep = ("arm", "plant", "truth", "said", "share")
+    return table([{key: row[key] for key in keep} for row in BlindResult(tuple(rows)).misses()])
 
 
 def baselines(result: BlindResult) -> str:
@@ -138,7 +156,13 @@ def parts(result: BlindResult) -> dict[str, str]:
     named = [row for row in recordings() if not row["recording"].endswith(WITHHELD)]
     withheld = [row for row in recordings() if row["recording"].endswith(WITHHELD)]
     right = sum(bool(row.get("right")) for row in named)
+    fresh = BlindResult.load(DOCS / "blind_promises.jsonl").rows
     return {
+        "promises": promised(fresh),
+        "reliability": picture(
+            reliability(fresh), "blind_reliability", "Stated probability against the share of names that act"
+        ),
+        "promises missed": missed(fresh),
         "count": count(result),
         "targets": targets(result),
         "arms": short(result.scores(), "arm"),

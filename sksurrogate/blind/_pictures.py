@@ -11,8 +11,9 @@ import numpy as np
 
 from sksurrogate.blind._cases import ARMS
 from sksurrogate.blind._limits import wilson
+from sksurrogate.blind._promises import reliability_points
 
-__all__ = ["embedded", "missing_terms", "overview", "recorded_terms"]
+__all__ = ["embedded", "missing_terms", "overview", "recorded_terms", "reliability"]
 
 Row = Mapping[str, Any]
 
@@ -61,6 +62,39 @@ def overview(result: Any) -> Any:
     third.plot([p["stated"] for p in points], [p["right"] for p in points], "o", color=RED)
     third.set(xlabel="probability stated (counts; bars: 90 %)", ylabel="share true", xlim=(0, 1.06), ylim=(0, 1.05))
     _shrink(fourth, result.rows)
+    return figure
+
+
+def reliability(rows: Sequence[Row]) -> Any:
+    """Stated probability of names, with their class, against the share that acts; None without matplotlib.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+
+    Returns
+    -------
+    matplotlib.figure.Figure or None
+    """
+    figure = _figure(4.6, 4.2)
+    if figure is None:
+        return None
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color="#bbbbbb")
+    for stated, share, count in reliability_points(rows):
+        low, high = wilson(round(share * count), count)
+        axes.plot([stated] * 2, [low, high], color=RED, linewidth=1)
+        axes.plot([stated], [share], "o", color=RED)
+        axes.annotate(
+            f"{count}", (stated, share), (-6, 0), textcoords="offset points", fontsize=8, ha="right", va="center"
+        )
+    axes.set(
+        xlabel="probability stated (mean of a bin)",
+        ylabel="share that acts in the plant",
+        xlim=(0.45, 1.03),
+        ylim=(0, 1.05),
+    )
+    axes.set_title("Names with their class: counts, 90 % limits", fontsize=10)
     return figure
 
 
