@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._evidence import Evidence
@@ -61,7 +61,7 @@ def problems(simulator, y=None, labels=("a", "b")):
 
 
 def test_both_kinds_of_access_are_searched_by_the_same_code():
-    for name in ("one_more", "needed", "passes", "beam", "swap", "without", "ranked", "simplify", "merge"):
+    for name in ("one_more", "needed", "passes", "beam", "swap", "without", "ranked", "simplify", "merge", "reformed"):
         assert getattr(OdeSearch, name) is getattr(TrajectorySearch, name) is getattr(SetSearch, name)
 
 
@@ -104,3 +104,34 @@ def test_a_law_that_begins_within_the_runs_is_listed_for_both_kinds_of_access(ki
     found = channels.missing_term("y", "output").candidates
     offset, slope = (float(part.split("*")[0]) for part in found[0].split(" + "))
     assert "*y*(t > 6)" in found[0] and (offset, slope) == pytest.approx((0.3, 0.5), rel=0.1)
+
+
+def test_a_wrong_form_beside_a_wrong_name_is_left_for_its_relative():
+    """A friction with an offset and a step: beside a symmetric friction a slow sine comes nearer than the step."""
+    rotor = ODESimulator(
+        lambda t, x, u, p: [u[0] - p["c"] * x[0]],
+        states=["speed"], inputs=["u"], outputs=["speed"], params={"c": 0.5}, dt=0.1, x0=[0.0],
+    )  # fmt: skip
+    inside, rng = describe(rotor), np.random.default_rng(3)
+    library = [CATALOGUE[name]("speed", "speed") for name in ("stribeck_friction", "asymmetric_friction")]
+    library += [CATALOGUE[name]("speed") for name in ("periodic_disturbance", "step_disturbance")]
+    real = AugmentedSimulator(
+        rotor,
+        [library[1], library[3]],
+        [{"level": 0.35, "offset": -0.25}, {"size": -0.3, "time": 24.0}],
+    )
+    U = np.repeat(rng.uniform(-2, 2, 40), 10)[:, None]
+    y = real.simulate(U)
+    record = Record.from_runs([U], [y + 0.01 * rng.normal(size=y.shape)], [0.1 * np.arange(len(U))], 0.1)
+    problem, smoothed = build_problem(inside, PlantModel(inside), record, (), ("speed",))
+    search = OdeSearch(problem, library, smoothed.x)
+    search.fit_null()
+    wrong = [library[0], library[2]]
+    begin = np.array([0.2, 0.4, 1.0, 0.2, 0.1, 0.2])
+    candidate = search.polish(problem.fit(wrong, begin, smoothed.x))
+    left = search.judged[candidate].left
+    found = search.reformed(candidate)
+    assert left > 1.5 and found is not None
+    assert {effect.name for effect in found.effects} == {"asymmetric_friction", "step_disturbance"}
+    assert search.judged[found].left < 1.05
+    assert search.reformed(found) is None  # at the noise nothing is exchanged

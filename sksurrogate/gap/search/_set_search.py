@@ -36,6 +36,9 @@ COMES_BACK = 0.9
 DIVERGED_COST = 100.0
 #: Candidates of a round that are polished before the best of them is chosen.
 MOST_POLISHED = 4
+#: Sets with a relative of an effect that are searched once more; such a set takes the place of another with less than this
+#: share of its cost.
+MOST_REFORMED, REFORMED = 2, 0.5
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
@@ -120,7 +123,7 @@ class SetSearch(BaseSearch[C]):
                 best = self.stand(fewest_parameters(self, best))
                 if not leads_on(self, best, MOST_EFFECTS - len(best.effects)):
                     break
-            better = self.one_more(best, passed)
+            better = self.one_more(best, passed) or (self.reformed(best) if passed else None)
             left_behind[frozenset(best.keys)] = best.fit.cost
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
             if better is None or better.fit.cost > COMES_BACK * left_behind.get(frozenset(better.keys), np.inf):
@@ -352,6 +355,32 @@ class SetSearch(BaseSearch[C]):
                 if self.score(fitted) > self.score(candidate) + 1.0 and not self.as_good(candidate, fitted):
                     return self.enrich(fitted)
         return candidate
+
+    def reformed(self, candidate: C) -> C | None:
+        """The set with a relative in the place of one effect and the others chosen again; None where that is not nearer to the data.
+
+        A wrong form beside a right one (a symmetric friction for one with an offset) keeps every other effect from being seen.
+        """
+        if self.frugal or len(candidate.effects) < 2 or self.judged[candidate].left < SETTLED:
+            return None
+        kin = [sibling for i in range(len(candidate.effects)) for sibling in self.with_relatives(candidate, i)]
+        for other in sorted(kin, key=lambda one: one.fit.cost)[:MOST_REFORMED]:
+            swapped = self.swap(self.polish(other))
+            worth = self.order([swapped, candidate])
+            if swapped.fit.cost < REFORMED * candidate.fit.cost and worth(swapped) > worth(candidate) + 1.0:
+                return swapped
+        return None
+
+    def with_relatives(self, candidate: C, i: int) -> list[C]:
+        """A relative of effect i in its place, those that are fitted already too."""
+        others = [key for j, key in enumerate(candidate.keys) if j != i]
+        kin = [e for e in self.library if related(e, candidate.effects[i]) and e.key not in candidate.keys]
+        new = [e for e in kin if frozenset((*others, e.key)) not in self.fitted]
+        base = self.without(candidate, i) if new else None
+        if base is not None:
+            self.ranked(self.expand(base, Wanted(2, 1, new)), base)
+        known = (self.fitted.get(frozenset((*others, e.key))) for e in kin)
+        return [one for one in known if one is not None and self.plausible(one)]
 
     def merge(self, candidate: C) -> C:
         """One effect fewer where a relative of another takes over its part (friction and an offset are one friction)."""
