@@ -19,7 +19,7 @@ for row in result.rows:
     print(
         f"{row['plant']}, {row['excitation']}: {truths[0]} is missing; {row['verdict']}, named: {' and '.join(named)}"
     )
-print(result)
+print(result.to_markdown())
 
 # %%
 # The share of the free-run error that is gone on held-out runs, compared with the true effect refitted (the oracle).
