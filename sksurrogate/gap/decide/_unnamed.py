@@ -19,8 +19,8 @@ from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed._channels import Channels
+from sksurrogate.gap.unnamed._latent_force import Remains
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._residual_analysis import Remains
 
 
 class BaseUnnamed(ABC, Generic[C]):

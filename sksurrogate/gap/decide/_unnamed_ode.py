@@ -31,11 +31,10 @@ from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
-from sksurrogate.gap.unnamed._latent_force import LatentForce, features
+from sksurrogate.gap.unnamed._latent_force import LatentForce, Remains, features, law_left
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._likely_place import force_predictability, likely_place, place_of_law
+from sksurrogate.gap.unnamed._likely_place import force_predictability, gap_and_places, likely_place, place_of_law
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
-from sksurrogate.gap.unnamed._residual_analysis import Remains, gap_and_places, law_left
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.record import Record
 

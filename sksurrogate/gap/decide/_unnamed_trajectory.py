@@ -19,8 +19,8 @@ from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.gap.unnamed._channel import Place
+from sksurrogate.gap.unnamed._latent_force import Remains
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._residual_analysis import Remains
 from sksurrogate.gap.unnamed._trajectory_channels import TrajectoryChannels, equivalent_places, force_left
 from sksurrogate.kernels.record import Record
 

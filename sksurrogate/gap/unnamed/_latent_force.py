@@ -1,4 +1,4 @@
-"""What no named effect explains: the latent force that is left, whether it is a law, and its place."""
+"""What no named effect explains: the latent force that is left, and whether it is a law."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 from sklearn.ensemble import ExtraTreesRegressor
 
 from sksurrogate.gap.fit._build import measured_guess
+from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
 from sksurrogate.gap.fit._record_parts import row_folds
+from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -41,6 +43,22 @@ class LatentForce:
     #: A, r: Jacobians and residual about the smoothed path
     A: np.ndarray
     r: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Remains:
+    """What is left of the gap beside the names, and where it was."""
+
+    latent: LatentForce  #: On top of what is named
+    law: np.ndarray  #: (n_balances,): R2 of its law on runs left out
+    places: list[Place]  #: The most likely first
+    gap: LatentForce  #: On top of the simulator: the gap itself, in the balances
+
+
+def law_left(final: Evidence, seed: int) -> tuple[LatentForce, np.ndarray]:
+    """The force that is left, and its law where nothing is named: beside names the evidence of a law answers."""
+    latent = latent_force(final, quiet_sensors=final.left > FAR)
+    return latent, np.zeros(1) if final.effects else law_of(final.candidate, latent, seed)
 
 
 def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:

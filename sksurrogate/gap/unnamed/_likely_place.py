@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._evidence import CERTAIN, OUT_OF_REACH
+from sksurrogate.gap.fit._closeness import NEAR
+from sksurrogate.gap.fit._evidence import CERTAIN, OUT_OF_REACH, Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
-from sksurrogate.gap.unnamed._latent_force import LatentForce, features, forest, paths
+from sksurrogate.gap.unnamed._latent_force import LatentForce, features, forest, latent_force, paths
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
@@ -163,3 +164,11 @@ def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
         for p in found
     ]
     return sorted(out, key=lambda place: -place.log_likelihood)
+
+
+def gap_and_places(null: Evidence, channels: Channels, closed: bool) -> tuple[LatentForce, list[Place]]:
+    """The force on top of the simulator, and the places it may come from; a rough look where names have ``closed`` the gap."""
+    found = places(null.candidate, rough=closed)
+    if not closed and null.left > NEAR:
+        found = places_by_law(channels, found)
+    return latent_force(null, quiet_sensors=True), found
