@@ -1,4 +1,4 @@
-"""Write the tables of docs/blind_check.md and docs/blind_appendix.md from stored rows.
+"""Write the tables of docs/blind_check.md, docs/blind_appendix.md and docs/blind_tables.md from stored rows.
 
 ``python docs/_scripts/blind_page.py``. With ``--complete``, detuned rows without the gap beyond re-tuning get it first (their
 cases are drawn again: seconds each).
@@ -204,6 +204,6 @@ if __name__ == "__main__":
     if "--complete" in sys.argv:
         complete()
     new = parts(BlindResult.load(DOCS / "blind_rows.jsonl"))
-    for name in ("blind_check.md", "blind_appendix.md"):
+    for name in ("blind_check.md", "blind_appendix.md", "blind_tables.md"):
         page = DOCS / name
         page.write_text(written(page.read_text(encoding="utf-8"), new), encoding="utf-8")
