@@ -9,8 +9,10 @@ from sksurrogate.compose import RecursivePredictor
 from sksurrogate.compose._elsewhere import Elsewhere
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
+from sksurrogate.kernels import shooting_evidence
 from sksurrogate.kernels.net import LagNet, Net
 from sksurrogate.kernels.rollout import free_run
+from sksurrogate.kernels.shooting import FreeRunLoss
 from sksurrogate.neural import FNNRegressor
 
 
@@ -91,6 +93,24 @@ def test_more_rows_find_the_start_of_any_model():
 def affine(a, b=1.0, c=0.0):
     """y[t] = a y[t-1] + b u[t] + c."""
     return LagNet(Net((np.array([[a], [b]]),), (np.full(1, c),), (), np.zeros(2), np.ones(2)), (1,), ((0, 0),), 1)
+
+
+def test_the_way_down_goes_on_while_the_loss_falls(monkeypatch):
+    """A tenth of the way a round: after twelve rounds a twelfth of the excess was left."""
+    U, _, y, _ = planted(noise=0.3)
+    net = Net((np.array([[0.5], [0.0], [0.5], [0.0]]),), (np.zeros(1),), (), np.zeros(4), np.ones(4))
+    start, loss = LagNet(net, (1, 2), ((0, 0), (0, 1)), 1), FreeRunLoss(U, y, 2, 1e-3)
+    best, least, _ = shooting_evidence.descend(loss, start, 50, 1e-10)
+
+    def slowly(loss, model, n_steps, tol, guess=None):
+        model = model.at(model.theta + 0.1 * (best.theta - model.theta))
+        free = loss.run(model)
+        return model, loss.value(model, free), free
+
+    monkeypatch.setattr(shooting_evidence, "descend", slowly)
+    found = shooting_evidence.fit_by_evidence(loss, start)
+    excess = (loss.value(found.model, found.y) - least) / found.evidence.noise
+    assert 0.0 < excess < 20.0 < 0.1 * (loss.value(start, loss.run(start)) - least) / found.evidence.noise
 
 
 def test_what_leaves_grows_or_does_not_forget_is_refused():
