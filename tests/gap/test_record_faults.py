@@ -101,7 +101,7 @@ def test_a_scale_of_two_runs_is_listed_with_these_alone():
     report = diagnosed(replace(case, Y=np.where(some[:, None], 1.15 * case.Y, case.Y))).report_
     assert report.verdict == "none" and report.data.kinds == ("gain",)
     assert report.data[0].values == pytest.approx({1: 0.15, 3: 0.15}, abs=0.01)
-    assert "off by 15" in report.sentence and "in runs 1, 3" in report.sentence
+    assert "gain error of 15" in report.sentence and "in runs 1, 3" in report.sentence
 
 
 def test_offsets_and_friction_are_both_found():
