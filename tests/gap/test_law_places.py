@@ -1,5 +1,7 @@
 """A law without a name is found in its balance, input or sensor and in its signals, and none beside the name that is true."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -218,3 +220,23 @@ def test_forms_of_a_law_are_compared_as_one_at_a_time():
         assert together[f] == pytest.approx(np.logaddexp(alone.small, alone.large) - none, abs=1e-6)
     G[1, -1] = np.nan
     assert np.all(np.isneginf(fit.evidence_of_forms(k, moved, G)))
+
+
+def test_a_form_that_moves_the_outputs_as_the_effect_is_this_effect_and_no_law():
+    problem, smoothed = problem_of(quintic, ("k",))
+    found = fitted(problem, smoothed.x)
+    r, J, precision, pull = found.candidate.columns()
+    D = found.candidate.disturbance
+    fit = _law_evidence._Fit(problem, found.candidate, D, r, J, precision, pull, 0.0, 30.0, 0.1, frozenset(), {})
+    k = next(k for k, (curve, law, _) in enumerate(fit.candidates) if curve.location == "v" and law.variable == "q")
+    f = next(f for f, form in enumerate(fit.candidates[k][1].forms) if len(form.functions) == 1)
+    moved = fit.candidates[k][0].moved()
+    G, _ = D.gram(np.concatenate([r[:, None], J, moved], axis=1), found.noise)
+    all_forms = fit.evidence_of_forms(k, moved, G)
+    beside = replace(fit, instead=1.7 * moved[:, fit.candidates[k][1].forms[f].functions[0]])
+    others = beside.evidence_of_forms(k, moved, G)
+    assert np.isneginf(others[f]) and np.isfinite(all_forms[f])
+    assert others[:f] + others[f + 1 :] == all_forms[:f] + all_forms[f + 1 :]
+    assert f not in beside.relatives(k, f) and f in fit.relatives(k, f)
+    # beside another effect in this place and variable it corrects that one's form
+    assert replace(beside, named=frozenset({("v", "q")})).relatives(k, f)[0] == f

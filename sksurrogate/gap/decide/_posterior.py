@@ -70,10 +70,20 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     without = [empty]
     if n > 1:
         rests = [_without(final.candidate, (i,)) for i in range(n)]
-        laws = [_judged(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed]) for rest in rests]
+        moved = [_moved_by(final.candidate, i) for i in range(n)]
+        laws = [
+            _judged(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed], instead=one)
+            for rest, one in zip(rests, moved)
+        ]
         without = [-np.inf if law is None else _contender(search, rest, law).net for rest, law in zip(rests, laws)]
     odds = (np.clip(np.logaddexp(one, empty) - net, -700.0, 700.0) for one in without)
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
+
+
+def _moved_by(candidate: OdeCandidate, i: int) -> np.ndarray | None:
+    """What the magnitude of effect i moves the outputs by (n_outputs, n_samples); None where that is not known."""
+    J = candidate.columns()[1][:, candidate.slice_of(i)]
+    return J[:, 0] if J.shape[1] and np.isfinite(J[:, 0]).all() and J[:, 0].any() else None
 
 
 def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
@@ -218,6 +228,7 @@ def _judged(
     tolerance: float,
     along: bool,
     seeds: Sequence[tuple[int, int, Noise]] = (),
+    instead: np.ndarray | None = None,
 ) -> LawBeside | None:
     """A law beside a candidate, under the noise of what is named and under quiet forces; of two linear models the likelier.
 
@@ -227,9 +238,9 @@ def _judged(
     far = final.left > max(FAR, tolerance * gap_over_noise(search))
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
     noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
-    found = [_law(search, candidate, tolerance, noises, path, seeds=seeds)]
+    found = [_law(search, candidate, tolerance, noises, path, seeds=seeds, instead=instead)]
     if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
-        found.append(_law(search, candidate, tolerance, noises, x, bare=True, seeds=seeds))
+        found.append(_law(search, candidate, tolerance, noises, x, bare=True, seeds=seeds, instead=instead))
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
 
 
@@ -241,13 +252,15 @@ def _law(
     x: np.ndarray | None,
     bare: bool = False,
     seeds: Sequence[tuple[int, int, Noise]] = (),
+    instead: np.ndarray | None = None,
 ) -> LawBeside | None:
     """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
     fit, unit = candidate.fit, gap_over_noise(search)
     path = fit.x if x is None else x
-    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, tolerance
+    own = None if instead is None else instead.tobytes()
+    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, tolerance, own
     with np.errstate(all="ignore"):
-        return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}))
+        return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}), instead)
 
 
 def gap_over_noise(search: OdeSearch) -> float:

@@ -34,6 +34,8 @@ from sksurrogate.kernels.noise_fit import fit_noise
 SIZES = np.geomspace(1e-3, 30.0, 48)
 #: Laws whose columns are computed at once.
 LAWS_IN_BLOCK = 12
+#: Cosine from which what two functions move the outputs by is the same.
+SAME_MOVE = 0.999
 #: Turns of noise and law.
 TURNS = 2
 
@@ -90,6 +92,7 @@ def law_beside(
     bare: bool = False,
     seeds: Sequence[tuple[int, int, Noise]] = (),
     known: dict[Any, Any] | None = None,
+    instead: np.ndarray | None = None,
 ) -> LawBeside | None:
     """The likeliest law beside a set of effects, along a path.
 
@@ -112,6 +115,9 @@ def law_beside(
         Of laws beside other sets about the same path: these are compared too, with a jump at zero where they have none.
     known : dict, optional
         What earlier questions about this set, this path and other noises or seeds have computed; new answers are added.
+    instead : ndarray (n_outputs, n_samples), optional
+        What the effect moves the outputs by in whose place the law stands: a form of one function that moves them so is this
+        effect, and no law without a name.
 
     Returns
     -------
@@ -129,7 +135,7 @@ def law_beside(
         return None
     named = frozenset((str(one.location), one.variable or str(one.location)) for one in candidate.effects)
     known = {} if known is None else known
-    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance, named, known)
+    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance, named, known, instead)
     try:
         picks = set(fit.likeliest(noises))
         found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
@@ -173,6 +179,7 @@ class _Fit:
     tolerance: float
     named: frozenset[tuple[str, str]]
     known: dict[Any, Any]
+    instead: np.ndarray | None = None
     made: dict[int, list[list[np.ndarray]]] = field(default_factory=dict)
 
     @cached_property
@@ -232,14 +239,30 @@ class _Fit:
         if not np.isfinite(G).all():
             return [-np.inf] * len(forms)
         (H, g, power), sound = self.beside_parameters(G), known_to_rounding(G)  # if for all functions, then for some
-        out = []
+        out, is_effect = [], self.is_the_effect(k, moved)
         for form, roots in zip(forms, self.roots_of(k, moved)):
             own = form.functions
+            if len(own) == 1 and is_effect[own[0]]:
+                out.append(-np.inf)
+                continue
             some = np.r_[np.arange(n), n + own]
             known = sound or known_to_rounding(G[np.ix_(some, some)])
             sizes, _, _ = self.sized(H[np.ix_(own, own)], g[own], power, roots if known else [])
             out.append(float(np.logaddexp(*(np.array(sizes) - self.prices[k]))))
         return out
+
+    def is_the_effect(self, k: int, moved: np.ndarray) -> np.ndarray:
+        """Which functions of law k move the outputs as the effect in whose place they stand (n_functions,).
+
+        Where another effect of the set has its place and variable, a law corrects the form of that one.
+        """
+        curve, law, _ = self.candidates[k]
+        if self.instead is None or (curve.location, curve.variable) in self.named:
+            return np.zeros(len(law.functions), bool)
+        sd = self.problem.sd[:, None]
+        own, some = (self.instead / sd).ravel(), (moved.transpose(1, 0, 2) / sd).reshape(moved.shape[1], -1)
+        sizes = np.linalg.norm(some, axis=1) * np.linalg.norm(own)
+        return np.abs(some @ own) > SAME_MOVE * np.maximum(sizes, 1e-300)
 
     @cached_property
     def _known(self) -> tuple[np.ndarray, np.ndarray]:
@@ -327,7 +350,11 @@ class _Fit:
         if k >= len(self.candidates) or f >= len(self.candidates[k][1].forms):
             return []
         forms = [set(form.functions.tolist()) for form in self.candidates[k][1].forms]
-        return [f, *(i for i, other in enumerate(forms) if forms[f] < other and len(other) == len(forms[f]) + 1)]
+        wider = (i for i, other in enumerate(forms) if forms[f] < other and len(other) == len(forms[f]) + 1)
+        if self.instead is not None and len(forms[f]) == 1:
+            is_effect = self.is_the_effect(k, self.candidates[k][0].moved())
+            return [*([] if is_effect[min(forms[f])] else [f]), *wider]
+        return [f, *wider]
 
     def found(self, k: int, f: int, F: np.ndarray, noise: Noise) -> _Found:
         """A law under one noise."""
