@@ -102,3 +102,28 @@ def prior_roots(metric: np.ndarray, rough: np.ndarray | None) -> list[np.ndarray
             root = white @ (axes / np.sqrt(level))
             found.append(root / np.sqrt(np.sum(1.0 / level)))
     return found
+
+
+def small_and_large(sizes: np.ndarray, tolerance: float) -> np.ndarray:
+    """Prior weights of sizes, a constant factor apart: half normal as a small law, log-uniform above the tolerance as a large one.
+
+    Parameters
+    ----------
+    sizes : ndarray (n_sizes,)
+    tolerance : float
+        Scale of the half normal.
+
+    Returns
+    -------
+    ndarray (2, n_sizes)
+        Of a small and of a large law.
+
+    Examples
+    --------
+    >>> small_and_large(np.geomspace(1e-4, 10.0, 200), 0.1).sum(axis=1).round(3).tolist()
+    [0.999, 1.0]
+    """
+    step = np.log(sizes[1] / sizes[0])
+    half_normal = np.sqrt(2.0 / np.pi) / tolerance * np.exp(-0.5 * (sizes / tolerance) ** 2) * sizes * step
+    above = tolerance < sizes
+    return np.stack([half_normal, np.where(above, 1.0 / np.sum(above), 0.0)])

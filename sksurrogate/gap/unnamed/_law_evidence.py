@@ -23,7 +23,7 @@ import numpy as np
 from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, solve
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
-from sksurrogate.gap.unnamed._amplitude import RANK, amplitude_evidence, known_to_rounding, prior_roots
+from sksurrogate.gap.unnamed._amplitude import RANK, amplitude_evidence, known_to_rounding, prior_roots, small_and_large
 from sksurrogate.gap.unnamed._law_places import Curve, in_all_places
 from sksurrogate.gap.unnamed._law_shapes import Law
 from sksurrogate.kernels.clock import check_time
@@ -202,13 +202,7 @@ class _Fit:
     @cached_property
     def priors(self) -> np.ndarray:
         """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
-        step = np.log(SIZES[1] / SIZES[0])
-        half_normal = (
-            np.sqrt(2.0 / np.pi) / self.tolerance * np.exp(-0.5 * (SIZES / self.tolerance) ** 2) * SIZES * step
-        )
-        above = self.tolerance < SIZES
-        uniform = np.where(above, 1.0 / np.sum(above), 0.0)
-        return np.stack([half_normal, uniform])
+        return small_and_large(SIZES, self.tolerance)
 
     def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
         """Law and form of most evidence under each noise."""
