@@ -60,7 +60,8 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
     none = _without(final.candidate, tuple(range(n)))
-    nothing = _judged(search, final, none, tolerance, along=True)
+    moved = [_moved_by(final.candidate, i) for i in range(n)]
+    nothing = _judged(search, final, none, tolerance, along=True, instead=moved[0] if n == 1 else None)
     seeds = [] if nothing is None else [nothing.seed]
     own = _judged(search, final, final.candidate, tolerance, along=False, seeds=seeds)
     if own is None:
@@ -70,7 +71,6 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     without = [empty]
     if n > 1:
         rests = [_without(final.candidate, (i,)) for i in range(n)]
-        moved = [_moved_by(final.candidate, i) for i in range(n)]
         laws = [
             _judged(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed], instead=one)
             for rest, one in zip(rests, moved)
