@@ -33,7 +33,7 @@ simulator = ODESimulator(
     resonator, states=["y", "dy"], inputs=["u"], outputs=["y"],
     params={"b": 1.97e5, "c": 43.5, "w2": 1.914e5}, dt=1 / data.fs, hold="foh",
 )  # fmt: skip
-train = slice(data.train.start, data.train.start + 6000)
+train = slice(data.train.start, data.train.start + 2000)
 begun = time.perf_counter()
 diagnoser = GapDiagnoser(simulator, free_params="all", random_state=0).fit(u[train, None], y[train, None])
 print(diagnoser.report_)
@@ -47,7 +47,7 @@ for label, model in (("linear, as given", simulator), ("with the named effects",
     print(f"arrow-head test, {label}: RMSE {np.sqrt(np.mean(errors[label][50:] ** 2)):.3f} mV")
 
 # %%
-# The arrow head is larger at its end than anything in the 6000 samples of the fit.
+# The arrow head is larger at its end than anything in the 2000 samples of the fit.
 plt = require("matplotlib.pyplot", "plot")
 t = np.arange(len(y[arrow])) / data.fs
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 5), sharex=True, layout="constrained")

@@ -328,7 +328,7 @@ class OutputCorrection:
             d = roll(net, padded, starts)
             if np.all(np.isfinite(d)) and np.all(np.abs(d) <= self.bound):
                 phi = features(d, padded, n).reshape(-1, len(self.domain.low))
-                if np.all(self.domain.distance(phi) <= self.fade):
+                if np.all(self.domain.distance(phi) <= self.domain.fade):
                     return d[ahead:], weight
         return self._step_by_step(step, known, starts, started)
 

@@ -158,7 +158,7 @@ def test_a_question_holds_no_part_of_the_case():
     known = pickle.dumps(case.question)
     assert not any(name.encode() in known for name in KINDS) and not isinstance(case.question, Case)
     assert set(vars(case.question)) == {
-        "simulator", "X", "y", "groups", "free_params", "effects", "X_test", "x0_test", "X_far", "x0_far",
+        "simulator", "X", "y", "groups", "free_params", "effects", "X_test", "x0_test", "X_far", "x0_far", "time",
     }  # fmt: skip
 
 

@@ -205,7 +205,7 @@ def test_a_unit_goes_to_python_control_and_says_why_it_is_not_written_down(swing
         system.dynamics(0.0, [0.3, 1.0], [0.5]), swing(0.0, [0.3, 1.0], [0.5], PARAMS), rtol=1e-14
     )
     np.testing.assert_allclose(system.output(0.0, [0.3, 1.0], [0.5]), [0.3])
-    with pytest.raises(SurrogateError, match="can be called but not written down"):
+    with pytest.raises(SurrogateError, match="can be called but not written as a graph"):
         to_graph(_unit(swing_unit, inputs=["push"]))
     with pytest.raises(SurrogateError, match=r"does not name its signals: give it inputs=\[...\]"):
         to_graph(_unit(swing_unit))
