@@ -13,8 +13,8 @@ from sksurrogate.compose._support import SHARES, Support, block_powers, supporte
 
 __all__ = ["CorrectionReport", "keep_supported", "reach", "surrogate_alone"]
 
-#: Reach of a correction beyond its data, as a share of their range, from hardly any to as much again.
-FADES = (0.1, 0.3, 1.0)
+#: Reach of a correction beyond its data, as a share of their range, from as much again to hardly any.
+FADES = (1.0, 0.3, 0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def keep_supported(
     names : sequence of str
         Of the outputs.
     fade : float, optional
-        None: of ``FADES`` the one that surely gains most on left-out runs, the shortest where they do not go so far.
+        None: of ``FADES`` the one that surely gains most on left-out runs, the longest where they do not go so far.
     """
     o = measured[0].shape[1]
     left_out = LeftOut(correction, inputs, measured)
@@ -149,7 +149,7 @@ def _power(errors: list[np.ndarray], left_out: LeftOut) -> tuple[np.ndarray, np.
 
 def reach(fade: float | str) -> float:
     """``fade`` as a number: "evidence" as far as it goes while nothing has been left out."""
-    return FADES[-1] if fade == "evidence" else float(fade)
+    return FADES[0] if fade == "evidence" else float(fade)
 
 
 def surrogate_alone(

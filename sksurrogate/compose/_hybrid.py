@@ -66,7 +66,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         Penalty of the default residual: how much evidence a correction needs.
     fade : float or "evidence", default="evidence"
         Share of the range of a feature in the training data by which it may leave it before the correction fades and
-        the physics is left alone; ``inf``: never. "evidence": 0.1, or 0.3 or 1 where runs left out gain more with it.
+        the physics is left alone; ``inf``: never. "evidence": 1, or 0.3 or 0.1 where runs left out surely gain more with it.
     warm_start : bool, default=False
         Whether ``fit`` goes on from the correction of the last call (default residual).
     random_state : int, RandomState or None, default=0
