@@ -60,7 +60,7 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
     none = _without(final.candidate, tuple(range(n)))
-    moved = [_moved_by(final.candidate, i) for i in range(n)]
+    moved = _moved_by(final.candidate)
     nothing = _judged(search, final, none, tolerance, along=True, instead=moved[0] if n == 1 else None)
     seeds = [] if nothing is None else [nothing.seed]
     own = _judged(search, final, final.candidate, tolerance, along=False, seeds=seeds)
@@ -80,10 +80,11 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
 
 
-def _moved_by(candidate: OdeCandidate, i: int) -> np.ndarray | None:
-    """What the magnitude of effect i moves the outputs by (n_outputs, n_samples); None where that is not known."""
-    J = candidate.columns()[1][:, candidate.slice_of(i)]
-    return J[:, 0] if J.shape[1] and np.isfinite(J[:, 0]).all() and J[:, 0].any() else None
+def _moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
+    """What the magnitude of each effect moves the outputs by (n_outputs, n_samples); None where that is not known."""
+    J = candidate.columns()[1]
+    own = [J[:, candidate.slice_of(i)][:, :1] for i in range(len(candidate.effects))]
+    return [one[:, 0] if one.any() and np.isfinite(one).all() else None for one in own]
 
 
 def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
