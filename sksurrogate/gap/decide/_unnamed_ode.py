@@ -116,7 +116,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         self.ask_for_the_gap(final)
         if not (0 < len(final.effects) < STACK and final.left < NEAR and self.law_gain(final) > CERTAIN):
             return
-        other = search.further(final.candidate)
+        other = search.one_more(final.candidate, True, least=0.0)
         if other is not None and self.law_gain(search.judged[other]) < CERTAIN:
             search.stand(other)
 

@@ -15,7 +15,6 @@ from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.fit._closeness import OUT_OF_SIGHT
-from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._pairs import best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
@@ -90,10 +89,11 @@ class Expander(SetSearch[OdeCandidate]):
             base = problem.candidate(base.effects, base.fit)
         return problem, base, self.screened(problem, library, base, noise, guess, among is None, thorough)
 
-    def from_nominal(self, null: Evidence, n_white: int, n_forced: int) -> list[OdeCandidate]:
+    def from_nominal(self, wanted: Wanted) -> list[OdeCandidate]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
+        null = self.fitted_null
         base = null.candidate.at_nominal()
-        return [] if base is None else self.anew(base, null.noise, n_white, n_forced)
+        return [] if base is None else self.anew(base, null.noise, wanted.by_white, wanted.by_forced)
 
     def anew(
         self, base: OdeCandidate, noise: Noise | None, n_white: int, n_forced: int, best: float = np.inf

@@ -1,0 +1,124 @@
+"""Forms of one effect: the simpler one that does as well, the richer one that does better, a relative in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._closeness import SETTLED
+from sksurrogate.gap.fit._evidence import C, arrived
+from sksurrogate.gap.search._base import EQUAL, Wanted
+from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, richer, simpler
+from sksurrogate.gap.search._set_moves import SetMoves
+
+#: Sets with a relative of an effect that are searched once more; such a set takes the place of another with less than this
+#: share of its cost.
+MOST_REFORMED, REFORMED = 2, 0.5
+
+
+def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
+    """Name the simpler form where the richer one that nests it removes hardly more; the richer stays in its class.
+
+    Far from the data the search goes on with the richer form and ends with this question. Two forms of one law are one.
+    """
+    one = search.folded(candidate)
+    if one is not None:
+        return simplify(search, search.polish(one), far)
+    if search.is_far(candidate) and not far:
+        return candidate
+    for i, effect in enumerate(candidate.effects):
+        shapes = effect.simpler(tuple(candidate.theta_of(i)))
+        for name in (*NESTED.get(effect.name, ()), *shapes):
+            simple = simpler(effect, name, search.library)
+            base = search.without(candidate, i) if simple else None
+            if base is None:
+                continue
+            others = search.formed(base, simple, shapes.get(name), candidate.fit.cost)
+            near = [other for other in others if other.fit.cost < UNPOLISHED * most_left(search, candidate)]
+            for other in search.ranked(near, base)[:1]:
+                fitted = search.polish(other)
+                if as_good(search, fitted, candidate):
+                    search.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)
+                    return simplify(search, fitted, far)
+    return candidate
+
+
+def enrich(search: SetMoves[C], candidate: C) -> C:
+    """The richer form of an effect where it removes more of the gap and no fit has looked at it yet."""
+    for i, effect in enumerate(candidate.effects):
+        others = {key for j, key in enumerate(candidate.keys) if j != i}
+        forms = [e for e in search.library if richer(e, effect) and frozenset((*others, e.key)) not in search.fitted]
+        base = search.without(candidate, i) if forms else None
+        fitted = best_of(search, base, forms, 2)
+        if fitted is None or as_good(search, candidate, fitted):
+            continue
+        if search.score(fitted) > search.score(candidate) + 1.0:
+            return enrich(search, fitted)
+    return candidate
+
+
+def reformed(search: SetMoves[C], candidate: C) -> C | None:
+    """The set with a relative in the place of one effect and the others chosen again; None where that is not nearer to the data.
+
+    A wrong form beside a right one (a symmetric friction for one with an offset) keeps every other effect from being seen.
+    """
+    if search.frugal or len(candidate.effects) < 2 or search.judged[candidate].left < SETTLED:
+        return None
+    kin = [sibling for i in range(len(candidate.effects)) for sibling in with_relatives(search, candidate, i)]
+    for other in sorted(kin, key=lambda one: one.fit.cost)[:MOST_REFORMED]:
+        swapped = search.swap(search.polish(other))
+        worth = search.order([swapped, candidate])
+        if swapped.fit.cost < REFORMED * candidate.fit.cost and worth(swapped) > worth(candidate) + 1.0:
+            return swapped
+    return None
+
+
+def with_relatives(search: SetMoves[C], candidate: C, i: int) -> list[C]:
+    """A relative of effect i in its place, those that are fitted already too."""
+    others = [key for j, key in enumerate(candidate.keys) if j != i]
+    kin = relatives(search, candidate.effects[i], candidate)
+    new = [e for e in kin if frozenset((*others, e.key)) not in search.fitted]
+    base = search.without(candidate, i) if new else None
+    if base is not None:
+        search.ranked(search.expand(base, Wanted(2, 1, new)), base)
+    known = (search.fitted.get(frozenset((*others, e.key))) for e in kin)
+    return [one for one in known if one is not None and search.plausible(one)]
+
+
+def merge(search: SetMoves[C], candidate: C) -> C:
+    """One effect fewer where a relative of another takes over its part (friction and an offset are one friction)."""
+    if len(candidate.effects) < 3:
+        return candidate
+    for j in range(len(candidate.effects)):
+        fewer = search.without(candidate, j)
+        if fewer is None:
+            continue
+        for i, effect in enumerate(fewer.effects):
+            kin = relatives(search, effect, candidate)
+            fitted = best_of(search, search.without(fewer, i) if kin else None, kin, 3)
+            if fitted is not None and search.score(fitted) > search.score(candidate):
+                return merge(search, fitted)
+    return candidate
+
+
+def relatives(search: SetMoves[C], effect: BaseEffect, candidate: C) -> list[BaseEffect]:
+    """Effects of the library that nest one, or a form in common with it, and are not in a set."""
+    return [e for e in search.library if related(e, effect) and e.key not in candidate.keys]
+
+
+def best_of(search: SetMoves[C], base: C | None, effects: Sequence[BaseEffect], n: int) -> C | None:
+    """The best of the first n of some effects added to a base, polished; None where there is no base or no fit."""
+    found = [] if base is None else search.ranked(search.expand(base, Wanted(n, 1, effects)), base)
+    return search.polish(found[0]) if found else None
+
+
+def most_left(search: SetMoves[C], rich: C) -> float:
+    """Cost up to which a simpler form leaves hardly more of the gap."""
+    return hardly_more(rich.fit.cost, search.fitted_null.fit.cost - search.n_values)
+
+
+def as_good(search: SetMoves[C], simple: C, rich: C) -> bool:
+    """Whether a simpler form does as well: hardly more gap left, or far from the data no evidence by size."""
+    if search.is_far(rich):
+        return 2.0 * (search.size_score(rich) - search.size_score(simple)) < EQUAL
+    return simple.fit.cost < most_left(search, rich) and not arrived(search.own(rich), simple)

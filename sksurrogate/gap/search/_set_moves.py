@@ -1,0 +1,159 @@
+"""Sets of effects compared, polished, and changed by one effect: what is asked of every kind of access, and how sets are ranked."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+from sksurrogate._parallel._parallel_map import side_by_side
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise, judged_under
+from sksurrogate.gap.fit._rounding import names_steps
+from sksurrogate.gap.search._base import BaseSearch, Wanted
+
+#: A fit with so many times the cost of the null has diverged.
+DIVERGED_COST = 100.0
+#: Candidates of a round that are polished before the best of them is chosen.
+MOST_POLISHED = 4
+
+
+@dataclass(eq=False)
+class SetMoves(BaseSearch[C]):
+    """Steps from one set of effects to others."""
+
+    #: Whether every simulation counts: then no other sets of effects are extended beside the best one.
+    frugal: ClassVar[bool] = False
+
+    nominal_costs: dict[C, float] = field(default_factory=dict, kw_only=True)
+
+    @property
+    def gap_cost(self) -> float:
+        """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values."""
+        null = self.fitted_null.candidate
+        if not self.problem.free:
+            return null.fit.cost
+        if null not in self.nominal_costs:
+            given = null.at_nominal()
+            self.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
+        return self.nominal_costs[null]
+
+    # ---- what a kind of access adds ---------------------------------------------------------------------------------
+    @abstractmethod
+    def expand(self, base: C, wanted: Wanted) -> list[C]:
+        """Fit the candidates with one effect more that the screen puts first."""
+
+    @abstractmethod
+    def refitted_without(self, candidate: C, i: int) -> C | None:
+        """A candidate without effect i, the others fitted again."""
+
+    def refined(self, candidate: C) -> C:
+        """A candidate fitted with the best numerics that matter; here there is one."""
+        return candidate
+
+    def from_nominal(self, wanted: Wanted) -> list[C]:
+        """Single effects fitted from nominal parameters, where fits hang on where they start."""
+        return []
+
+    def pairs(self, best: float) -> list[C]:
+        """Two effects at once, where the screen sees pairs."""
+        return []
+
+    def formed(self, base: C, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float) -> list[C]:
+        """Effects of one form, added to a base."""
+        return self.expand(base, Wanted(2, 0, effects, best=best))
+
+    def folded(self, candidate: C) -> C | None:
+        """A candidate with two of its effects as one, where they are one law."""
+        return None
+
+    def plausible(self, candidate: C) -> bool:
+        """Whether the path of a candidate shows what makes each of its effects what it is."""
+        return True
+
+    # ---- steps ------------------------------------------------------------------------------------------------------
+    def ranked(self, candidates: Iterable[C], base: C) -> list[C]:
+        """Candidates by penalised likelihood, the best under their own noise, the others by a quick look."""
+        candidates = [
+            candidate
+            for candidate in candidates
+            if candidate.fit.cost < DIVERGED_COST * self.fitted_null.fit.cost and self.plausible(candidate)
+        ]
+        if not candidates:
+            return []
+        noise, _, curvature = (self.own(base) or replace(self.fitted_null, curvature=None)).judgement
+        nearest = min(candidates, key=lambda candidate: candidate.fit.cost)
+        start, _, shape = self.judge(estimate_noise(nearest, noise, curvature)).judgement
+        for candidate in candidates:
+            if candidate is not nearest:
+                self.judge(judged_under(candidate, [noise, start]))
+                if not self.is_far(candidate) and self.score(candidate) < self.score(base) - 0.5 * self.bar(1):
+                    # It holds the base: what it loses to it, it loses to a noise that was made for others.
+                    self.judge(estimate_noise(candidate, noise, curvature, max_iterations=8))
+        candidates.sort(key=self.score, reverse=True)
+        if self.own(candidates[0]) is None:
+            self.judge(estimate_noise(candidates[0], start, shape, max_iterations=8))
+        near = [r for r in candidates[1:6] if self.score(r) > self.score(candidates[0]) - 30.0 and self.own(r) is None]
+        tops = side_by_side(lambda r: estimate_noise(r, start, shape, max_iterations=8).judgement, near, self.second)
+        for candidate, top in zip(near, tops):
+            self.judge(Evidence(candidate, *top))
+        candidates.sort(key=self.order(candidates), reverse=True)
+        return candidates
+
+    def first_choice(self, singles: Sequence[C]) -> C:
+        """The best single effect; the steps on which readings stand, where these are the likeliest: nothing else makes them."""
+        likeliest = max(singles, key=self.score)
+        return self.polish(likeliest) if names_steps(likeliest) else self.best_polished(singles)
+
+    def best_polished(self, candidates: Sequence[C]) -> C:
+        """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them."""
+        least = min(candidate.fit.cost for candidate in candidates[:MOST_POLISHED])
+        near = [
+            candidate
+            for candidate in candidates[:MOST_POLISHED]
+            if candidate is candidates[0] or candidate.fit.cost < 3.0 * least + 50.0
+        ]
+        polished = [self.polish(candidate) for candidate in near]
+        return max(polished, key=self.order(polished))
+
+    def polish(self, candidate: C) -> C:
+        """A candidate as exactly as it can be simulated, under its own noise."""
+        best = self.refined(candidate)
+        if self.own(best) is None:
+            noise, _, curvature = (self.own(candidate) or replace(self.fitted_null, curvature=None)).judgement
+            self.judge(estimate_noise(best, noise, curvature))
+        return best
+
+    def without(self, candidate: C, i: int) -> C | None:
+        """The candidate refitted without effect i."""
+        base = self.refitted_without(candidate, i)
+        if base is None and self.null is not None and len(candidate.effects) == 1:
+            base = self.null.candidate
+        noise = self.noise_of(candidate)
+        if base is not None and noise is not None and self.own(base) is None:
+            self.judge(replace(judged_under(base, [noise]), quick=False))
+        return base
+
+    def swap(self, candidate: C) -> C:
+        """Leave each effect out in turn and choose it again with the others kept; twice at most."""
+        for _ in range(1 if self.is_far(candidate) or self.frugal else 2):
+            start = candidate
+            for i in range(len(start.effects)):
+                if i >= len(candidate.effects):
+                    break
+                base = self.without(candidate, i)
+                if base is None:
+                    continue
+                counts = (6, 3) if self.judged[candidate].left < AT_THE_NOISE or len(start.effects) > 2 else (12, 6)
+                trial = self.ranked(self.expand(base, Wanted(*counts)), base)
+                if not trial:
+                    continue
+                worth = self.order([trial[0], candidate])
+                if worth(trial[0]) > worth(candidate) + 1.0:
+                    swapped = self.polish(trial[0])
+                    candidate = swapped if worth(swapped) > worth(candidate) else candidate
+            if candidate is start:
+                break
+        return candidate
