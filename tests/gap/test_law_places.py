@@ -9,6 +9,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.unnamed import _law_evidence
+from sksurrogate.gap.unnamed._along_a_path import linear_set
 from sksurrogate.gap.unnamed._law_evidence import law_beside
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.kernels.record import Record
@@ -206,15 +207,12 @@ def test_what_was_computed_of_a_set_answers_again(monkeypatch):
 def test_forms_of_a_law_are_compared_as_one_at_a_time():
     problem, smoothed = problem_of(quintic, ("k",))
     found = fitted(problem, smoothed.x)
-    r, J, precision, pull = found.candidate.columns()
-    fit = _law_evidence._Fit(
-        problem, found.candidate, found.candidate.disturbance, r, J, precision, pull, 0.0, 30.0, 0.1, frozenset(), {}
-    )
+    fit = _law_evidence._Fit(linear_set(found.candidate), 30.0, 0.1, frozenset(), {})
     k = next(k for k, (curve, law, _) in enumerate(fit.candidates) if curve.location == "v" and law.variable == "q")
     moved = fit.candidates[k][0].moved()
-    G, _ = fit.D.gram(np.concatenate([r[:, None], J, moved], axis=1), found.noise)
+    G, _ = fit.linear.D.gram(np.concatenate([fit.linear.known, moved], axis=1), found.noise)
     together = fit.evidence_of_forms(k, moved, G)
-    noise, none = found.noise, fit.alone(found.noise)
+    noise, none = found.noise, fit.linear.log_likelihood(found.noise)
     for f in range(0, len(together), 5):
         alone = fit.found(k, f, moved[:, fit.candidates[k][1].forms[f].functions], noise)
         assert together[f] == pytest.approx(np.logaddexp(alone.small, alone.large) - none, abs=1e-6)
@@ -225,13 +223,11 @@ def test_forms_of_a_law_are_compared_as_one_at_a_time():
 def test_a_form_that_moves_the_outputs_as_the_effect_is_this_effect_and_no_law():
     problem, smoothed = problem_of(quintic, ("k",))
     found = fitted(problem, smoothed.x)
-    r, J, precision, pull = found.candidate.columns()
-    D = found.candidate.disturbance
-    fit = _law_evidence._Fit(problem, found.candidate, D, r, J, precision, pull, 0.0, 30.0, 0.1, frozenset(), {})
+    fit = _law_evidence._Fit(linear_set(found.candidate), 30.0, 0.1, frozenset(), {})
     k = next(k for k, (curve, law, _) in enumerate(fit.candidates) if curve.location == "v" and law.variable == "q")
     f = next(f for f, form in enumerate(fit.candidates[k][1].forms) if len(form.functions) == 1)
     moved = fit.candidates[k][0].moved()
-    G, _ = D.gram(np.concatenate([r[:, None], J, moved], axis=1), found.noise)
+    G, _ = fit.linear.D.gram(np.concatenate([fit.linear.known, moved], axis=1), found.noise)
     all_forms = fit.evidence_of_forms(k, moved, G)
     beside = replace(fit, instead=1.7 * moved[:, fit.candidates[k][1].forms[f].functions[0]])
     others = beside.evidence_of_forms(k, moved, G)

@@ -20,14 +20,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._normal_equations import UNSEEN, inverse, project_starts, solve
-from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
-from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
-from sksurrogate.gap.unnamed._amplitude import RANK, amplitude_evidence, known_to_rounding, prior_roots, small_and_large
+from sksurrogate.gap.fit._normal_equations import inverse
+from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.unnamed._along_a_path import LinearSet, as_regressors, linear_set
+from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots, small_and_large
 from sksurrogate.gap.unnamed._law_places import Curve, in_all_places
 from sksurrogate.gap.unnamed._law_shapes import Law
 from sksurrogate.kernels.clock import check_time
-from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
 #: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
@@ -124,18 +124,12 @@ def law_beside(
     LawBeside or None
         None where the path cannot be followed.
     """
-    if bare:
-        assert x is not None
-        here, r, J, precision, pull = as_regressors(candidate, x)
-    else:
-        here = candidate if x is None else linear_along(candidate, x)
-        r, J, precision, pull = here.columns()
-    D = here.disturbance
-    if not (np.isfinite(r).all() and np.isfinite(J).all() and np.isfinite(D.A).all() and np.isfinite(D.C).all()):
+    linear = as_regressors(candidate, x) if bare and x is not None else linear_set(candidate, x)
+    if not linear.finite:
         return None
     named = frozenset((str(one.location), one.variable or str(one.location)) for one in candidate.effects)
     known = {} if known is None else known
-    fit = _Fit(here.problem, here, D, r, J, precision, pull, here.prior_square, unit, tolerance, named, known, instead)
+    fit = _Fit(linear, unit, tolerance, named, known, instead)
     try:
         picks = set(fit.likeliest(noises))
         found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
@@ -147,7 +141,7 @@ def law_beside(
             best = max([best, fit.refined(*again, best.noise)], key=_of_any_size)
     except np.linalg.LinAlgError:
         return None
-    return fit.result(best, max(fit.alone(noise) for noise in noises))
+    return fit.result(best, max(linear.log_likelihood(noise) for noise in noises))
 
 
 class _Found(NamedTuple):
@@ -167,14 +161,7 @@ class _Found(NamedTuple):
 class _Fit:
     """A residual explained by the parameters of a set and by one of many laws."""
 
-    problem: OdeBackend
-    base: OdeCandidate
-    D: Disturbance
-    r: np.ndarray
-    J: np.ndarray
-    precision: np.ndarray
-    pull: np.ndarray
-    prior_square: float
+    linear: LinearSet
     unit: float
     tolerance: float
     named: frozenset[tuple[str, str]]
@@ -185,7 +172,7 @@ class _Fit:
     @cached_property
     def candidates(self) -> list[tuple[Curve, Law, str]]:
         """All laws in all places."""
-        return list(in_all_places(self.base))
+        return list(in_all_places(self.linear.base))
 
     @cached_property
     def prices(self) -> np.ndarray:
@@ -214,8 +201,7 @@ class _Fit:
 
     def compared(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
         """The same, computed: what the laws move the outputs by once for all noises."""
-        known = np.concatenate([self.r[:, None], self.J], axis=1)
-        grams = [self.D.grams_beside(known, noise) for noise in noises]
+        grams = [self.linear.D.grams_beside(self.linear.known, noise) for noise in noises]
         best, at = [-np.inf] * len(noises), [(0, 0)] * len(noises)
         for a in range(0, len(self.candidates), LAWS_IN_BLOCK):
             check_time()
@@ -229,10 +215,13 @@ class _Fit:
 
     def evidence_of_forms(self, k: int, moved: np.ndarray, G: np.ndarray) -> list[float]:
         """Of every form of law k, from the Gram of what is known and of its functions."""
-        n, forms = 1 + self.J.shape[1], self.candidates[k][1].forms
+        n, forms = 1 + self.linear.J.shape[1], self.candidates[k][1].forms
         if not np.isfinite(G).all():
             return [-np.inf] * len(forms)
-        (H, g, power), sound = self.beside_parameters(G), known_to_rounding(G)  # if for all functions, then for some
+        (H, g, power), sound = (
+            self.linear.beside_parameters(G),
+            known_to_rounding(G),
+        )  # if for all functions, then for some
         out, is_effect = [], self.is_the_effect(k, moved)
         for form, roots in zip(forms, self.roots_of(k, moved)):
             own = form.functions
@@ -253,61 +242,18 @@ class _Fit:
         curve, law, _ = self.candidates[k]
         if self.instead is None or (curve.location, curve.variable) in self.named:
             return np.zeros(len(law.functions), bool)
-        sd = self.problem.sd[:, None]
+        sd = self.linear.problem.sd[:, None]
         own, some = (self.instead / sd).ravel(), (moved.transpose(1, 0, 2) / sd).reshape(moved.shape[1], -1)
         sizes = np.linalg.norm(some, axis=1) * np.linalg.norm(own)
         return np.abs(some @ own) > SAME_MOVE * np.maximum(sizes, 1e-300)
 
-    @cached_property
-    def _known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sensitivities of the parameters over white noise, initial states projected out (n_theta, ...); those of the starts."""
-        sd = self.problem.sd[:, None]
-        J_x = self.base.linearised.J_x[:, self.base.model.free_states] / sd[:, None]
-        record = self.problem.record
-        J = project_starts(record.seen(self.J.transpose(1, 0, 2)) / sd, J_x, record.starts) if self.J.size else self.J
-        return J.reshape(self.J.shape[1], self.r.size), J_x
-
-    def metric(self, F: np.ndarray) -> np.ndarray:
-        """Mean square over the noise that weights of functions F move the outputs by, as a quadratic form (n, n)."""
-        moved = self.projected(F)
-        return moved @ moved.T / self.problem.record.n_values
-
-    def projected(self, F: np.ndarray) -> np.ndarray:
-        """What functions F move the outputs by, over the noise, once initial states and parameters have followed, (n, ...)."""
-        J, J_x = self._known
-        record = self.problem.record
-        shown = record.seen(F.transpose(1, 0, 2)) / self.problem.sd[:, None]
-        moved = project_starts(shown, J_x, record.starts).reshape(len(shown), -1)
-        if len(J):
-            q, _ = np.linalg.qr((J / np.maximum(np.linalg.norm(J, axis=1, keepdims=True), 1e-300)).T)
-            moved = moved - (moved @ q) @ q.T
-        unidentifiable = np.sum(moved**2, axis=1) <= RANK * np.sum(shown**2, axis=(1, 2))
-        moved[unidentifiable] = 0.0  # initial states and parameters do all that the function does: rounding is left
-        return moved
-
     def roots_of(self, k: int, F: np.ndarray) -> list[list[np.ndarray]]:
         """Of every form of law k, whose functions move the outputs by F; they are made once."""
         if k not in self.made:
-            metric = self.metric(F)
+            metric = self.linear.metric(F)
             forms = self.candidates[k][1].forms
             self.made[k] = [prior_roots(metric[np.ix_(f.functions, f.functions)], f.rough) for f in forms]
         return self.made[k]
-
-    def beside_parameters(self, G: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Of the Gram of residual, parameters and functions: that of the functions, their products with the residual and its power,
-        the parameters at their best."""
-        k = 1 + self.J.shape[1]
-        H, g, power = G[k:, k:], G[k:, 0], float(G[0, 0]) + self.prior_square
-        if k > 1:
-            known = G[1:k, 1:k] + np.diag(self.precision)
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-150))
-            cross = G[1:k, k:] * scale[:, None]
-            pulled = scale * (G[1:k, 0] + self.pull)
-            right = np.column_stack([cross, pulled])
-            solved = np.linalg.lstsq(known * np.outer(scale, scale), right, rcond=UNSEEN)[0]
-            H, g = H - cross.T @ solved[:, :-1], g - cross.T @ solved[:, -1]
-            power -= float(pulled @ solved[:, -1])
-        return 0.5 * (H + H.T), g, power
 
     def sized(
         self, H: np.ndarray, g: np.ndarray, power: float, roots: list[np.ndarray]
@@ -326,19 +272,6 @@ class _Fit:
                 best = np.log(small + large) + top, (_log(small) + top, _log(large) + top), posterior, root
         return best[1], best[2], best[3]
 
-    def none(self, G: np.ndarray, logdet: float) -> float:
-        """Log likelihood without a law, parameters at their best to first order."""
-        k = 1 + self.J.shape[1]
-        base = -0.5 * (G[0, 0] + logdet + self.prior_square)
-        if k == 1:
-            return base
-        H, g = G[1:k, 1:k] + np.diag(self.precision), G[1:k, 0] + self.pull
-        return base + 0.5 * float(g @ solve(H, g))
-
-    def alone(self, noise: Noise) -> float:
-        """Without a law, under one noise."""
-        return self.none(*self.D.gram(np.concatenate([self.r[:, None], self.J], axis=1), noise))
-
     def relatives(self, k: int, f: int) -> list[int]:
         """A form of a law, and those that contain its functions and one more; none where this set has no such law."""
         if k >= len(self.candidates) or f >= len(self.candidates[k][1].forms):
@@ -353,17 +286,17 @@ class _Fit:
     def found(self, k: int, f: int, F: np.ndarray, noise: Noise) -> _Found:
         """A law under one noise."""
         form = self.candidates[k][1].forms[f]
-        G, logdet = self.D.gram(np.concatenate([self.r[:, None], self.J, F], axis=1), noise)
-        metric = self.metric(F)
+        G, logdet = self.linear.D.gram(np.concatenate([self.linear.known, F], axis=1), noise)
+        metric = self.linear.metric(F)
         roots = prior_roots(metric, form.rough) if known_to_rounding(G) else []
-        (small, large), posterior, root = self.sized(*self.beside_parameters(G), roots)
-        none, (at_small, at_large) = self.none(G, logdet), self.prices[k]
-        size, n = float(posterior @ SIZES) * self.unit, self.J.shape[1]
+        (small, large), posterior, root = self.sized(*self.linear.beside_parameters(G), roots)
+        none, (at_small, at_large) = self.linear.best_of(G, logdet), self.prices[k]
+        size, n = float(posterior @ SIZES) * self.unit, self.linear.J.shape[1]
         # Weights at the mean size, in the coordinates of the prior's root.
         R = np.zeros((len(G) - 1, n + root.shape[1]))
         R[:n, :n], R[n:, n:] = np.eye(n), size * root
-        H = R.T @ G[1:, 1:] @ R + np.diag(np.r_[self.precision, np.ones(root.shape[1])])
-        g = R.T @ (G[1:, 0] + np.r_[self.pull, np.zeros(len(G) - 1 - n)])
+        H = R.T @ G[1:, 1:] @ R + np.diag(np.r_[self.linear.precision, np.ones(root.shape[1])])
+        g = R.T @ (G[1:, 0] + np.r_[self.linear.pull, np.zeros(len(G) - 1 - n)])
         covariance = inverse(H)
         theta = R @ (covariance @ g)
         slope = R.T @ np.r_[np.zeros(n), metric @ theta[n:]]  # of half the mean square movement
@@ -382,14 +315,22 @@ class _Fit:
     def _refined(self, k: int, f: int, start: Noise) -> _Found:
         """The same, computed."""
         curve, law, _ = self.candidates[k]
-        F, n = curve.moved()[:, law.forms[f].functions], self.J.shape[1]
-        unit, caps = self.problem.force_unit(), self.problem.caps
+        F, n = curve.moved()[:, law.forms[f].functions], self.linear.J.shape[1]
+        unit, caps = self.linear.problem.force_unit(), self.linear.problem.caps
         now = self.found(k, f, F, start)
         for _ in range(TURNS):
-            J = np.concatenate([self.J, np.einsum("okt,k->ot", F, now.theta[n:])[:, None]], axis=1)
-            held, pull = np.r_[self.precision, 0.0], np.r_[self.pull, 0.0]
+            J = np.concatenate([self.linear.J, np.einsum("okt,k->ot", F, now.theta[n:])[:, None]], axis=1)
+            held, pull = np.r_[self.linear.precision, 0.0], np.r_[self.linear.pull, 0.0]
             noise, _, _ = fit_noise(
-                self.D, self.r, now.noise, unit, J, held, pull, caps=caps, sigma_unit=self.problem.sd
+                self.linear.D,
+                self.linear.r,
+                now.noise,
+                unit,
+                J,
+                held,
+                pull,
+                caps=caps,
+                sigma_unit=self.linear.problem.sd,
             )
             now = self.found(k, f, F, noise)
         return now
@@ -401,10 +342,12 @@ class _Fit:
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size, spread = float(one.size * weight), float(one.spread)
         seed, gain = (one.k, one.f, one.noise), 2.0 * (_of_any_size(one) - alone)
-        own = one.theta[self.J.shape[1] :]
+        own = one.theta[self.linear.J.shape[1] :]
         F = np.einsum("okt,k->ot", curve.moved()[:, self.candidates[one.k][1].forms[one.f].functions], own)
-        moved = self.problem.record.rms(self.projected(F[:, None]).reshape(F.shape)) * self.problem.sd
-        deviation = float(np.max(moved / self.problem.record.spread))
+        moved = (
+            self.linear.problem.record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * self.linear.problem.sd
+        )
+        deviation = float(np.max(moved / self.linear.problem.record.spread))
         return LawBeside(
             small, float(one.large), curve.location, kind, curve.variable, size, spread, seed, gain, deviation
         )
