@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["line", "mean", "median", "share", "wilson"]
+__all__ = ["line", "mean", "median", "share", "share_between", "wilson"]
 
 
 def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
@@ -61,7 +61,19 @@ def share(question: str, hits: Sequence[bool], bar: float, at_most: bool = False
                  not low < bar < high)  # fmt: skip
 
 
-def mean(question: str, values: Sequence[float], bar: float) -> dict[str, Any]:
+def share_between(
+    question: str, hits: Sequence[bool], bar: tuple[float, float], at_most: bool = False
+) -> dict[str, Any]:
+    """A share of cases that should lie between two bars."""
+    least, most = bar
+    low, high = wilson(sum(hits), len(hits))
+    figure = sum(hits) / len(hits) if hits else math.nan
+    sure = (low >= least and high <= most) or low > most or high < least
+    return line(question, f"{100 * least:g} to {100 * most:g} %", figure, len(hits), low, high,
+                least <= figure <= most, sure)  # fmt: skip
+
+
+def mean(question: str, values: Sequence[float], bar: float, at_most: bool = True) -> dict[str, Any]:
     """A mean that should be small."""
     n = len(values)
     figure = float(np.mean(values)) if n else math.nan

@@ -11,7 +11,7 @@ import numpy as np
 
 from sksurrogate.blind._cases import ARMS
 from sksurrogate.blind._limits import wilson
-from sksurrogate.blind._promises import reliability_points
+from sksurrogate.blind._probabilities import reliability_points
 
 __all__ = ["embedded", "missing_terms", "overview", "recorded_terms", "reliability"]
 

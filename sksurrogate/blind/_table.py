@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._files import write_text
-from sksurrogate.blind import _bars
+from sksurrogate.blind import _summaries
 from sksurrogate.blind._cases import ARMS
 from sksurrogate.blind._pictures import embedded, missing_terms, overview
-from sksurrogate.blind._promises import promises
+from sksurrogate.blind._probabilities import name_stated
+from sksurrogate.blind._questions import PROMISES, TARGETS, judged
 from sksurrogate.blind._robot_arms import ROBOT_ARMS
 from sksurrogate.exceptions import DataError
 
@@ -87,7 +88,7 @@ class BlindResult:
 
     def calibration(self, edges: Sequence[float] = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)) -> list[dict[str, Any]]:
         """Stated probabilities against how often the very name was true: low, high, count, stated (mean), right (share)."""
-        stated = [pair for row in self.rows if "error" not in row for pair in _bars.stated(row)]
+        stated = [pair for row in self.rows if "error" not in row for pair in name_stated(row)]
         found = []
         for low, high in zip(edges[:-1], edges[1:]):
             inside = [(p, t) for p, t in stated if low <= p < high or (high == edges[-1] and p == high)]
@@ -108,28 +109,28 @@ class BlindResult:
 
     def bars(self) -> list[dict[str, Any]]:
         """Figures beside the bars to be cleared: question, bar, figure, cases, low, high (90 %), cleared."""
-        return _bars.bars(self.rows)
+        return judged(TARGETS, self.rows)
 
     def promises(self) -> list[dict[str, Any]]:
         """What a diagnosis promises: question, bar, figure, cases, low, high (90 %), cleared."""
-        return promises(self.rows)
+        return judged(PROMISES, self.rows)
 
     def detection(self) -> list[dict[str, Any]]:
         """Share of true effects in the class named over bins of the gap in units of the noise; arms with one effect."""
-        return _bars.detection(self.rows)
+        return _summaries.detection(self.rows)
 
     def unknown(self) -> list[dict[str, Any]]:
         """Recall and precision of the answer "unknown", and its place."""
-        return _bars.unknown_scores(self.rows)
+        return _summaries.unknown_scores(self.rows)
 
     def experiments(self) -> list[dict[str, Any]]:
         """What the suggested next experiment was worth, beside the first run recorded once more."""
-        return _bars.experiments(self.rows)
+        return _summaries.experiments(self.rows)
 
     def misses(self) -> list[dict[str, Any]]:
         """Every missed case, grouped by kind; right names at another place stand at the end."""
-        away = _bars.misplaced(self.rows)
-        return _bars.misses([*self.failures(), ("right, but another likely place", away)])
+        away = _summaries.misplaced(self.rows)
+        return _summaries.misses([*self.failures(), ("right, but another likely place", away)])
 
     def kinds(self) -> list[dict[str, Any]]:
         """Kinds of failures: failure, count, for example."""
@@ -221,7 +222,9 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "right": mean(bool(row.get("right")) for row in rows if row.get("right") is not None),
         "named": sum(row["named"] for row in sought) / n_truths if n_truths else float("nan"),
         "false": mean(row["false_names"] > 0 and row["verdict"] == "explained" for row in answered),
-        "place": mean(_bars.place_up_to_twins(row) if row["expected"] != "none" else row["place"] for row in answered),
+        "place": mean(
+            _summaries.place_up_to_twins(row) if row["expected"] != "none" else row["place"] for row in answered
+        ),
         "own place": mean(row["place"] for row in answered),
         "class": mean(size for row in answered for size in row["classes"]),
         "covered": mean(value for row in answered for value in row["covered"]),

@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import binomtest
 
 from sksurrogate.blind import ARMS, BlindResult
-from sksurrogate.blind._bars import bars, detection, experiments, place_up_to_twins, stated, unknown_scores
 from sksurrogate.blind._limits import wilson
 from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms
-from sksurrogate.blind._promises import calibration_error, class_stated, promises
+from sksurrogate.blind._probabilities import calibration_error, class_stated, name_stated
+from sksurrogate.blind._summaries import detection, experiments, place_up_to_twins, unknown_scores
 
 TRUE = ("coulomb_friction", "speed", "speed")
 
@@ -46,7 +46,7 @@ def test_wilson_is_scipys(hits, count):
 def test_bars_say_whether_they_are_cleared_and_whether_more_cases_would_tell():
     rows = [made("effect", k >= 2, seed=k) for k in range(400)]
     rows += [made("none", k > 0, seed=k) for k in range(5)] + [made("novel", k > 40, seed=k) for k in range(80)]
-    found = {line["question"]: line for line in bars(rows)}
+    found = {line["question"]: line for line in BlindResult(tuple(rows)).bars()}
     one = found["one effect: named, nothing else"]
     assert one["figure"] == 0.995 and one["cases"] == 400 and one["cleared"] == "yes"
     assert found["outside the catalogue: unknown"]["cleared"] == "no"
@@ -60,7 +60,7 @@ def test_bars_say_whether_they_are_cleared_and_whether_more_cases_would_tell():
 def test_promises_are_shares_of_their_arms_with_limits():
     rows = [made("region", k > 0, seed=k) for k in range(10)] + [made("effect", seed=k) for k in range(10)]
     rows += [made("tails", seed=k) for k in range(6)] + [made("none", False, seed=1, false_names=1)]
-    found = {line["question"]: line for line in promises(rows)}
+    found = {line["question"]: line for line in BlindResult(tuple(rows)).promises()}
     one = found["one effect, in all runs, a region or a time: named, nothing else"]
     assert (one["figure"], one["cases"], one["cleared"]) == (0.95, 20, "no, open")
     assert (one["low"], one["high"]) == wilson(19, 20)
@@ -72,7 +72,7 @@ def test_promises_are_shares_of_their_arms_with_limits():
 
 def test_a_right_name_that_closes_the_gap_breaks_a_promise_as_unknown():
     rows = [made("effect"), made("effect", seed=1, verdict="unknown")]
-    found = {line["question"]: line for line in promises(rows)}
+    found = {line["question"]: line for line in BlindResult(tuple(rows)).promises()}
     assert found["right names that close more than 95 % on unseen runs: not called unknown"]["figure"] == 0.5
 
 
@@ -116,10 +116,10 @@ def test_the_place_counts_up_to_twins_of_the_true_effect_only():
 
 def test_a_probability_belongs_to_the_very_name():
     row = made("effect")
-    assert stated(row) == [(0.9, True)]
+    assert name_stated(row) == [(0.9, True)]
     row["effects"] = [as_dict(("drift", "speed", None), equivalents=[list(TRUE)], probability=0.6)]
-    assert stated(row) == [(0.6, False)]
-    assert stated({**row, "verdict": "unknown"}) == []
+    assert name_stated(row) == [(0.6, False)]
+    assert name_stated({**row, "verdict": "unknown"}) == []
 
 
 def test_detection_over_the_gap():
@@ -191,14 +191,17 @@ def test_seconds_are_those_of_diagnoses_that_had_the_machine_alone_where_there_a
     question = "seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"
     together = [made("effect", seed=k, seconds=5.0, abreast=2) for k in range(5)]
     alone = [made("effect", seed=9 + k, seconds=2.5, abreast=1) for k in range(3)]
-    figures = [{line["question"]: line for line in bars(rows)}[question] for rows in (together, together + alone)]
+    figures = [
+        {line["question"]: line for line in BlindResult(tuple(rows)).bars()}[question]
+        for rows in (together, together + alone)
+    ]
     assert [(line["figure"], line["cases"]) for line in figures] == [(5.0, 5), (2.5, 3)]
 
 
 def test_seconds_are_told_apart_where_the_catalogue_is_not_whole():
     rows = [made("effect", seed=k, processor_seconds=5.0) for k in range(3)]
     rows += [made("novel", seed=7, seconds=9.0), made("outside", seed=8, seconds=20.0)]
-    found = {line["question"]: line for line in bars(rows)}
+    found = {line["question"]: line for line in BlindResult(tuple(rows)).bars()}
     whole = found["seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"]
     assert (whole["figure"], whole["cases"]) == (2.0, 4)
     assert found["processor seconds of two cores, the same"]["cleared"].startswith("yes")

@@ -1,4 +1,4 @@
-"""Figures with their uncertainty beside the bars they have to clear, and what grows with the size of the gap."""
+"""What many cases show: detection over the size of the gap, unknown effects, suggested experiments, every miss."""
 
 from __future__ import annotations
 
@@ -8,27 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.blind._limits import mean, median, share, wilson
+from sksurrogate.blind._limits import wilson
 from sksurrogate.blind._plants import PLANTS
 
 __all__ = [
-    "bars",
+    "answered",
     "detection",
     "experiments",
     "misplaced",
     "misses",
     "place_up_to_twins",
-    "stated",
     "unknown_scores",
 ]
 
 Row = Mapping[str, Any]
 
-#: Arms whose intervals are counted, and arms whose right answer is "unknown".
-NAMED_ARMS = ("effect", "two", "weak", "sizes", "detuned", "effect_disturbed", "region", "time")
-UNKNOWN = ("outside", "novel", "outside_disturbed")
-#: Arms in which the true effect and its twins are taken out of the catalogue; the others are asked with the whole of it.
-PARTIAL_CATALOGUE_ARMS = ("outside", "outside_disturbed")
 #: Edges of the bins of gap / noise.
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, math.inf)
 
@@ -50,115 +44,9 @@ def place_up_to_twins(row: Row) -> bool:
     return row["accused"] in places
 
 
-def bars(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """One line for each bar.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Rows of a blind check.
-
-    Returns
-    -------
-    list of dict
-        question, bar, figure, cases, low, high (90 %: Wilson's for shares, order statistics for medians, normal for
-        means), cleared ("yes" or "no", with ", open" where the interval holds the bar: more cases would tell).
-    """
-    by: dict[str, list[Row]] = {}
-    for row in rows:
-        if row.get("right") is not None:
-            by.setdefault(row["arm"], []).append(row)
-    every: Mapping[str, list[Row]] = by
-    found = [*_named_bars(every), *_control_bars(every), *_unknown_bars(every), *_size_bars(every)]
-    return [line for line in found if line["cases"]]
-
-
-def _of(by: Mapping[str, list[Row]], *arms: str) -> list[Row]:
-    """Rows of some arms."""
-    return [row for arm in arms for row in by.get(arm, [])]
-
-
-def _answered(rows: Iterable[Row]) -> list[Row]:
+def answered(rows: Iterable[Row]) -> list[Row]:
     """Rows with an answer."""
     return [row for row in rows if "error" not in row]
-
-
-def _named_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
-    """Names, classes and places."""
-    one, weak = _of(by, "effect"), _of(by, "weak")
-    known = all("gap_beyond_retuning" in r for r in _of(by, "detuned"))
-    seen = [r for r in _of(by, "detuned") if known and r["gap_beyond_retuning"] >= 4.0]
-    return [
-        share("one effect: named, nothing else", [bool(r["right"]) for r in one], 0.98),
-        mean("one effect: mean size of the class", [n for r in _answered(one) for n in r["classes"]], 2.5),
-        share("one effect: its place or an exact twin's", ["error" not in r and place_up_to_twins(r) for r in one], 0.98),
-        share("one effect in a region: named, nothing else", [bool(r["right"]) for r in _of(by, "region")], 0.98),
-        share("one effect from some time on: named, nothing else", [bool(r["right"]) for r in _of(by, "time")], 0.98),
-        share("two effects: both named, nothing else", [bool(r["right"]) for r in _of(by, "two")], 0.93),
-        share("weak effect: in the class", ["error" not in r and r["named"] > 0 for r in weak], 0.95),
-        mean("weak effect: mean size of the class", [n for r in _answered(weak) for n in r["classes"]], 4.0),
-        share("parameters off by 8 %: named, nothing else", [bool(r["right"]) for r in _of(by, "detuned")], 0.95),
-        share("the same, where re-tuning leaves a gap of 4 x noise", [bool(r["right"]) for r in seen], 0.95),
-        share("beside a disturbance: named, nothing else", [bool(r["right"]) for r in _of(by, "effect_disturbed")], 0.95),
-    ]  # fmt: skip
-
-
-def _control_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
-    """False names where there is nothing."""
-    asked = (
-        ("no effect, white noise: false names", "none", 0.02),
-        ("no effect, coloured disturbance: false names", "disturbed", 0.03),
-        ("no effect, coloured sensor noise: false names", "coloured", 0.05),
-        ("effect never reached: false names", "unexcited", 0.02),
-    )
-    return [
-        share(text, ["error" in r or bool(r["effects"]) for r in _of(by, arm)], most, at_most=True)
-        for text, arm, most in asked
-    ]
-
-
-def _unknown_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
-    """Effects outside the catalogue."""
-    plain = _of(by, "outside", "novel")
-    return [
-        share("outside the catalogue: unknown", [bool(r["right"]) for r in plain], 0.97),
-        share(
-            "outside the catalogue: its place or an exact twin's",
-            ["error" not in r and place_up_to_twins(r) for r in plain],
-            0.95,
-        ),
-        share(
-            "outside the catalogue, beside a disturbance: unknown",
-            [bool(r["right"]) for r in _of(by, "outside_disturbed")],
-            0.95,
-        ),
-    ]
-
-
-def _size_bars(by: Mapping[str, list[Row]]) -> list[dict[str, Any]]:
-    """Intervals, shrink, seconds."""
-    covered = [bool(v) for r in _answered(_of(by, *NAMED_ARMS)) for v in r["covered"]]
-    inside = share("90 % intervals that hold the truth", covered, 0.85)
-    low, high, figure = inside["low"], inside["high"], inside["figure"]
-    inside["bar"] = "85 to 95 %"
-    sure = (low >= 0.85 and high <= 0.95) or low > 0.95 or high < 0.85
-    inside["cleared"] = ("yes" if 0.85 <= figure <= 0.95 else "no") + ("" if sure else ", open")
-    one = [r for r in _answered(_of(by, "effect")) if r["shrink"] is not None]
-    against = [r["shrink"] / r["oracle"] for r in one if (r.get("oracle") or 0) > 0.1]
-    timed = [r for r in _answered(_of(by, *by)) if r["n_runs"] == 6 and r.get("n_states", 2) >= 2]
-    timed = [r for r in timed if r.get("abreast") == 1] or timed  # one diagnosis at a time has the machine's cores
-    timed = [r for r in timed if r["seconds"] is not None]
-    whole = [r for r in timed if r["arm"] not in PARTIAL_CATALOGUE_ARMS]
-    part = [r["seconds"] for r in timed if r["arm"] in PARTIAL_CATALOGUE_ARMS]
-    busy = [r["processor_seconds"] for r in whole if r.get("processor_seconds") is not None]
-    return [
-        inside,
-        median("shrink on runs nobody fitted (the true effect with its true parameters: 1)", [r["shrink"] for r in one], 0.98),
-        median("shrink over that of the true effect refitted", against, 0.98),
-        median("seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue", [r["seconds"] for r in whole], 3.0, at_most=True),
-        median("processor seconds of two cores, the same", busy, 6.0, at_most=True),
-        median("seconds where the true effect is taken out of the catalogue", part, 3.0, at_most=True),
-    ]  # fmt: skip
 
 
 def detection(rows: Sequence[Row], edges: Sequence[float] = EDGES) -> list[dict[str, Any]]:
@@ -176,7 +64,7 @@ def detection(rows: Sequence[Row], edges: Sequence[float] = EDGES) -> list[dict[
         gap/noise (text), middle (geometric mean of the cases), cases, named (share), low, high (Wilson, 90 %), false
         (share with a false name), class (mean size).
     """
-    some = [r for r in _answered(rows) if r["arm"] in ("effect", "weak", "sizes", "region", "time")]
+    some = [r for r in answered(rows) if r["arm"] in ("effect", "weak", "sizes", "region", "time")]
     found = []
     for a, b in zip(edges[:-1], edges[1:]):
         inside = [r for r in some if a <= r["gap_over_noise"] < b]
@@ -205,7 +93,7 @@ def unknown_scores(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
     Arms have about equal numbers of cases: the precision is that of such a mixture.
     """
-    some = _answered(rows)
+    some = answered(rows)
     said = [r for r in some if r["verdict"] == "unknown"]
     due = [r for r in some if r["expected"] == "unknown"]
     found = []
@@ -222,7 +110,7 @@ def unknown_scores(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def experiments(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """What the suggested next experiment was worth: score, suggested, the same run again, cases."""
-    tied = [r for r in _answered(rows) if "class_after" in r]
+    tied = [r for r in answered(rows) if "class_after" in r]
     done = [r for r in tied if r["class_after"] is not None and r["class_repeated"] is not None]
     if not tied:
         return []
@@ -282,25 +170,9 @@ def misses(groups: Iterable[tuple[str, Sequence[Row]]]) -> list[dict[str, Any]]:
     return [_miss(kind, row) for kind, rows in groups for row in rows]
 
 
-def stated(row: Row) -> list[tuple[float, bool]]:
-    """Probability of each name that is to explain the gap, and whether this very name is true (equivalents share the rest).
-
-    Parameters that were detuned are off: they are not counted.
-    """
-    if row["verdict"] != "explained":
-        return []
-    seen = row["truths"] if row["expected"] != "none" else []
-    truths = [(t["name"], t["location"], t["variable"]) for t in seen]
-    return [
-        (e["probability"], (e["name"], e["location"], e["variable"]) in truths)
-        for e in row["effects"]
-        if e.get("probability") is not None and not (row["arm"] == "detuned" and e["name"] == "parameter_error")
-    ]
-
-
 def misplaced(rows: Sequence[Row]) -> list[Row]:
     """Right answers that accuse another place (no twin's)."""
-    return [r for r in _answered(rows) if r["right"] and r["expected"] in ("explained", "unknown") and not place_up_to_twins(r)]  # fmt: skip
+    return [r for r in answered(rows) if r["right"] and r["expected"] in ("explained", "unknown") and not place_up_to_twins(r)]  # fmt: skip
 
 
 def _miss(kind: str, row: Row) -> dict[str, Any]:
