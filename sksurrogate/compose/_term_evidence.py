@@ -8,7 +8,7 @@ import numpy as np
 
 from sksurrogate.compose._term import TermModel
 from sksurrogate.kernels.arrow import Arrow
-from sksurrogate.kernels.evidence import Evidence, correlation_length, weigh
+from sksurrogate.kernels.evidence import Evidence, by_run, correlation_length, weigh
 from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.output_error import output_error
 
@@ -102,8 +102,5 @@ def _weighed(
     error = record.residual(y)
     gram = Arrow.build(lin.J_theta, lin.J_x, error, sd, record.starts, none, none).information()
     error = error / sd[:, None]
-    padded = np.zeros((len(record.lengths), int(np.max(record.lengths)), len(sd)))
-    for part, (a, b) in zip(padded, record.spans):
-        part[: b - a] = error[:, a:b].T
     given = gram, theta, groups, penalty, float(np.sum(error**2)), float(np.isfinite(record.y).sum())
-    return weigh(*given, correlation_length(padded)), weigh(*given).log_evidence
+    return weigh(*given, correlation_length(by_run(error.T, record.lengths))), weigh(*given).log_evidence

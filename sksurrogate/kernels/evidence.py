@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Evidence", "correlation_length", "left_out", "weigh"]
+__all__ = ["Evidence", "by_run", "correlation_length", "left_out", "weigh"]
 
 #: Autocorrelation at which the sum over lags stops: beyond, it is mostly its own error.
 AUTOCORRELATION_SETTLED = 0.05
@@ -116,6 +116,14 @@ def _inverse(H: np.ndarray) -> tuple[np.ndarray, float]:
     values = np.maximum(values, SINGULAR * max(float(values[-1]), 1.0))
     root = vectors / np.sqrt(values) / scale[:, None]
     return root @ root.T, float(np.sum(np.log(values)) + 2 * np.sum(np.log(scale)))
+
+
+def by_run(errors: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Errors (n_samples, n_outputs) of runs one after the other as (n_runs, longest, n_outputs), 0 behind the end of a run."""
+    padded = np.zeros((len(lengths), int(np.max(lengths)), errors.shape[1]))
+    for part, own in zip(padded, np.split(errors, np.cumsum(lengths)[:-1])):
+        part[: len(own)] = own
+    return padded
 
 
 def correlation_length(errors: np.ndarray) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sksurrogate.kernels.evidence import Evidence, correlation_length, weigh
+from sksurrogate.kernels.evidence import Evidence, by_run, correlation_length, weigh
 from sksurrogate.kernels.shooting_evidence import LARGEST_LOG_CHANGE, PENALTY_SETTLED
 from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import OutputErrorLoss, StateFit, fit_output_error, state_slopes
@@ -35,13 +35,10 @@ def weigh_states(
     reduced = H - np.einsum("rin,rnm,rjm->ij", couple, np.linalg.inv(own), couple) - np.diag(loss.penalty)
     error = np.where(loss.known, model.output(fit.theta, fit.x, U) - np.where(loss.known, Y, 0.0), 0.0)
     count, squares = int(loss.known.sum()), float(np.sum(error**2))
-    lengths = np.diff(np.r_[starts, len(U)])
-    padded = np.zeros((len(starts), int(lengths.max()), Y.shape[1]))
-    for r, (a, length) in enumerate(zip(starts, lengths)):
-        padded[r, :length] = error[a : a + length]
+    alike = correlation_length(by_run(error, np.diff(np.r_[starts, len(U)])))
     groups = np.where(model.penalised > 0, 0, 1)
     penalty = np.array([alpha * count, squares / count / AFFINE_PRIOR**2])
-    return weigh(count * reduced, fit.theta, groups, penalty, squares, count - fit.x0.size, correlation_length(padded))
+    return weigh(count * reduced, fit.theta, groups, penalty, squares, count - fit.x0.size, alike)
 
 
 def fit_state_evidence(
