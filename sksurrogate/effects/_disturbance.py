@@ -91,7 +91,7 @@ class StepDisturbance(BalanceEffect):
     rarity = 10.0
     drivers = ()
     at_port = ("time",)
-    parameters = (Parameter("size", unit="dx/dt"), Parameter("time", unit="time"))
+    parameters = (Parameter("size", unit="dx/dt"), Parameter("time", unit="time", jumps=True))
     equation = "+ c after t0"
     signature = "no residual before one moment, a transient and an offset after it"
     twins = ("constant_bias", "parameter_step", "drift")

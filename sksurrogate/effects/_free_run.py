@@ -23,12 +23,17 @@ SUBSTEPS_OF_SHARP = 4
 #: Right-hand sides that scipy may ask for between two substeps of the inputs: what needs more runs away.
 MOST_CALLS = 20_000
 
+#: Effects have kinks, crossed now and then: these ask for fewer substeps than their own error would.
+AT_KINKS = 1e-3
+#: Likewise a jump in time; what it leaves stays to the end of the run, so it weighs more.
+AT_JUMPS = 1e-2
+
 Build = Callable[..., BoundModel]
 
 
 def augmented_states(
     build: Build, X0: np.ndarray, scale: np.ndarray | None, method: str
-) -> tuple[np.ndarray, BoundModel]:
+) -> tuple[np.ndarray, BoundModel, bool]:
     """States of all runs.
 
     Parameters
@@ -47,6 +52,8 @@ def augmented_states(
         Not finite from where a run diverges.
     bound : BoundModel
         The model that made them.
+    fixed : bool
+        Whether a recursion of fixed operations made them, and not an integrator of scipy.
     """
     unit = np.ones(len(X0))
     first = build(1, unit)
@@ -58,16 +65,16 @@ def augmented_states(
         scale = unit if guess is None else _sizes(guess)
     if first.a.plant.access == "step":
         bound = build(SUBSTEPS_OF_SHARP, scale)
-        return _march(bound, X0), bound
+        return _march(bound, X0), bound, True
     if not explicit:
         bound = build(SUBSTEPS_OF_SHARP, scale)
-        return _adaptive(bound, X0, method), bound
+        return _adaptive(bound, X0, method), bound, False
     assert guess is not None
     X, bound = _explicit(build, X0, scale, guess)
     if method == "auto" and (bound.a.n_sub > MOST_SHARP_SUBSTEPS or not np.all(np.isfinite(X))):
         stiff = build(SUBSTEPS_OF_SHARP, scale)
-        return _adaptive(stiff, X0, "LSODA"), stiff
-    return X, bound
+        return _adaptive(stiff, X0, "LSODA"), stiff, False
+    return X, bound, True
 
 
 def _smooths(bound: BoundModel) -> bool:
@@ -127,13 +134,29 @@ def _substeps_needed(build: Build, bound: BoundModel, X: np.ndarray, scale: np.n
     n_sub = bound.a.n_sub
     if not np.all(np.isfinite(X)):
         return 4 * n_sub
-    once, twice = bound(X[:, None])[:, 0], build(2 * n_sub, scale)(X[:, None])[:, 0]
+    finer, rows = build(2 * n_sub, scale), _before_jumps(bound)
+    once, twice = bound(X[:, None])[:, 0], finer(X[:, None])[:, 0]
+    if len(rows):  # a jump at the end of a sample is spread to both sides of it: two samples together show its error
+        once[:, rows], twice[:, rows] = (
+            model(model(X[:, None, rows], rows), rows + 1)[:, 0] for model in (bound, finer)
+        )
+        once[:, rows + 1] = twice[:, rows + 1]
     error = np.max(np.abs(once - twice) / np.maximum(np.max(np.abs(X), axis=1), 1e-12)[:, None], axis=0)
     if not np.all(np.isfinite(error)):
         return 2 * n_sub
-    # Effects have kinks, crossed now and then: these ask for fewer substeps than their own error would.
-    worst = max(float(np.quantile(error, 0.85)), float(np.max(error)) * 1e-3)
+    jumps = [0.0, *error[rows]]
+    worst = max(float(np.quantile(error, 0.85)), float(np.max(error)) * AT_KINKS, float(np.max(jumps)) * AT_JUMPS)
     return n_sub if worst <= TOLERANCE else int(np.ceil(n_sub * min((worst / TOLERANCE) ** 0.25 * 1.1, 8.0)))
+
+
+def _before_jumps(bound: BoundModel) -> np.ndarray:
+    """Rows of the samples, not the last of a run, at whose end an effect jumps: to within a substep."""
+    t, later = bound.record.t, np.r_[~np.isin(np.arange(1, bound.record.n_samples), bound.record.starts), False]
+    near = np.zeros(len(t), dtype=bool)
+    for effect, values in zip(bound.a.effects, bound._parameters):
+        for time in [value for parameter, value in zip(effect.parameters, values) if parameter.jumps]:
+            near |= np.abs(t + bound.record.dt - np.ravel(time)[0]) < bound.h
+    return np.flatnonzero(near & later)
 
 
 def _adaptive(bound: BoundModel, X0: np.ndarray, method: str) -> np.ndarray:

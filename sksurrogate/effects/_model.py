@@ -25,6 +25,7 @@ from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.sampling import slopes_so_far
 from sksurrogate.kernels.signals import Signal, hold
 from sksurrogate.physics._model import PlantModel
 
@@ -358,28 +359,32 @@ class BoundModel:
         return read_sensors(self, x, y, [(e, self._parameters[i]) for i, e in sensors], sharp)
 
     def path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
-        """One output between the samples: values and slopes from the right-hand side, before and after the input moves."""
-        record = self.record
+        """One output between the samples: values and slopes, before and after the input moves.
+
+        Slopes are those of the right-hand side; without one, those of the rows so far.
+        """
+        record, plant = self.record, self.a.plant
         first = self.shown
         last = self._mean[-1] if self._half is None else self._mean[-1] + self._half[-1]
         before = np.concatenate([last[..., :1], last[..., :-1]], axis=-1)
-        right = self._slope(x, first, place)
-        if np.array_equal(before, first):
-            return SensorPath(y[place], right, right)
-        left, end = self._slope(x, before, place).copy(), None
-        left[:, record.starts] = right[:, record.starts]
-        if self.a.plant.output_states is None:
+        moves, end = not np.array_equal(before, first), None
+        if moves and plant.output_states is None:
             enters = self.entering(record.t, x, before)
             end = self.a.model.output(record.t, x[: self.a.n_nominal], enters, self._varied(record.t))[place]
             end[:, record.starts] = y[place][:, record.starts]
+        if plant.access == "step":
+            before_rows = y[place] if end is None else end
+            return SensorPath(y[place], *slopes_so_far(y[place], before_rows, record.dt, record.starts), end)
+        right = self._slope(x, first, place)
+        if not moves:
+            return SensorPath(y[place], right, right)
+        left = self._slope(x, before, place).copy()
+        left[:, record.starts] = right[:, record.starts]
         return SensorPath(y[place], right, left, end)
 
     def _slope(self, x: np.ndarray, u: np.ndarray, place: int) -> np.ndarray:
         """Time derivative of an output: that of its state, or a difference along the flow."""
         a, t, n = self.a, self.record.t, self.a.n_nominal
-        if a.plant.access == "step":
-            y = a.model.output(t, x[:n], self.entering(t, x, u), self._constant_params)[place]
-            return np.gradient(y, self.record.dt, axis=-1)
         dx = self.derivative(t, x, u)
         if a.plant.output_states is not None:
             return dx[a.plant.output_states[place]]

@@ -33,8 +33,8 @@ __all__ = ["SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", 
 SHARES = tuple(np.arange(1, 16) / 16.0)
 #: Parameters of a window by name: before ``onset`` and after ``end`` the effect is absent.
 WINDOW = {
-    "onset": Parameter("onset", low=0.0, unit="time"),
-    "end": Parameter("end", null=np.inf, low=0.0, unit="time"),
+    "onset": Parameter("onset", low=0.0, unit="time", jumps=True),
+    "end": Parameter("end", null=np.inf, low=0.0, unit="time", jumps=True),
 }
 
 

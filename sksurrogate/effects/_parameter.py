@@ -79,7 +79,7 @@ class ParameterStep(ParameterEffect):
 
     name = "parameter_step"
     rarity = 10.0
-    parameters = (Parameter("relative_error"), Parameter("time", unit="time"))
+    parameters = (Parameter("relative_error"), Parameter("time", unit="time", jumps=True))
     equation = "p (1 + c) after t0"
     signature = "no residual before the jump; afterwards that of a wrong parameter"
     twins = ("step_disturbance", "parameter_error", "parameter_drift")

@@ -24,6 +24,8 @@ class Parameter:
         In words, for example "dx/dt over v".
     grows : bool
         Whether it grows with the magnitude where the whole effect does (levels of a friction with springy bristles).
+    jumps : bool
+        Whether it is a time at which the effect jumps.
 
     Examples
     --------
@@ -38,6 +40,7 @@ class Parameter:
     high: float = np.inf
     unit: str = ""
     grows: bool = False
+    jumps: bool = False
 
 
 @dataclass(frozen=True, eq=False)

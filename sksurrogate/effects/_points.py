@@ -48,7 +48,7 @@ class SymbolModel:
         self, t: Any, x: np.ndarray, u: np.ndarray, dt: float, varied: Mapping[str, Any] | None = None
     ) -> np.ndarray:
         """The states one step later."""
-        if self._graph is not None:
+        if self._graph is not None and x.dtype == object:
             return self._embedded("x_next", x, u)
         return stacked(list(self._function(t, x, u, {**self.plant.params, **(varied or {})}, dt)))
 

@@ -59,7 +59,8 @@ class SampledForm:
     Attributes
     ----------
     states : list of str
-        Those of the simulator, then those of laws, actuators and sensors.
+        Those of the simulator, then those of laws, actuators and sensors. A slow sensor of a simulator without a right-hand
+        side also keeps how much its output rose in the sample before (``OUTPUT_rise``).
     """
 
     def __init__(
@@ -101,6 +102,9 @@ class SampledForm:
             elif isinstance(effect, SensorEffect) and effect.memory:
                 slow = SensorInSample(effect, values, plant.dt)
                 self.sensors.append((plant.outputs.index(str(effect.location)), slow, self._room(effect, slow.size)))
+        seen = {place: plant.outputs[place] for place, _, _ in self.sensors} if plant.access == "step" else {}
+        self.rises = {place: len(self.states) + k for k, place in enumerate(seen)}
+        self.states += [f"{name}_rise" for name in seen.values()]
         self.readers = [
             (effect, whole.parameters_of(i, theta))
             for i, effect in acting
@@ -124,6 +128,12 @@ class SampledForm:
         y = self._raw(0.0, memory[: self.n_model], u)
         for place, slow, room in self.sensors:
             memory[room] = [y[place]] * slow.size
+        if self.rises:  # the first piece is straight: it rises as before it
+            for row in self.rises.values():
+                memory[row] = 0.0 * y[0]
+            later = self.step(0.0, memory, u0)
+            for row in self.rises.values():
+                memory[row] = later[row]
         return memory
 
     def _model_start(self, x: np.ndarray, u: np.ndarray) -> list[Any]:
@@ -154,8 +164,11 @@ class SampledForm:
             out[room] = later[room.start] if rule.size else []
         pieces: dict[int, tuple[Any, ...]] = {}
         for place, slow, room in self.sensors:
-            piece = pieces.get(place) or self._piece(t, before, after, acts, place)
-            out[room], pieces[place] = slow.advance(x[room], piece)
+            if place not in pieces:
+                pieces[place] = piece = self._piece(t, x, after, acts, place)
+                if place in self.rises:
+                    out[self.rises[place]] = piece[2] - piece[0]
+            out[room], pieces[place] = slow.advance(x[room], pieces[place])
         return out
 
     def _moved(self, t: Any, x: np.ndarray, acts: list[Pieces]) -> np.ndarray:
@@ -170,13 +183,16 @@ class SampledForm:
         halves = None if held else [stacked([p.rises()[s] for p in acts]) for s in range(self.n_sub)]
         return rk4(bound.derivative, t, x, means, halves, bound.h, bound.clip if bound._has_limits else None)  # type: ignore[arg-type]
 
-    def _piece(self, t: Any, x: np.ndarray, after: np.ndarray, acts: list[Pieces], place: int) -> tuple[Any, ...]:
+    def _piece(
+        self, t: Any, states: Sequence[Any], after: np.ndarray, acts: list[Pieces], place: int
+    ) -> tuple[Any, ...]:
         """An output over the sample: value and dt times slope at its start, both just before its end."""
-        dt, end = self.plant.dt, stacked([p.end for p in acts])
+        x, dt, end = stacked(list(states[: self.n_model])), self.plant.dt, stacked([p.end for p in acts])
         y0 = self._raw(t, x, stacked([p.shown for p in acts]))[place]
         y1 = self._raw(t + dt, after, end)[place]
-        if self.plant.access == "step":  # nothing is known between the samples: a straight line
-            return y0, y1 - y0, y1, y1 - y0
+        if place in self.rises:  # as slopes_so_far has it
+            rise, last = y1 - y0, states[self.rises[place]]
+            return y0, 0.5 * (last + rise), y1, rise + 0.5 * (rise - last)
         first = stacked([p.mean[0] - p.rises()[0] for p in acts])
         return y0, dt * self._slope(t, x, first, place), y1, dt * self._slope(t + dt, after, end, place)
 

@@ -16,13 +16,14 @@ from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect,
 from sksurrogate.effects._free_run import augmented_states
 from sksurrogate.effects._leaving import graph_of, sampled_of, small_signal_of
 from sksurrogate.effects._model import AugmentedModel, BoundModel
+from sksurrogate.effects._pointwise import acting_params, entering_at, term_at
 from sksurrogate.effects._small_signal import SampledPoint
 from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export._describe import SUBSTEPS
 from sksurrogate.export._graph import Graph
 from sksurrogate.kernels.record import Record
-from sksurrogate.physics._free_run import raise_if_diverged
+from sksurrogate.physics._free_run import OF_SCIPY, raise_if_diverged
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import BaseSimulator, Plant, describe, units_of
 
@@ -220,7 +221,7 @@ class AugmentedSimulator(BaseSimulator):
             return plain_runs(plant.simulator, inputs, X0, t)
         if plant.access == "trajectory":
             return trajectory_runs(plant, effects, theta, inputs, X0, t)
-        X, bound = self._states(plant, effects, theta, inputs, X0, t)
+        X, bound, _ = self._states(plant, effects, theta, inputs, X0, t)
         Y = bound.outputs(X[:, None], sharp=True)[:, 0]
         return Y.reshape(len(Y), len(inputs), -1).transpose(1, 2, 0)
 
@@ -229,61 +230,66 @@ class AugmentedSimulator(BaseSimulator):
         inputs, plant, effects, theta = self._read(np.asarray(U, dtype=float)[None])
         if plant.access == "trajectory":
             raise SimulatorError(f"{type(self.simulator).__name__} gives no states: it has neither rhs nor step.")
-        X, bound = self._states(plant, effects, theta, inputs, None if x0 is None else np.reshape(x0, (1, -1)), t)
+        X, bound, _ = self._states(plant, effects, theta, inputs, None if x0 is None else np.reshape(x0, (1, -1)), t)
         n = len(plant.states)
         if plant.access == "step":
             return X[:n].T, np.gradient(X[:n], bound.record.dt, axis=1).T
         return X[:n].T, bound.derivative(bound.record.t, X[:, None], bound.shown)[:n, 0].T
 
+    def substeps(self, U: Any, x0: Any = None, t: Any = None) -> int:
+        """Runge-Kutta steps a sample that :meth:`simulate` takes for these inputs: an export in as many equals it.
+
+        Parameters
+        ----------
+        U, x0, t
+            As for :meth:`simulate`.
+
+        Raises
+        ------
+        SimulatorError
+            An integrator of scipy takes the run in steps of its own, or the simulator gives trajectories only.
+
+        Examples
+        --------
+        >>> from sksurrogate.datasets import make_reactor
+        >>> from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+        >>> slow = AugmentedSimulator(make_reactor(), [CATALOGUE["input_lag"]("u")], [{"time_constant": 0.05}])
+        >>> n_sub = slow.substeps([[0.15]] * 50, x0=[4.0])
+        >>> graph = slow.to_graph(n_sub)
+        """
+        inputs, plant, effects, theta = self._read(np.asarray(U, dtype=float)[None])
+        if not effects and callable(getattr(plant.simulator, "substeps", None)):
+            return int(plant.simulator.substeps(U, x0, t))
+        if plant.access == "trajectory":
+            raise SimulatorError(f"{type(self.simulator).__name__} gives trajectories only: its steps are not known.")
+        _, bound, fixed = self._states(
+            plant, effects, theta, inputs, None if x0 is None else np.reshape(x0, (1, -1)), t
+        )
+        if not fixed:
+            raise SimulatorError(OF_SCIPY)
+        return bound.a.n_sub
+
     # ---- where nothing has a memory ---------------------------------------------------------------------------------
     @available_if(_has_rhs)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
         """dx/dt with the effects (kinks are sharp unless ``scale`` is given)."""
-        states, acting = list(self.states), self._acting_params(t, p)
+        states, acting = list(self.states), acting_params(self, t, p)
         laws = [(e, g) for e, g in zip(self.effects, self.values) if isinstance(e, BalanceEffect)]
         at_ports = [(e, g) for e, g in laws if e.location not in states]
-        enters, forces = self._entering(t, x, u, at_ports)
+        enters, forces = entering_at(self, t, x, u, at_ports)
         dx = list(self.simulator.rhs(t, x, enters, acting, *forces))
         for effect, given in laws:
             if effect.location in states:
                 i = states.index(str(effect.location))
-                dx[i] = dx[i] + self._term(effect, given, t, x, u, x[i])
+                dx[i] = dx[i] + term_at(self, effect, given, t, x, u, x[i])
         return dx
-
-    def _term(self, effect: BalanceEffect, given: Any, t: Any, x: Any, u: Any, own: Any) -> Any:
-        """What a law adds, ``own`` being the state or input of its location."""
-        states, inputs = list(self.states), list(self.inputs)
-        sizes = None if self.scale is None else np.broadcast_to(np.asarray(self.scale, dtype=float), (len(states),))
-        names = effect.variable.split("*") if effect.variable else []
-        found = [x[states.index(name)] if name in states else u[inputs.index(name)] for name in names]
-        width = 0.0
-        if sizes is not None and names and set(names) <= set(states):
-            width = float(np.prod([sizes[states.index(name)] for name in names])) / self.sharpness
-        v = None if not found else found[0] if len(found) == 1 else tuple(found)
-        return effect.term(t, own, v, values_of(effect, given), width)
-
-    def _entering(
-        self, t: Any, x: Any, u: Any, laws: Sequence[tuple[BalanceEffect, Any]]
-    ) -> tuple[Any, tuple[Any, ...]]:
-        """The inputs with laws at them, and what enters at further ports, where a law acts at one."""
-        if not laws:
-            return u, ()
-        inputs, further = list(self.inputs), list(getattr(self.simulator, "ports", None) or ())
-        enters, forces = list(u), [np.zeros_like(x[0]) for _ in further]
-        for effect, given in laws:
-            here = str(effect.location)
-            rows, i = (enters, inputs.index(here)) if here in inputs else (forces, further.index(here))
-            own = u[i] if rows is enters else np.zeros_like(x[0])
-            rows[i] = rows[i] + self._term(effect, given, t, x, u, own)
-        beyond = any(effect.location not in inputs for effect, _ in laws)
-        return np.stack(np.broadcast_arrays(*enters)) if enters else u, (np.stack(forces),) if beyond else ()
 
     @available_if(_has_output)
     def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
         """Readings of the sensors."""
         names = list(self.outputs)
         if callable(getattr(self.simulator, "output", None)):
-            plain = list(self.simulator.output(t, x, u, self._acting_params(t, p)))
+            plain = list(self.simulator.output(t, x, u, acting_params(self, t, p)))
         else:
             plain = [x[list(self.states).index(name)] for name in names]
         y = list(plain)
@@ -294,22 +300,14 @@ class AugmentedSimulator(BaseSimulator):
             y[i] = effect.read(y[i], other, t, values_of(effect, given))
         return y
 
-    def _acting_params(self, t: Any, p: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters with the effects on them."""
-        acting = dict(p)
-        for effect, given in zip(self.effects, self.values):
-            if isinstance(effect, ParameterEffect):
-                name = str(effect.location)
-                acting[name] = effect.value(acting[name], t, values_of(effect, given), 0.0)
-        return acting
-
     # ---- where it goes to -------------------------------------------------------------------------------------------
     def to_graph(self, n_sub: int | None = None) -> Graph:
         """The simulator with its effects as ``x_next, y = f(x, u)`` over a sample, for CasADi, C and ONNX.
 
         The state holds the states of the simulator, then those of laws, actuators and sensors with a memory, then the time
         where something depends on it: ``graph.states`` names them, :meth:`start_state` gives them at the start of a run.
-        The formulae are those of :meth:`simulate` in ``n_sub`` (default: 4) substeps of Runge-Kutta's method.
+        The formulae are those of :meth:`simulate` in ``n_sub`` (default: 4) substeps of Runge-Kutta's method;
+        :meth:`substeps` gives the number with which both are equal.
         """
         return graph_of(self._parts(), n_sub or SUBSTEPS, self.scale, self.sharpness)
 
@@ -340,11 +338,15 @@ class AugmentedSimulator(BaseSimulator):
         """What :func:`~sksurrogate.physics.linearise` reads: the simulator with the states of its effects, delays by Pade."""
         return small_signal_of(self._parts(), pade, self.scale, self.sharpness)
 
-    def to_control(self) -> Any:
-        """``control.NonlinearIOSystem``: continuous without memories and limits, else from sample to sample, with all states."""
-        if _has_rhs(self):
+    def to_control(self, n_sub: int | None = None) -> Any:
+        """``control.NonlinearIOSystem``: continuous without memories and limits, else from sample to sample, with all states.
+
+        With ``n_sub`` from sample to sample in any case, in so many substeps; without it in 16.
+        """
+        if n_sub is None and _has_rhs(self):
             return super().to_control()
-        return BaseSimulator.to_control(SampledPoint(sampled_of(self._parts(), 16, self.scale, self.sharpness)))  # type: ignore[arg-type]
+        form = sampled_of(self._parts(), n_sub or 16, self.scale, self.sharpness)
+        return BaseSimulator.to_control(SampledPoint(form))  # type: ignore[arg-type]
 
     def _parts(self) -> tuple[Plant, list[BaseEffect], np.ndarray]:
         """The plant, and the effects at work with their parameters."""
@@ -381,8 +383,8 @@ class AugmentedSimulator(BaseSimulator):
 
     def _states(
         self, plant: Plant, effects: list[BaseEffect], theta: np.ndarray, inputs: np.ndarray, X0: Any, t: Any
-    ) -> tuple[np.ndarray, BoundModel]:
-        """States (n_states with hidden ones, n_runs * n_samples), and the model that made them."""
+    ) -> tuple[np.ndarray, BoundModel, bool]:
+        """States (n_states with hidden ones, n_runs * n_samples), the model that made them, whether in fixed steps."""
         start = np.broadcast_to(
             plant.x0 if X0 is None else np.asarray(X0, dtype=float), (len(inputs), len(plant.states))
         )
@@ -402,7 +404,7 @@ class AugmentedSimulator(BaseSimulator):
         )
         method = str(getattr(plant.simulator, "method", "auto")).replace("exact", "auto")  # effects are not linear
         with np.errstate(all="ignore"):
-            X, bound = augmented_states(augmented, start.T, scale, method)
+            X, bound, fixed = augmented_states(augmented, start.T, scale, method)
         own = tuple(f"{e.name} ({k})" for e in effects for k in range(getattr(e, "n_hidden", 0)))
         raise_if_diverged(X.reshape(len(X), len(inputs), -1).transpose(1, 2, 0), times, plant.states + own)
-        return X, bound
+        return X, bound, fixed

@@ -36,6 +36,7 @@ def to_graph(model: Any, n_sub: int | None = None) -> Graph:
         :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
     n_sub : int, optional
         Runge-Kutta substeps a sample of a right-hand side; None: those of the model where it has its own (hybrids), else 4.
+        ``simulator.substeps(U, x0)`` gives the number that its ``simulate`` takes: with it both are equal to 1e-9.
 
     Returns
     -------
@@ -242,6 +243,10 @@ def _stepped(graph: Graph, simulator: Any, params: dict[str, Any], x: int, u: in
         y = graph.take(x, [list(simulator.states).index(name) for name in outputs])
     if not hasattr(simulator, "rhs"):
         return joined(graph, simulator.step(0.0, symbols(graph, x), us, params, dt)), y
+
+    if hasattr(simulator, "held_map"):  # linear, stepped by the matrix exponential
+        F, G, g = simulator.held_map()
+        return graph.affine(graph.concat(x, u), np.vstack([F.T, G.T]), g), y
 
     def rate(at: int) -> int:
         return joined(graph, simulator.rhs(0.0, symbols(graph, at), us, params))

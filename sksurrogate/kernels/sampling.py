@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["read_between", "with_slopes"]
+__all__ = ["read_between", "slopes_so_far", "with_slopes"]
 
 
 def read_between(
@@ -76,3 +76,35 @@ def with_slopes(y: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
         if b - a > 1:
             out[:, a:b] = np.gradient(y[:, a:b], dt, axis=1)
     return out
+
+
+def slopes_so_far(y: np.ndarray, end: np.ndarray, dt: float, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes behind and before every row, from the rows up to the end of a piece: a parabola through three of them.
+
+    A recursion can take the same slopes, because no later row is used. The first piece of a run is straight.
+
+    Parameters
+    ----------
+    y, end : ndarray (n_columns, n_samples)
+        Values at the rows, and just before them.
+    dt : float
+    starts : ndarray of int (n_runs,)
+
+    Returns
+    -------
+    right, left : ndarray (n_columns, n_samples)
+
+    Examples
+    --------
+    >>> y = np.array([[1.0, 0.0, 1.0, 4.0]])   # (s - 1)^2
+    >>> [slope.tolist() for slope in slopes_so_far(y, y, 1.0, np.array([0]))]
+    [[[-1.0, 0.0, 2.0, 4.0]], [[-1.0, -1.0, 2.0, 4.0]]]
+    """
+    right, left = np.zeros_like(y), np.zeros_like(y)
+    for a, b in zip(starts, [*starts[1:], y.shape[1]]):
+        if b - a > 1:
+            rise = (end[:, a + 1 : b] - y[:, a : b - 1]) / dt
+            last = np.concatenate([rise[:, :1], rise[:, :-1]], axis=1)
+            right[:, a : b - 1], left[:, a + 1 : b] = (last + rise) / 2, rise + (rise - last) / 2
+            left[:, a], right[:, b - 1] = right[:, a], left[:, b - 1]
+    return right, left

@@ -13,7 +13,7 @@ from sksurrogate.kernels.integrate import march, rk4
 from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.windows import run_in_windows
 
-__all__ = ["free_run", "hold_inputs", "raise_if_diverged", "substeps"]
+__all__ = ["OF_SCIPY", "free_run", "hold_inputs", "raise_if_diverged", "substeps"]
 
 #: Largest local error of a sample, relative to the size of the state, that the choice of substeps accepts.
 TOLERANCE = 1e-8
@@ -23,6 +23,12 @@ MOST_EVALUATIONS = 20_000
 MOST_PLANT_SUBSTEPS = 48
 #: Runs of more samples are closed window by window where many points cost little more than one.
 LONG_RUN = 1_000
+
+#: Why an export cannot equal such a run.
+OF_SCIPY = (
+    "an integrator of scipy takes this run, in steps of its own: no export in fixed steps equals it. Give n_sub yourself and "
+    'compare, or simulate with method="RK4", hold="zoh" and without events.'
+)
 
 Derivative = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
 
@@ -91,11 +97,22 @@ def free_run(
         return np.stack([_adaptive(derivative, U[r], X0[r], t, order, method) for r in range(len(U))])
 
 
-def substeps(derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int) -> int | None:
-    """Substeps a sample that the local error along these runs asks for; None where Runge-Kutta will not do."""
+def substeps(
+    derivative: Derivative,
+    U: np.ndarray,
+    X0: np.ndarray,
+    t: np.ndarray,
+    order: int,
+    *,
+    method: str = "auto",
+    many: bool = False,
+) -> int | None:
+    """Substeps a sample that :func:`free_run` takes along these runs; None where scipy's integrators take them."""
+    if method not in ("auto", "RK4"):
+        return None
     with np.errstate(all="ignore"):
-        X, n_sub = _explicit(derivative, U, X0, t, order, False)
-    return n_sub if n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X)) else None
+        X, n_sub = _explicit(derivative, U, X0, t, order, many and len(t) > LONG_RUN)
+    return n_sub if method == "RK4" or (n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X))) else None
 
 
 def _explicit(

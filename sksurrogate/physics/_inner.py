@@ -24,6 +24,16 @@ class InnerRunsMixin:
         """Free runs of equal length, all at once: (n_runs, n_samples, n_inputs) -> (n_runs, n_samples, n_outputs)."""
         return self._inner().simulate_batch(U, X0, t)
 
+    @available_if(lambda self: getattr(self, "dt", None) is not None and hasattr(self._inner(), "held_map"))
+    def held_map(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F, G and g of ``x_next = F x + G u + g``, where the system is linear."""
+        return self._inner().held_map()
+
+    @available_if(lambda self: hasattr(self, "rhs"))
+    def substeps(self, U: Any, x0: Any = None, t: Any = None) -> int:
+        """Runge-Kutta steps a sample that :meth:`simulate` takes for these inputs."""
+        return int(self._inner().substeps(U, x0, t))
+
     @available_if(lambda self: hasattr(self, "rhs"))
     def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """States and their derivatives of one run, both (n_samples, n_states)."""

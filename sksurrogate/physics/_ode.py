@@ -10,9 +10,10 @@ from sklearn.utils.metaestimators import available_if
 
 from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.kernels.linear_step import hold_maps
 from sksurrogate.physics._events import EventMap
-from sksurrogate.physics._free_run import free_run, raise_if_diverged
-from sksurrogate.physics._linear import exact_run
+from sksurrogate.physics._free_run import OF_SCIPY, free_run, raise_if_diverged, substeps
+from sksurrogate.physics._linear import exact_run, linear_parts
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._rhs import PointwiseFunction
@@ -23,6 +24,10 @@ __all__ = ["ODESimulator"]
 
 def _has_events(self: ODESimulator) -> bool:
     return bool(self.events)
+
+
+def _is_linear_map(self: ODESimulator) -> bool:
+    return self.method == "exact" and self.hold == "zoh" and not self.events
 
 
 class ODESimulator(ParametricSimulator):
@@ -164,6 +169,47 @@ class ODESimulator(ParametricSimulator):
             return X[0], slope(times, X[0].T, inputs.T, dict(self.params or {})).T
         return X[0], model.derivative(times, X[0].T, inputs.T).T
 
+    def substeps(self, U: Any, x0: Any = None, t: Any = None) -> int:
+        """Runge-Kutta steps a sample that :meth:`simulate` takes for these inputs: an export in as many equals it.
+
+        Parameters
+        ----------
+        U, x0, t
+            As for :meth:`simulate`.
+
+        Raises
+        ------
+        SimulatorError
+            An integrator of scipy takes the run in steps of its own, or there are events.
+
+        Examples
+        --------
+        >>> from sksurrogate.datasets import make_reactor
+        >>> from sksurrogate.export import to_graph
+        >>> plant, U = make_reactor(), [[0.15]] * 50
+        >>> graph = to_graph(plant, n_sub=plant.substeps(U, x0=[4.0]))
+        """
+        inputs, start = self._check_inputs(U), self._check_x0(x0)
+        model, times = self._prepared(inputs[None], t)
+        if _is_linear_map(self):
+            return 1  # the map of a sample is exact
+        if self.events or self.hold != "zoh":
+            raise SimulatorError(OF_SCIPY)
+        given = model.derivative, inputs[None], start[None], times
+        found = substeps(*given, 0, method=self.method, many=model.takes_many)
+        if found is None:
+            raise SimulatorError(OF_SCIPY)
+        return found
+
+    @available_if(_is_linear_map)
+    def held_map(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F, G and g of ``x_next = F x + G u + g`` under held inputs (with ``method="exact"`` only)."""
+        n, m = len(self._names("states")), len(self._names("inputs"))
+        model, times = self._prepared(np.zeros((1, 2, m)), None)
+        A, B, b = linear_parts(model.derivative, np.ones(n), np.ones(m), times, self._names("states"))
+        maps = hold_maps(A, np.column_stack([B, b]), float(self.dt), 0)
+        return maps.F, maps.G[:, :m], maps.G[:, m]
+
     @available_if(_has_events)
     def step(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], dt: float) -> np.ndarray:
         """The states a time ``dt`` later, events within it included (with ``events`` only)."""
@@ -212,8 +258,8 @@ class ODESimulator(ParametricSimulator):
             )
         return start
 
-    def _states(self, U: np.ndarray, X0: np.ndarray, t: Any) -> tuple[np.ndarray, np.ndarray, PlantModel]:
-        """States (n_runs, n_samples, n_states), times, model."""
+    def _prepared(self, U: np.ndarray, t: Any) -> tuple[PlantModel, np.ndarray]:
+        """Model and times, checked."""
         if self.hold not in ("zoh", "foh"):
             raise SimulatorError(f'hold={self.hold!r} is unknown: use "zoh" (held) or "foh" (joined linearly).')
         if not (isinstance(self.dt, (int, float, np.number)) and np.isfinite(self.dt) and self.dt > 0):
@@ -232,6 +278,11 @@ class ODESimulator(ParametricSimulator):
             row = int(np.flatnonzero(~(np.diff(times) > 0))[0]) + 1
             raise SimulatorError(f"t={times[row]:g} in row {row} is not later than t={times[row - 1]:g} before it: sort the rows by time.")  # fmt: skip
         model.probe(U[0, 0])
+        return model, times
+
+    def _states(self, U: np.ndarray, X0: np.ndarray, t: Any) -> tuple[np.ndarray, np.ndarray, PlantModel]:
+        """States (n_runs, n_samples, n_states), times, model."""
+        model, times = self._prepared(U, t)
         if self.events:
             X = self._with_events(model, U, X0, times)
             raise_if_diverged(X, times, self._names("states"), said=model.refusal)

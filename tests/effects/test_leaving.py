@@ -29,6 +29,7 @@ NAMES = {"states": ["q", "v", "h"], "inputs": ["u", "w"], "params": {"m": 1.0, "
 ODE = ODESimulator(_rhs, outputs=["q", "h"], **NAMES)
 SHOWN = ODESimulator(_rhs, outputs=["q", "h"], output=lambda t, x, u, p: (x[0] + 0.2 * u[0], x[2] * x[2]), **NAMES)
 STEP = StepSimulator(_step, outputs=["q", "h"], **NAMES)
+STEP_SHOWN = StepSimulator(_step, outputs=["q", "h"], output=SHOWN.output, **NAMES)
 
 #: name -> place, variable, values; others act on v by v with 0.2.
 CASES = {
@@ -60,11 +61,7 @@ def _with(simulator, *names):
 
 def _simulated(model):
     """Outputs, and the substeps that the free run took."""
-    if model.simulator is STEP:
-        return model.simulate(U, x0=X0), 4
-    _, plant, effects, theta = model._read(U[None])
-    X, bound = model._states(plant, effects, theta, U[None], np.reshape(X0, (1, -1)), None)
-    return bound.outputs(X[:, None], sharp=True)[:, 0].T, bound.a.n_sub
+    return model.simulate(U, x0=X0), model.substeps(U, x0=X0)
 
 
 def _run(function, x):
@@ -86,17 +83,13 @@ def _casadi(model, n_sub):
     return lambda x, u: [part.full() for part in function(x, u)]
 
 
-@pytest.mark.parametrize("simulator", [ODE, SHOWN, STEP], ids=["states", "outputs", "step"])
+@pytest.mark.parametrize("simulator", [ODE, SHOWN, STEP, STEP_SHOWN], ids=["states", "outputs", "step", "step_outputs"])
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_effect_of_the_catalogue_runs_as_it_is_simulated(name, simulator):
     model = _with(simulator, name)
     expected, n_sub = _simulated(model)
     found = _run(_numpy(model, n_sub), model.start_state(X0, U[0], n_sub))
-    # Behind scipy's integrator: its tolerance. A step simulator shows a sensor no path between its samples.
-    loose = {"step_disturbance": 1e-7}.get(name, 1e-9)
-    if simulator is STEP and name in ("sensor_lag", "sensor_delay"):
-        loose = 5e-3
-    assert np.max(np.abs(found - expected)) < loose
+    assert np.max(np.abs(found - expected)) < 1e-9
 
 
 MANY = (
@@ -124,7 +117,55 @@ def test_an_effect_with_an_onset_runs_as_it_is_simulated(name):
     model = AugmentedSimulator(ODE, [late], [(*plain.values[0], 0.62)], scale=SCALE)
     expected, n_sub = _simulated(model)
     found = _run(_numpy(model, n_sub), model.start_state(X0, U[0], n_sub))
-    np.testing.assert_allclose(found, expected, atol=1e-9 if n_sub != 4 else 1e-7)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("time", [1.0, 1.013])  # at a sample, within one
+@pytest.mark.parametrize(("name", "place"), [("step_disturbance", "v"), ("parameter_step", "k")])
+def test_a_step_in_time_is_simulated_in_fixed_steps_and_exported_as_it_is(name, place, time):
+    model = AugmentedSimulator(ODE, [CATALOGUE[name](place)], [(0.5, time)], scale=SCALE)
+    expected, n_sub = _simulated(model)
+    assert n_sub < 32  # no integrator of scipy
+    np.testing.assert_allclose(_run(_numpy(model, n_sub), model.start_state(X0, U[0])), expected, atol=1e-9)
+    fine = _run(_numpy(model, 64), model.start_state(X0, U[0]))
+    np.testing.assert_allclose(fine, expected, atol=2e-5)  # the jump is spread over a substep
+
+
+@pytest.mark.parametrize("names", [("sensor_lag",), ("sensor_delay", "parameter_drift")])
+def test_slow_sensors_of_a_step_simulator_show_every_run_as_if_it_were_alone(names):
+    model = _with(STEP_SHOWN, *names)
+    together = model.simulate_batch(np.stack([U, 0.3 - U]), [X0, X0])
+    alone = [model.simulate(u, x0=X0) for u in (U, 0.3 - U)]
+    np.testing.assert_allclose(together, alone, atol=1e-12)
+
+
+def test_python_control_takes_the_steps_of_simulate():
+    control = pytest.importorskip("control")
+    model = _with(ODE, "linear_loss")
+    expected, n_sub = _simulated(model)
+    system = model.to_control(n_sub)
+    found = control.input_output_response(system, 0.05 * np.arange(len(U)), U.T, X0).outputs
+    np.testing.assert_allclose(found.T, expected, atol=1e-9)
+
+
+def test_the_steps_of_a_plain_simulator_are_those_of_its_run():
+    for plant, many in ((ODE, 1), (ODE, 40), (SHOWN, 1)):  # 40: closed window by window
+        inputs = np.tile(U, (many, 1))
+        graph, x, found = to_graph(plant, plant.substeps(inputs, x0=X0)), np.array(X0), []
+        for u in inputs:
+            values = graph(x=x, u=u)
+            x, _ = values["x_next"], found.append(values["y"])
+        np.testing.assert_allclose(found, plant.simulate(inputs, x0=X0), atol=1e-9)
+
+
+def test_a_run_in_steps_of_scipy_has_no_number_of_steps():
+    stiff = ODESimulator(
+        lambda t, x, u, p: [-1e5 * (x[0] - u[0])], states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1
+    )
+    worn = AugmentedSimulator(stiff, [CATALOGUE["input_gain"]("u")], [(0.1,)])
+    for model in (stiff, worn):
+        with pytest.raises(SimulatorError, match="an integrator of scipy takes this run"):
+            model.substeps(U[:, :1])
 
 
 def test_states_are_named_and_the_clock_is_there_only_where_something_depends_on_time():

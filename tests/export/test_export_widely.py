@@ -169,7 +169,8 @@ def test_systems_of_python_control_are_read():
     rows = np.sin(np.arange(30.0))[:, None]
     for plant in (linear, nonlinear):
         expected = plant.simulate(rows, x0=[0.4, 0.1])
-        np.testing.assert_allclose(_run(to_graph(plant, n_sub=16), np.array([0.4, 0.1]), rows), expected, atol=1e-7)
+        graph = to_graph(plant, n_sub=plant.substeps(rows, x0=[0.4, 0.1]))
+        np.testing.assert_allclose(_run(graph, np.array([0.4, 0.1]), rows), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(
