@@ -216,7 +216,7 @@ class DiagnosisPipeline(LawStage[C]):
             problem.plant.outputs,
             problem.plant.states,
             problem.plant.inputs,
-            traces(found.held, self.labels),
+            traces(found.held, self.labels, self.carried_law is not None),
             seconds,
             reasons,
             self.budget(),

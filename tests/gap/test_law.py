@@ -92,8 +92,25 @@ def test_the_page_shows_the_law_with_its_numbers(monod):
     )
 
 
+def test_the_runs_are_shown_with_what_the_augmented_simulator_carries(monod):
+    report = monod.report_
+    errors = np.concatenate([trace.measured - trace.corrected for trace in report.traces])
+    deviation = np.std(np.concatenate([trace.measured for trace in report.traces]))
+    assert np.sqrt(np.mean(errors**2)) / deviation == pytest.approx(report.shrink.after_law, rel=0.01)
+    page = report.to_html()
+    assert ">with the law<" in page and "initial states fitted" not in page
+    pytest.importorskip("matplotlib").use("Agg")
+    for kind in ("trace", "residual", "runs"):
+        display = report.plot(kind=kind)
+        assert "with the law" in [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert display.ax_.containers[1][0].get_height() < 0.15 * display.ax_.containers[0][0].get_height()
+    assert "h with the law" in report.to_frame("traces").columns
+
+
 def test_without_the_law_the_augmented_simulator_stays_as_it_was(monod):
     plain = diagnosed(lambda h: h / (0.6 + h), include_law=False)
+    assert all(trace.law is None for trace in plain.report_.traces)
+    assert "initial states fitted" in plain.report_.to_html()
     assert not plain.augmented_.effects and "leaves it out" in plain.report_.sentence
     assert str(plain.report_.missing_term.law) == str(monod.report_.missing_term.law)
 

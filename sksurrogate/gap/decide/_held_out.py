@@ -176,15 +176,17 @@ def _by_output(outputs: tuple[str, ...], before: np.ndarray, after: np.ndarray, 
     return Table(tuple(rows))
 
 
-def traces(held: HeldOut | None, labels: Sequence[Any]) -> tuple[Trace, ...]:
-    """All held-out runs for the eye, in the order of the data."""
+def traces(held: HeldOut | None, labels: Sequence[Any], lawful: bool) -> tuple[Trace, ...]:
+    """All held-out runs for the eye, in the order of the data; ``lawful``: with the law too."""
     if held is None:
         return ()
     record = held.record
     t = record.t if record.offset is None else record.t + record.offset
     measured = np.stack([record.readings(j) for j in range(len(record.y))])
+    law = held.law if lawful else None
+    drawn = [measured, held.before, held.after, record.u, *([] if law is None else [law])]
     return tuple(
-        Trace(label, t[a:b], measured[:, a:b].T, held.before[:, a:b].T, held.after[:, a:b].T, record.u[:, a:b].T)
+        Trace(label, t[a:b], *(values[:, a:b].T for values in drawn))
         for label, (a, b) in zip(pieces(record, labels), record.spans)
     )
 

@@ -177,7 +177,7 @@ class GapDisplay:
         measured = trace.measured[known, j]
         ax.plot(trace.t[known], measured, color="#8a8a8a", lw=3, label="measured")
         ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label="simulator")
-        ax.plot(trace.t, trace.after[:, j], color="#000000", lw=1, label=fitted_name(self.report))
+        ax.plot(trace.t, trace.corrected[:, j], color="#000000", lw=1, label=fitted_name(self.report))
         low, high = ax.get_ylim()
         # A simulator that runs away must not flatten the measurement.
         room = 0.6 * float(np.ptp(measured)) if len(measured) else 0.0
@@ -194,7 +194,7 @@ class GapDisplay:
             ax.axhspan(-2 * noise, 2 * noise, color="#d9d9d9", label="noise, two deviations")
         ax.plot(trace.t, trace.measured[:, j] - trace.before[:, j], color="#d55e00", ls="--", label="simulator")
         ax.plot(
-            trace.t, trace.measured[:, j] - trace.after[:, j], color="#000000", lw=1, label=fitted_name(self.report)
+            trace.t, trace.measured[:, j] - trace.corrected[:, j], color="#000000", lw=1, label=fitted_name(self.report)
         )
         name = self.report.outputs[j]
         ax.set(xlabel=self._time_axis(trace.label), ylabel=f"residual of {axis(name, self.report.units)}")

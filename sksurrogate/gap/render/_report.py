@@ -45,7 +45,7 @@ class GapReport(ReportData):
         Requested effects that cannot be tested with this simulator.
     outputs, states, inputs : tuple of str
     traces : tuple of Trace
-        Every run: measured, simulated, and simulated with the effects of a fit without this run.
+        Every run: measured, simulated, and simulated with the effects (and a certified law) of a fit without this run.
     seconds : float
         Time that the diagnosis took.
     reasons : Reasons

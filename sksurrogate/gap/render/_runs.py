@@ -24,7 +24,7 @@ def run_error(report: ReportData, trace: Trace) -> tuple[float, float]:
     """RMSE of one run before and after, each output over its deviation over all runs."""
     spread = deviations(report)
     return tuple(  # type: ignore[return-value]
-        float(np.sqrt(np.nanmean(((trace.measured - run) / spread) ** 2))) for run in (trace.before, trace.after)
+        float(np.sqrt(np.nanmean(((trace.measured - run) / spread) ** 2))) for run in (trace.before, trace.corrected)
     )
 
 
@@ -133,14 +133,16 @@ def _name(names: tuple[str, ...], j: int, letter: str) -> str:
 
 def fitted_name(report: ReportData) -> str:
     """What distinguishes the third curve of a run from the simulator."""
+    if any(trace.law is not None for trace in report.traces):
+        return "with the effects and the law" if report.effects else "with the law"
     if report.effects:
         return "with the effects"
     return "re-tuned" if len(report.retuned) else "initial states fitted"
 
 
 def _output(trace: Trace, j: int, report: ReportData, height: int) -> Panel:
-    """Measured, simulator, simulator with the effects."""
-    measured, before, after = trace.measured[:, j], trace.before[:, j], trace.after[:, j]
+    """Measured, simulator, simulator with what was found."""
+    measured, before, after = trace.measured[:, j], trace.before[:, j], trace.corrected[:, j]
     low, high = limits([measured, before, after])
     known = np.isfinite(measured)
     finite = measured[known]
@@ -162,7 +164,7 @@ def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Pa
     """
     known = np.isfinite(trace.measured[:, j])
     t = trace.t[known]
-    before, after = (trace.measured[known, j] - run[known, j] for run in (trace.before, trace.after))
+    before, after = (trace.measured[known, j] - run[known, j] for run in (trace.before, trace.corrected))
     noise = NOISE_BAND * noise_of(report, j)
     ends = np.array([trace.t[0], trace.t[-1]])
     band = (ends, np.full(2, -noise), np.full(2, noise)) if np.isfinite(noise) and noise > 0 else None

@@ -227,5 +227,7 @@ def _rows(report: ReportData, trace: Trace) -> list[dict[str, Any]]:
             row[f"{output} measured"] = float(trace.measured[k, j])
             row[f"{output} before"] = float(trace.before[k, j])
             row[f"{output} after"] = float(trace.after[k, j])
+            if trace.law is not None:
+                row[f"{output} with the law"] = float(trace.law[k, j])
         rows.append(row)
     return rows

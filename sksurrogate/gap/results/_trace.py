@@ -19,6 +19,8 @@ class Trace:
     measured, before, after : ndarray (n_samples, n_outputs)
     inputs : ndarray (n_samples, n_inputs) or None
         Inputs of the run.
+    law : ndarray (n_samples, n_outputs) or None
+        Simulated with the effects and a certified law, where ``augmented_`` carries one.
     """
 
     label: Any
@@ -27,3 +29,9 @@ class Trace:
     before: np.ndarray
     after: np.ndarray
     inputs: np.ndarray | None = None
+    law: np.ndarray | None = None
+
+    @property
+    def corrected(self) -> np.ndarray:
+        """Simulated with all that ``augmented_`` carries."""
+        return self.after if self.law is None else self.law
