@@ -18,7 +18,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
-from sksurrogate.effects._onset import Starting, edges_of
+from sksurrogate.effects._onset import Starting, edges_of, timed
 from sksurrogate.effects._readings import read_sensors
 from sksurrogate.effects._whole_step import held_for, whole_step
 from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
@@ -244,7 +244,7 @@ class BoundModel:
             place = a.plant.inputs.index(str(effect.location))
             other = given[a.plant.inputs.index(effect.variable)] if effect.variable else None
             distinct = [row[first, None] for row in self.theta[a.slice_of(i)]]
-            signals[place] = effect.transform(signals[place], other, distinct, self.h, record.starts)
+            signals[place] = timed(effect, record.t).transform(signals[place], other, distinct, self.h, record.starts)
         mean, half, shown = _stacked(signals)
         if mean.shape[2] > 1:
             column = np.ravel(column)

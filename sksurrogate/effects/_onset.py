@@ -27,7 +27,7 @@ from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.signals import Signal
 
-__all__ = ["SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", "window"]
+__all__ = ["SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", "timed", "window"]
 
 #: Shares of the longest run at which windows are tried to begin or end.
 SHARES = tuple(np.arange(1, 16) / 16.0)
@@ -68,6 +68,7 @@ class Starting(BaseEffect):
 
     span: ClassVar[tuple[str, ...]] = ()
     always: ClassVar[type[BaseEffect]]
+    rows_at: np.ndarray | None = None  #: (n_samples,): times of the rows, where a record knows them
 
     @property
     def key(self) -> Any:
@@ -89,6 +90,10 @@ class Starting(BaseEffect):
         """The window at times."""
         return window(t, self.bounds(theta), self.span, width)
 
+    def times(self, starts: np.ndarray, n_samples: int, dt: float) -> np.ndarray:
+        """Times of the rows: those that are known (:func:`timed`), else since the first row of every run."""
+        return self.rows_at if self.rows_at is not None else _ages(starts, n_samples) * dt
+
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Those of the effect, with windows that begin, or end, at fifteen times."""
         return [
@@ -105,6 +110,12 @@ class Starting(BaseEffect):
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
         """Those of the effect, in the same window."""
         return [(*one, *self.bounds(theta)) for one in super().scan(self.own(theta))]
+
+    def moved(self, theta: Sequence[float], dt: float, duration: float) -> list[tuple[float, ...]]:
+        """The same with an edge of the window moved by 1, 2, 4, ... samples, up to the distance of the edges that were tried."""
+        steps = dt * 2.0 ** np.arange(np.floor(np.log2(max(duration / (len(SHARES) + 1) / dt, 1.0))) + 1)
+        edges = np.eye(len(theta))[-len(self.span) :]
+        return [tuple(np.add(theta, by * edge)) for edge in edges for by in (*steps, *-steps)]
 
     def simpler(self, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
         """None: simpler forms have the window too."""
@@ -183,10 +194,10 @@ class _StartingInput(Starting, InputEffect):
         """The input that acts: that of the effect for the share of every substep within the window, else as it is."""
         changed = super().transform(u, v, self.own(theta), h, starts)  # type: ignore[safe-super]
         n_sub, _, n_samples = u.mean.shape
-        age = _ages(starts, n_samples) * n_sub * h
-        middle = age + (np.arange(n_sub)[:, None, None] + 0.5) * h
+        t = self.times(starts, n_samples, n_sub * h)
+        middle = t + (np.arange(n_sub)[:, None, None] + 0.5) * h
         share = np.clip(window_share(middle, self.bounds(theta), self.span, h), 0.0, 1.0)
-        at = np.clip(window_share(age[None, :] + 0.5 * h, self.bounds(theta), self.span, h), 0.0, 1.0)
+        at = np.clip(window_share(t[None, :] + 0.5 * h, self.bounds(theta), self.span, h), 0.0, 1.0)
         mean = u.mean + share * (changed.mean - u.mean)
         if u.half is None and changed.half is None:
             half = None
@@ -231,7 +242,7 @@ class _StartingSensor(Starting, SensorEffect):
         self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray, width: float
     ) -> SensorPath:
         changed = super().follow(path, self.own(theta), dt, starts)
-        t = _ages(starts, path.y.shape[-1]) * dt
+        t = self.times(starts, path.y.shape[-1], dt)
 
         def blended(one: np.ndarray, other: np.ndarray) -> np.ndarray:
             return np.asarray(self._blend(one, other, t, theta, width))
@@ -310,6 +321,23 @@ def starting(effect: BaseEffect, span: Sequence[str] = ("onset",)) -> BaseEffect
             "parameters and no time of its own; a parameter that jumps is parameter_step, a load that sets in step_disturbance."
         )
     return _rebuilt(type(effect), wanted, copy.copy(effect.__dict__))
+
+
+def timed(effect: BaseEffect, t: np.ndarray) -> Any:
+    """The effect with the times of the rows, (n_samples,), where it has a window: pieces of a run do not begin at its start.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> late = starting(CATALOGUE["input_gain"]("valve"))
+    >>> timed(late, np.array([5.0, 6.0])).times(np.array([0]), 2, 1.0)
+    array([5., 6.])
+    """
+    if not isinstance(effect, Starting):
+        return effect
+    out = copy.copy(effect)
+    out.rows_at = t
+    return out
 
 
 def _rebuilt(always: type[BaseEffect], span: tuple[str, ...], state: dict[str, Any]) -> BaseEffect:

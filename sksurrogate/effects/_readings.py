@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from sksurrogate.effects._effect import SensorEffect, SensorPath
+from sksurrogate.effects._onset import timed
 from sksurrogate.kernels.sampling import read_between
 
 __all__ = ["read_sensors"]
@@ -50,7 +51,8 @@ def read_sensors(
         if effect.memory:
             place = outputs.index(str(effect.location))
             path = paths.get(place) or bound.path(x, raw, place)
-            follow = getattr(effect, "follow_sharp", effect.follow) if sharp else effect.follow  # a window is sharp
+            own = timed(effect, record.t)
+            follow = getattr(own, "follow_sharp", own.follow) if sharp else own.follow  # a window is sharp
             paths[place] = follow(path, values, record.dt, record.starts)
             y[place] = paths[place].y
     if record.offset is not None:

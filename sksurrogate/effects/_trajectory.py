@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.base import clone
 
 from sksurrogate.effects._effect import BaseEffect, InputEffect, ParameterEffect, SensorEffect, SensorPath
+from sksurrogate.effects._onset import timed
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.signals import hold
@@ -148,7 +149,8 @@ def readings(
             if i not in paths:
                 slope = np.gradient(y[i], dt)[None] if len(t) > 1 else np.zeros((1, 1))
                 paths[i] = SensorPath(y[i][None], slope, slope)
-            follow = getattr(effect, "follow_sharp", effect.follow)
+            own = timed(effect, t)
+            follow = getattr(own, "follow_sharp", own.follow)
             paths[i] = follow(paths[i], [np.array([[value]]) for value in values], dt, one)
             y[i] = paths[i].y[0]
         else:

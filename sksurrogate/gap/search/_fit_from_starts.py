@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._build import nominal_run
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, NEAR
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
@@ -53,7 +54,7 @@ def fit_added(problem: OdeBackend, base: OdeCandidate, starts: Sequence[Start], 
                 break
         if candidate is not None and (found is None or candidate.fit.cost < found.fit.cost):
             found = candidate
-    if found is not None and found.fit.cost < 3.0 * best:
+    if found is not None and (found.fit.cost < 3.0 * best or isinstance(found.effects[-1], Starting)):
         for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
             found = scanned(found, i)
     return found

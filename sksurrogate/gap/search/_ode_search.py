@@ -14,7 +14,7 @@ from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._nested import folded
-from sksurrogate.gap.search._onsets import look_for_onsets
+from sksurrogate.gap.search._onsets import begun_twins, look_for_onsets
 from sksurrogate.gap.search._restart import revived, scanned
 from sksurrogate.gap.search._stopping import is_stack
 
@@ -98,6 +98,9 @@ class OdeSearch(Expander):
             candidates = self.expand(base, Wanted(24, 10, siblings=True, best=final.fit.cost))
         if single:  # those of the search may have started at other re-tuned parameters
             candidates.extend(self.first_round)
+        begun = begun_twins(self.first_screen, final.effects[i]) if self.first_screen is not None else []
+        if begun:
+            candidates.extend(self.expand(base, Wanted(len(begun), 0, begun)))
         if not few and (not single or self.problem.free):
             rest = named.taken_out(i)  # the others and the free parameters, fitted again alone, may have run away
             candidates.extend([] if rest is None else self.anew(rest, final.noise, MOST_ANEW, 0, final.fit.cost))

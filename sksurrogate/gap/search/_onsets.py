@@ -10,8 +10,10 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import SHARES, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._normal_equations import project_starts
+from sksurrogate.gap.screen._pairs import COLLINEAR
 from sksurrogate.gap.screen._screen import Screen
 from sksurrogate.gap.search._base import EXTRA, Wanted
+from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._stopping import grows_in_vain
 
 #: Effects that are tried in a window, and columns of the screen that are looked at for them.
@@ -79,6 +81,26 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     return list(found.values())
 
 
+def begun_twins(screen: Screen, effect: BaseEffect) -> list[BaseEffect]:
+    """Effects that begin as a jump does, and move the outputs as what has jumped: a loss that sets in, for a friction that jumps.
+
+    What has jumped is always there in the form that the jump's nests (a wrong parameter, a constant load). Its column in the screen of
+    the null tells which other effects move the outputs as it does; none where it was not a candidate.
+    """
+    if screen.columns is None or not any(parameter.name == "time" for parameter in effect.parameters):
+        return []
+    simple = [k for k, start in enumerate(screen.starts) if richer(effect, start.effect)]
+    able = [k for k, start in enumerate(screen.starts) if can_start(start.effect)]
+    if not simple or not able:
+        return []
+    chosen = [simple[0], *able]
+    columns = project_starts(screen.columns[chosen], screen.J_x.astype(np.float32), screen.record_starts)
+    flat = columns.reshape(len(chosen), -1)
+    cosine = np.abs(flat[1:] @ flat[0]) / np.maximum(np.linalg.norm(flat[1:], axis=1) * np.linalg.norm(flat[0]), 1e-300)
+    alike = [screen.starts[able[k]].effect for k in np.flatnonzero(cosine > COLLINEAR)]
+    return [starting(one) for one in {one.key: one for one in alike}.values()]
+
+
 def _drop(g: np.ndarray, h: np.ndarray, low: np.ndarray) -> np.ndarray:
     """Drop by every column alone, of one sign where the effect has one."""
     g = np.where(low < 0.0, g, np.maximum(g, 0.0))
@@ -100,8 +122,7 @@ def look_for_onsets(search: Any) -> None:
     search.report("effects that begin or end within the runs")
     windowed = [starting(one.effect, one.span) for one in found]
     base = null.candidate
-    best = final.fit.cost if explained else np.inf
-    trial = search.ranked(search.expand(base, Wanted(MOST_WINDOWED, 2, windowed, best=best)), base)
+    trial = search.ranked(search.expand(base, Wanted(MOST_WINDOWED, 2, windowed)), base)
     if not trial:
         return
     top = search.best_polished(trial)

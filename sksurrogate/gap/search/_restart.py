@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._pushes import a_sample_later
@@ -20,7 +21,7 @@ WORTH_A_FIT = 1.0
 
 
 def scanned(candidate: OdeCandidate, i: int = -1) -> OdeCandidate:
-    """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them."""
+    """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them, or with its window."""
     for _ in range(3):
         before = candidate.fit.cost
         for theta in promising(candidate, i):
@@ -44,10 +45,14 @@ def promising(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     record = problem.record
     place = model.slice_of(i % len(candidate.effects))
     effect = candidate.effects[i]
-    values = effect.scan(tuple(fit.theta[place]))
+    now = tuple(fit.theta[place])
+    values = effect.scan(now)
+    if values:
+        values = [*values, *alike(problem.plant, record, effect, now)]
+    if isinstance(effect, Starting):
+        values = [*values, *effect.moved(now, record.dt, record.dt * int(record.lengths.max()))]
     if not values:
         return []
-    values = [*values, *alike(problem.plant, record, effect, tuple(fit.theta[place]))]
     columns = np.repeat(fit.theta[:, None], 1 + len(values), axis=1)
     columns[place, 1:] = np.array(values).T
     with np.errstate(all="ignore"):
