@@ -31,6 +31,8 @@ __all__ = ["SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", 
 
 #: Shares of the longest run at which windows are tried to begin or end.
 SHARES = tuple(np.arange(1, 16) / 16.0)
+#: Places to each side to which an edge is moved, once it was fitted.
+MOST_MOVED = 40
 #: Parameters of a window by name: before ``onset`` and after ``end`` the effect is absent.
 WINDOW = {
     "onset": Parameter("onset", low=0.0, unit="time", jumps=True),
@@ -112,8 +114,12 @@ class Starting(BaseEffect):
         return [(*one, *self.bounds(theta)) for one in super().scan(self.own(theta))]
 
     def moved(self, theta: Sequence[float], dt: float, duration: float) -> list[tuple[float, ...]]:
-        """The same with an edge of the window moved by 1, 2, 4, ... samples, up to the distance of the edges that were tried."""
-        steps = dt * 2.0 ** np.arange(np.floor(np.log2(max(duration / (len(SHARES) + 1) / dt, 1.0))) + 1)
+        """The same with an edge of the window moved by whole samples, up to the distance of the edges that were tried.
+
+        An input that jumps has a valley of its own between any two of its jumps.
+        """
+        far = max(duration / (len(SHARES) + 1) / dt, 1.0)
+        steps = dt * np.unique(np.round(np.linspace(1.0, far, min(int(far), MOST_MOVED))))
         edges = np.eye(len(theta))[-len(self.span) :]
         return [tuple(np.add(theta, by * edge)) for edge in edges for by in (*steps, *-steps)]
 

@@ -7,8 +7,9 @@ import pytest
 from sklearn.base import clone
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
-from sksurrogate.effects._onset import Starting, can_start, starting, window
+from sksurrogate.effects._onset import Starting, can_start, starting, timed, window
 from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.signals import hold
 from sksurrogate.physics import ODESimulator
 
 DT, N = 0.05, 200
@@ -94,6 +95,23 @@ def test_the_free_run_is_smooth_in_the_onset(name):
     ends = np.array([simulated(starting(effect), {**values, "onset": t})[-60:] for t in times])
     steps = np.linalg.norm(np.diff(ends, axis=0), axis=1)
     assert steps.max() < 3.0 * steps.mean()  # no jump from sample to sample
+
+
+def test_a_window_keeps_its_time_in_pieces_of_a_run():
+    late, u = starting(CATALOGUE["input_gain"]("F")), hold(U[:, 0], 2, 1, np.array([0]))
+    theta = [np.array([[0.2]]), np.array([[ONSET]])]
+    whole = late.transform(u, None, theta, DT / 2, np.array([0]))
+    in_pieces = timed(late, DT * np.arange(N)).transform(u, None, theta, DT / 2, np.array([0, 50, 110]))
+    np.testing.assert_allclose(in_pieces.mean, whole.mean, rtol=1e-12)
+    assert abs(whole.mean - u.mean).max() > 0.1 and (whole.mean == u.mean)[..., : int(ONSET / DT)].all()
+
+
+def test_edges_move_by_whole_samples_up_to_the_distance_of_those_that_were_tried():
+    moved = starting(CATALOGUE["input_gain"]("F"), ("onset", "end")).moved((0.2, 5.0, 8.0), 0.1, 16.0)
+    for place, edge in ((1, 5.0), (2, 8.0)):
+        by = sorted({round((values[place] - edge) / 0.1) for values in moved} - {0})
+        assert by == [k for k in range(-10, 11) if k]  # a sixteenth of the run is ten samples
+    assert {values[0] for values in moved} == {0.2}
 
 
 def test_a_window_is_one_inside_and_none_outside():

@@ -112,3 +112,24 @@ def test_effects_in_a_window_lend_their_shape_to_such_effects_alone():
     )
     base = SimpleNamespace(keys=())
     assert OdeSearch.siblings(search, [nearest], base) == [(other, (8.0,))]
+
+
+def test_in_one_run_a_gain_that_sets_in_and_the_jump_of_its_parameter_are_one_class():
+    def rhs(t, x, u, p):
+        return x[1], p["gain"] * u[0] - 9.0 * x[0] - 0.6 * x[1]
+
+    nominal = ODESimulator(rhs, states=["q", "v"], inputs=["F"], outputs=["q"], params={"gain": 1.0}, dt=DT)
+    rng = np.random.default_rng(1)
+    U = np.repeat(3 * rng.normal(size=(60, 1)), 10, axis=0)
+    plant = AugmentedSimulator(
+        nominal, [starting(CATALOGUE["input_gain"]("F"))], [{"relative_error": 0.4, "onset": 17.3}]
+    )
+    Y = plant.simulate(U) + 0.003 * rng.normal(size=(600, 1))
+    effects = [*EFFECTS, "parameter_error", "parameter_step"]
+    report = GapDiagnoser(nominal, effects=effects, n_jobs=1, random_state=0).fit(U, Y).report_
+    assert report.verdict == "explained" and report.shrink.fraction > 0.9  # the blocks know when it sets in
+    (effect,) = report.effects
+    names = {effect.name, *(name for name, _, _ in effect.equivalents)}
+    assert {"input_gain", "parameter_step"} <= names and "input_bias" not in names
+    low, high = effect.intervals["onset" if "onset" in effect.intervals else "time"]
+    assert low <= 17.3 <= high and high - low < 0.3
