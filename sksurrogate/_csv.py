@@ -78,7 +78,7 @@ def _text_file(path: Any) -> Path:
         raise DataError(f"data={str(path)!r}: there is no such file in {Path.cwd()}.")
     size = file.stat().st_size
     if size == 0:
-        raise DataError(f"{file.name} is empty: expected a header line and one line a sample.")
+        raise DataError(f"{file.name} is empty: expected a header line and one line for each sample.")
     if size > LARGEST_CSV:
         raise DataError(f"data={str(path)!r} is larger than {LARGEST_CSV >> 20} MiB: use the Python interface for it.")
     with file.open("rb") as stream:

@@ -54,13 +54,26 @@ def assigned(texts: Sequence[str], known: Sequence[str]) -> dict[str, str]:
 def columns_of(signals: Sequence[str], header: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
     """Signal -> column: as given, else of the same name, else of the same name with a unit behind it.
 
-    A signal without any stays as it is: reading says what is missing.
+    A signal without any stays as it is: reading says what is missing. A given column may have a unit that the header lacks.
+
+    Raises
+    ------
+    DataError
+        A given column is not there.
 
     Examples
     --------
     >>> columns_of(["flow", "level"], ["time [s]", "level [cm]", "flow"], {})
     {'flow': 'flow', 'level': 'level [cm]'}
+    >>> columns_of(["flow"], ["q"], {"flow": "q [m3/h]"})
+    {'flow': 'q'}
     """
+    given = {name: column if column in header else split_unit(column)[0] for name, column in given.items()}
+    for name, column in given.items():
+        if header and column not in header:
+            raise DataError(
+                f"--columns {name}={column}: the file has no column {column!r}; its columns are {list(header)}."
+            )
     bare: dict[str, list[str]] = {}
     for column in header:
         bare.setdefault(split_unit(column)[0], []).append(column)

@@ -242,12 +242,12 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     from sksurrogate.physics._simulator import describe, units_of
 
     if arguments.jobs == 0:
-        raise DataError("--jobs 0: give the number of worker processes, or -1 for one a core.")
+        raise DataError("--jobs 0: give the number of worker processes, or -1 for one for each core.")
     _check_target("--html", arguments.html)
     _check_target("--save", arguments.save)
     _check_target("--json", None if arguments.json == "-" else arguments.json)
     if arguments.html and arguments.save and Path(arguments.html).resolve() == Path(arguments.save).resolve():
-        raise DataError(f"--html {arguments.html} and --save name one file: give each its own.")
+        raise DataError(f"--html {arguments.html} and --save are the same file: give two names.")
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
     X, y, clock, labels, units = _recording(arguments, plant, units_of(simulator))
@@ -315,7 +315,8 @@ def _recording(
     """Inputs, outputs, time, runs, and the units that the header names."""
     signals = list(dict.fromkeys([*plant.inputs, *plant.outputs]))
     header = read_header(arguments.data)
-    column = columns_of(signals, header, assigned(arguments.columns, signals))
+    given = assigned(arguments.columns, signals)
+    column = columns_of(signals, header, given)
     marks = columns_of([name for name in (arguments.run, arguments.time) if name], header, {})
     run, time = marks.get(arguments.run), marks.get(arguments.time)
     wanted = list(dict.fromkeys(column[name] for name in signals))
@@ -323,7 +324,8 @@ def _recording(
     n = len(next(iter(columns.values())))
     X = np.stack([columns[column[name]] for name in plant.inputs], axis=1) if plant.inputs else np.zeros((n, 0))
     y = np.stack([columns[column[name]] for name in plant.outputs], axis=1)
-    units = {name: unit for name in signals if (unit := split_unit(column[name])[1])}
+    shown = {**column, **{name: text for name, text in given.items() if text not in header}}
+    units = {name: unit for name in signals if (unit := split_unit(shown[name])[1])}
     if time and split_unit(time)[1]:
         units["time"] = split_unit(time)[1]
     for name, unit in units.items():

@@ -104,6 +104,32 @@ def test_a_signal_is_found_behind_its_unit_and_never_guessed_between_two():
     assert split_unit("f(x) [1]") == ("f(x)", "1")
 
 
+def test_a_unit_in_the_option_stands_for_one_that_the_header_lacks(folder, capsys):
+    text = (folder / "data.csv").read_text()
+    (folder / "data.csv").write_text(text.replace("q (m^3/s)", "q", 1))
+    words = [
+        "diagnose",
+        f"{folder / 'plant.py'}:plant",
+        str(folder / "data.csv"),
+        "--quiet",
+        "--json",
+        "--time-limit",
+        "0.001",
+    ]
+    assert main([*words, "--run", "experiment", "--columns", "flow=q [m^3/s]"]) == 3
+    assert json.loads(capsys.readouterr().out)["units"]["flow"] == "m^3/s"
+    assert main([*words, "--columns", "flow=Q"]) == 2
+    assert "--columns flow=Q: the file has no column 'Q'" in capsys.readouterr().err
+
+
+def test_an_effect_that_is_not_in_the_catalogue_is_said_in_one_line(folder, capsys):
+    words = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--columns", "flow=q (m^3/s)"]
+    assert main([*words, "--effects", "sensor_bia"]) == 2
+    assert capsys.readouterr().err.startswith(
+        "sksurrogate: effects: 'sensor_bia' is not in the catalogue; did you mean"
+    )
+
+
 @pytest.mark.parametrize("texts", [["speed"], ["sped=a"], ["speed=a", "speed=b"]])
 def test_mistakes_in_columns(texts):
     with pytest.raises(DataError, match="--columns"):

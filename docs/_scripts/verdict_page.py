@@ -12,7 +12,8 @@ def table() -> str:
     """The rules as a table: the first that applies decides."""
     rows = [f"| {k} | `{rule.name}` | `{rule.verdict}` | {rule.sentence} |" for k, rule in enumerate(RULES, 1)]
     return "\n".join(
-        ["The first rule that applies decides; `report.reasons` names it, with the numbers that it was given.", "",
+        ["The first rule that applies decides. `report.reasons` gives its name and its numbers. The *correction* is all named effects",
+         "and re-tuned parameters.", "",
          "| | rule | verdict | meaning |", "| --- | --- | --- | --- |", *rows, ""]
     )  # fmt: skip
 

@@ -17,6 +17,7 @@ from sksurrogate.effects import _sensor as sensor
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
 from sksurrogate.effects._ports import Places, places_of
 from sksurrogate.effects._structure import kinematic_states, motions
+from sksurrogate.exceptions import DataError
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
@@ -100,7 +101,7 @@ def build_effects(
 
     Raises
     ------
-    ValueError
+    DataError
         A name is not in the catalogue, a class is not an effect, or an instance names a signal that the plant lacks.
 
     Examples
@@ -174,7 +175,7 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
         if item not in CATALOGUE:
             close = difflib.get_close_matches(item, CATALOGUE, n=3, cutoff=0.4)
             hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"known are {list(CATALOGUE)}."
-            raise ValueError(
+            raise DataError(
                 f"effects: {item!r} is not in the catalogue; {hint} "
                 "An effect of your own goes in as a class or an instance."
             )
@@ -188,7 +189,7 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
             return []  # it has no place to be checked: such a plant shows no states
         check_place(item, plant)
         return [item]
-    raise ValueError(
+    raise DataError(
         f"effects: {item!r} is neither a name of the catalogue, nor a subclass of BaseEffect, nor an instance of one; "
         "write for example effects=['coulomb_friction', MyEffect]."
     )
@@ -199,7 +200,7 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
 
     Raises
     ------
-    ValueError
+    DataError
     """
     named = {"parameter": tuple(plant.params), "state": plant.states, "input": plant.inputs, "output": plant.outputs}
     places = named[effect.kind]
@@ -207,7 +208,7 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
     if effect.location not in (*places, *ports):
         beside = f", and no port: {list(ports)}" if ports else ""
         a = "an" if effect.kind in ("input", "output") else "a"
-        raise ValueError(
+        raise DataError(
             f"{effect!r}: location={effect.location!r} is not {a} {effect.kind} of the simulator: {list(places)}{beside}."
         )
     if effect.variable is None:
@@ -215,6 +216,6 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
     signals = named[effect.kind] if effect.kind in ("input", "output") else plant.states + plant.inputs
     for name in effect.variable.split("*"):
         if name not in signals:
-            raise ValueError(
+            raise DataError(
                 f"{effect!r}: variable={effect.variable!r} is made of signals of the simulator: {list(signals)}."
             )

@@ -273,6 +273,6 @@ def _refuse_time(simulator: Any, params: dict[str, Any]) -> None:
             continue
         if not all(np.array_equal(values[0], value, equal_nan=True) for value in values[1:]):
             raise SurrogateError(
-                f"{name} depends on the time t, which x_next, y = f(x, u) does not know: make t a state with dt/dt = 1, or "
-                "what it drives an input."
+                f"{name} depends on the time t, and x_next, y = f(x, u) has no time: make t a state with dt/dt = 1, or "
+                "make the signal that it drives an input."
             )

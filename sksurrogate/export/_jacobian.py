@@ -106,7 +106,7 @@ def _scale_back(transformer: Any, slopes: np.ndarray) -> np.ndarray:
     """Slopes of the target from those of the scaled one."""
     if type(transformer).__name__ not in _SCALERS:
         raise SurrogateError(
-            f"a target transformed by {type(transformer).__name__} has no slopes that are known here: use a scaler "
+            f"a target transformed by {type(transformer).__name__} has no known slopes: use a scaler "
             f"({', '.join(_SCALERS)})."
         )
     return slopes * _units(transformer.inverse_transform, slopes.shape[1])[:, None]

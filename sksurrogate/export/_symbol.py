@@ -75,7 +75,7 @@ class Symbol:
 
     def __bool__(self) -> bool:
         raise TypeError(
-            "the simulator's functions branch on values, which no graph can hold: write the branch with np.where, np.minimum, "
+            "the simulator's functions branch on values, and a graph has no branches: write the branch with np.where, np.minimum, "
             "np.maximum, np.abs or np.tanh, or export the surrogate alone."
         )
 

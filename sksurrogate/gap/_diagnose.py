@@ -265,7 +265,7 @@ def _refuse_still(Y: Sequence[np.ndarray], names: Sequence[str]) -> None:
         values = y[~np.isnan(y)]
         if np.ptp(values) == 0:
             raise DataError(
-                f"y never moves in column {name!r}: it is {values[0]:g} in all rows, and there is no gap to be found in it. "
+                f"y never moves in column {name!r}: it is {values[0]:g} in all rows, so it shows no gap. "
                 "If the plant moved, this sensor stood still: leave the output out of y and of the simulator's outputs. If the "
                 "plant stood still, record a run in which it moves."
             )

@@ -158,7 +158,7 @@ def _stepped(question: Question, description: Any, through: Through) -> Access:
         raise Unfit("a right-hand side needs model exchange")
     if not description.coSimulation.canGetAndSetFMUstate and question.wanted != "step":
         raise Unfit(
-            'it offers no copy of its state (canGetAndSetFMUstate); access="step" tries to begin anew at every sample'
+            'it offers no copy of its state (canGetAndSetFMUstate); access="step" tries to restart it at every sample'
         )
     signals = _signals(question, description, "CoSimulation")
     known = {variable.name: variable for variable in description.modelVariables}
@@ -206,8 +206,8 @@ def _prove(
         if wrong.any():
             k, i = np.argwhere(wrong)[0]
             raise Unfit(
-                f"its states {list(signals.states)} do not tell all that follows: {names[i]!r} at t={t[k]:g} is {expected[k, i]:.6g}, "
-                f"{found[k, i]:.6g} when it begins anew at every sample{steps_said(steps)}"
+                f"its states {list(signals.states)} do not determine its future: {names[i]!r} at t={t[k]:g} is {expected[k, i]:.6g}, "
+                f"{found[k, i]:.6g} when it restarts at every sample{steps_said(steps)}"
             )
 
 

@@ -179,7 +179,7 @@ class EventSteps:
         found = np.empty(len(s.outputs))
         given = (s.outputs.ctypes.data, len(found), found.ctypes.data, *self.unit._tail(len(found)))
         if len(found) and self.unit.calls.get_real(self.unit.instance.component, *given) > 1:
-            raise Refused("does not tell its outputs")
+            raise Refused("gives no outputs")
         return found
 
     def _signs(self, t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

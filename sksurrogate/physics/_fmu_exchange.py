@@ -114,7 +114,7 @@ class ExchangeUnit:
         """Continuous states where the unit is, (n_states,)."""
         found = np.empty(len(self.signals.states))
         if self.calls.get_states(self.instance.component, found.ctypes.data, len(found)) > 1:
-            raise Refused("does not tell its states")
+            raise Refused("gives no states")
         return found[self.signals.order]
 
     def renew(self, fatal: bool = False) -> None:

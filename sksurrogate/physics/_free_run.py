@@ -26,7 +26,7 @@ LONG_RUN = 1_000
 
 #: Why an export cannot equal such a run.
 OF_SCIPY = (
-    "an integrator of scipy takes this run, in steps of its own: no export in fixed steps equals it. Give n_sub yourself and "
+    "scipy's integrator simulates this run with variable steps, so no export with fixed steps equals it. Choose n_sub and "
     'compare, or simulate with method="RK4", hold="zoh" and without events.'
 )
 

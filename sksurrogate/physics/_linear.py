@@ -70,7 +70,7 @@ def linear_parts(
     if wrong.any():
         i, k = np.argwhere(wrong)[0]
         raise SimulatorError(
-            f'method="exact" needs a right-hand side that is linear in states and inputs and knows no time: the derivative of '
+            f'method="exact" needs a right-hand side that is linear in states and inputs and does not depend on time: the derivative of '
             f"{states[i]!r} at t={times[k]:g}, x={probes[:n, k].round(4).tolist()}, u={probes[n:, k].round(4).tolist()} is {found[i, k]:.6g}, "
             f'a linear one would be {expected[i, k]:.6g}. Write method="auto".'
         )

@@ -29,7 +29,7 @@ def _inputs(U: Any, names: Sequence[str] | None = None) -> np.ndarray:
     if inputs.ndim != 2 or (names is not None and inputs.shape[1] != len(names)):
         width = "n_inputs" if names is None else str(len(names))
         raise SimulatorError(
-            f"U has shape {inputs.shape}, expected (n_samples, {width}): one row a sample, one column an input."
+            f"U has shape {inputs.shape}, expected (n_samples, {width}): one row for each sample, one column for each input."
         )
     return inputs
 
@@ -39,7 +39,7 @@ def _bearable(inputs: np.ndarray) -> np.ndarray:
     if not offered(inputs.T).all():
         row = int(np.flatnonzero(~offered(inputs.T))[0])
         raise SimulatorError(
-            f"U={inputs[row].tolist()} in row {row}: a simulator is given finite inputs up to {LARGEST_OFFERED:g} alone; interpolate or cut "
+            f"U={inputs[row].tolist()} in row {row}: expected finite inputs of at most {LARGEST_OFFERED:g}; interpolate or cut "
             "the record there."
         )
     return inputs
@@ -112,7 +112,7 @@ class TableSimulator(BaseSimulator):
         outputs = outputs.reshape(len(outputs), -1)
         if len(table) != len(outputs):
             raise SimulatorError(
-                f"U has {len(table)} rows and Y has {len(outputs)}: the table needs one row a sample in both."
+                f"U has {len(table)} rows and Y has {len(outputs)}: the table needs one row for each sample in both."
             )
         if table.shape[1] != inputs.shape[1]:
             raise SimulatorError(f"U has {inputs.shape[1]} columns, the table {table.shape[1]} inputs.")

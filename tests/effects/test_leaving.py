@@ -164,7 +164,7 @@ def test_a_run_in_steps_of_scipy_has_no_number_of_steps():
     )
     worn = AugmentedSimulator(stiff, [CATALOGUE["input_gain"]("u")], [(0.1,)])
     for model in (stiff, worn):
-        with pytest.raises(SimulatorError, match="an integrator of scipy takes this run"):
+        with pytest.raises(SimulatorError, match="integrator simulates this run with variable steps"):
             model.substeps(U[:, :1])
 
 

@@ -204,3 +204,8 @@ def test_units_stand_beside_the_numbers(diagnoser):
     text = str(diagnoser.report_)
     assert re.search(r"coefficient: 0\.\d+ 1/m \[", text)
     assert re.search(r"k: 1 -> 1\.\d+ 1/s \[", text)
+    two = Where("speed", "state", by_output=Table(({"output": "speed", "gap": 0.2}, {"output": "w", "gap": 0.1})),
+                by_region=Table(({"rule": "speed <= 0.3", "share": 0.9, "samples": 0.5}, {"rule": "speed > 0.3", "share": 0.1, "samples": 0.5})))  # fmt: skip
+    shown = terminal_page(report(FRICTION, where=two))
+    assert re.search(r"speed +0\.2 +rad/s\n +w +0\.1 +-", shown) and "90.0 % at speed <= 0.3 rad/s (" in shown
+    assert "speed &lt;= 0.3 rad/s" in html_page(report(FRICTION, where=two))

@@ -175,8 +175,8 @@ def test_a_time_event_of_a_unit_equals_the_closed_form(ball_unit):
 def test_a_unit_that_remembers_more_than_its_states_gives_trajectories_alone(ball_unit):
     unit = FMUSimulator(ball_unit, outputs=["height"], params={"wear": 0.3}, dt=0.02)
     assert describe(unit).access == "trajectory" and unit.states is None
-    assert "do not tell all that follows: 'height' at t=" in unit.explain_access()
-    with pytest.raises(SimulatorError, match=r"access='step'.*begins anew at every sample"):
+    assert "do not determine its future: 'height' at t=" in unit.explain_access()
+    with pytest.raises(SimulatorError, match=r"access='step'.*restarts at every sample"):
         describe(clone(unit).set_params(access="step"))
     assert describe(clone(unit).set_params(params={"wear": 0.0})).access == "step"
 

@@ -110,26 +110,28 @@ RULES: tuple[Rule, ...] = (
         "grid_beside_names",
         lambda f: f.rounding > GRID_SHARE and f.names > 0 and certain(f),
         "partial",
-        "The effects are certain; the readings also lie on a grid that no effect names.",
+        "The effects are certain. The readings also lie on a grid, and no named effect explains it.",
     ),
-    Rule("grid", lambda f: f.rounding > GRID_SHARE, "unknown", "The readings lie on a grid that no effect names."),
+    Rule(
+        "grid", lambda f: f.rounding > GRID_SHARE, "unknown", "The readings lie on a grid, and no effect explains it."
+    ),
     Rule(
         "uncertain_names",
         lambda f: f.names > 0 and not certain(f),
         "unknown",
-        "An effect closes part of the gap, but a law without a name, or another effect, explains it as well.",
+        "An effect closes part of the gap, but another effect or a law without a name explains it as well.",
     ),
     Rule(
         "closed",
         lambda f: certain(f) and f.share_left <= f.tolerance,
         "explained",
-        "What is named closes the gap on runs left out up to the tolerance.",
+        "The correction closes the gap on held-out runs, up to the tolerance.",
     ),
     Rule(
         "at_the_noise",
         lambda f: certain(f) and f.left < SETTLED and f.share_left <= MOST_LEFT,
         "explained",
-        "What is named closes most of the gap, and leaves no more than the noise.",
+        "The correction closes most of the gap, and only noise remains.",
     ),
     Rule(
         "disturbance_left",
@@ -137,26 +139,26 @@ RULES: tuple[Rule, ...] = (
             certain(f) and f.lawful <= f.tolerance and f.share_left <= MOST_LEFT and f.after < LARGEST_DISTURBANCE
         ),
         "explained",
-        "What is named leaves a disturbance: it is not lawful, and small beside the outputs.",
+        "The correction leaves a disturbance: it follows no law, and it is small beside the outputs.",
     ),
     Rule(
         "law_left",
         lambda f: f.names > 0,
         "partial",
-        "The effects are certain, and more than the tolerance remains.",
+        "The effects are certain, but more than the tolerance remains.",
     ),
     Rule(
         "most_left",
         lambda f: f.retuned,
         "unknown",
-        "Re-tuning alone does not close the gap, and no effect explains what it leaves.",
+        "Re-tuning alone does not close the gap, and no effect explains the rest.",
     ),
     Rule("below_practical", lambda f: f.error < PRACTICAL, "none", "The gap is too small to matter."),
     Rule(
         "small_and_lawless",
         lambda f: f.error < SMALL_GAP and not lawful(f),
         "none",
-        "The gap is small, and no law of states and inputs is in it.",
+        "The gap is small, and it follows no law of states and inputs.",
     ),
     Rule(
         "unnamed_curve",
@@ -182,7 +184,7 @@ RULES: tuple[Rule, ...] = (
         "unknown",
         "The free run is wrong by more than a disturbance, and no effect explains it.",
     ),
-    Rule("none", lambda f: True, "none", "What is left is noise and disturbance."),
+    Rule("none", lambda f: True, "none", "Only noise and disturbance remain."),
 )
 
 

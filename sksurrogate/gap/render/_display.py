@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, part_name, shown
 from sksurrogate.gap.render._runs import fitted_name, noise_of, run_error, worst_first
-from sksurrogate.gap.render._units import TIME, axis, derivative_unit
+from sksurrogate.gap.render._units import TIME, axis, derivative_unit, range_text
 from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
@@ -229,7 +229,7 @@ class GapDisplay:
         at = np.arange(len(rows))
         ax.barh(at + 0.2, [100 * r["share"] for r in rows], 0.4, color="#d55e00", label="of the gap")
         ax.barh(at - 0.2, [100 * r["samples"] for r in rows], 0.4, color="#999999", hatch="//", label="of the samples")
-        ax.set_yticks(at, [r["rule"].replace(" and ", "\nand ") for r in rows])
+        ax.set_yticks(at, [range_text(r["rule"], self.report.units).replace(" and ", "\nand ") for r in rows])
         ax.set(xlabel="per cent: where the gap arises")
         ax.legend(frameon=False)
 

@@ -27,6 +27,7 @@ from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._table_html import explained
+from sksurrogate.gap.render._units import TIME, axis, range_text, unit_column
 from sksurrogate.gap.render._values import place_of
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -154,12 +155,20 @@ def _where(report: ReportData) -> str:
         "share": "of the gap, held by the named effects there" if report.effects else "probability of the place",
         "evidence": "of a free signal there alone, in nats",
     }
-    time = report.units.get("time", "unit of time")
+    time = report.units.get(TIME, "unit of time")
+    regions = [
+        {name: range_text(value, report.units) if name == "rule" else value for name, value in row.items()}
+        for row in where.by_region
+    ]
     tables = [
-        ("By output", _with_units(_outputs(where.by_output), "output", report), {}),
+        ("By output", unit_column(_outputs(where.by_output), "output", report.units), {}),
         ("By place", where.by_location, place),
-        ("By operating range", where.by_region, {}),
-        ("By time", where.by_time, {"kind": "how the size changes over a run"}),
+        ("By operating range", Table(tuple(regions)), {}),
+        (
+            axis("By time", {"By time": report.units.get(TIME, "")}),
+            where.by_time,
+            {"kind": "how the size changes over a run"},
+        ),
         (f"By frequency (cycles per {time})", where.by_frequency, {"gap": "power of the error", "noise": "power"}),
     ]
     shown = [(title, table, other) for title, table, other in tables if len(table)]
@@ -213,16 +222,8 @@ def _retuned(report: ReportData) -> str:
     if not len(report.retuned):
         return ""
     other = {"low": "lower end of the 90 % interval", "high": "upper end"}
-    table = explained(_with_units(report.retuned, "parameter", report), (), other)
+    table = explained(unit_column(report.retuned, "parameter", report.units), (), other)
     return f"<details><summary>All re-tuned parameters</summary>{table}</details>"
-
-
-def _with_units(table: Table, column: str, report: ReportData) -> Table:
-    """A table with a column of units, where one is known."""
-    units = [report.units.get(str(row.get(column)), "") for row in table]
-    if not any(units):
-        return table
-    return Table(tuple({**row, "unit": unit or "-"} for row, unit in zip(table, units)))
 
 
 def _ranking(report: ReportData) -> str:

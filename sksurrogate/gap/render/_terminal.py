@@ -10,6 +10,7 @@ from sksurrogate.gap.render._law import law_lines
 from sksurrogate.gap.render._origin_html import origin_line
 from sksurrogate.gap.render._record import record_lines
 from sksurrogate.gap.render._table_html import grid
+from sksurrogate.gap.render._units import TIME, axis, range_text, unit_column
 from sksurrogate.gap.render._values import percent, place_of
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._report_data import ReportData
@@ -101,9 +102,11 @@ def _where(report: ReportData, width: int) -> list[str]:
         rows = sorted(where.by_region, key=lambda row: -row.get("share", 0.0))[:MOST_ROWS]
         lines.append("Where the gap arises")
         for row in rows:
-            text = f"{percent(row['share'])} at {row['rule']} ({percent(row['samples'])} of the samples)"
+            text = f"{percent(row['share'])} at {range_text(row['rule'], report.units)} ({percent(row['samples'])} of the samples)"
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")
-    for heading, table in (("By output", where.by_output), ("By time", where.by_time[:MOST_ROWS])):
+    outputs = unit_column(where.by_output, "output", report.units)
+    time = axis("By time", {"By time": report.units.get(TIME, "")})
+    for heading, table in (("By output", outputs), (time, where.by_time[:MOST_ROWS])):
         if len(table) > 1:
             lines += [heading, *(_cut(f"  {line}", width) for line in grid(table))]
     return lines

@@ -8,8 +8,9 @@ from functools import reduce
 from sksurrogate._units import over, times, to_power
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._table import Table
 
-__all__ = ["TIME", "axis", "derivative_unit", "parameter_unit", "with_unit"]
+__all__ = ["TIME", "axis", "derivative_unit", "parameter_unit", "range_text", "unit_column", "with_unit"]
 
 #: Key of ``units`` under which the unit of time stands.
 TIME = "time"
@@ -43,6 +44,26 @@ def with_unit(number: str, unit: str) -> str:
 def derivative_unit(name: str, units: Mapping[str, str]) -> str:
     """Unit of the derivative of a signal; empty where its unit, or that of time, is not known."""
     return over(units.get(name, ""), units.get(TIME, ""))
+
+
+def range_text(rule: str, units: Mapping[str, str]) -> str:
+    """A rule of the operating range with the units of its signals.
+
+    Examples
+    --------
+    >>> range_text("speed <= 0.3 and force > 2", {"speed": "m/s"})
+    'speed <= 0.3 m/s and force > 2'
+    """
+    parts = rule.split(" and ")
+    return " and ".join(with_unit(part, units.get(part.rsplit(" ", 2)[0], "")) for part in parts)
+
+
+def unit_column(table: Table, column: str, units: Mapping[str, str]) -> Table:
+    """A table with a column of units, where one is known of the signals of a column."""
+    found = [units.get(str(row.get(column)), "") for row in table]
+    if not any(found):
+        return table
+    return Table(tuple({**row, "unit": unit or "-"} for row, unit in zip(table, found)))
 
 
 def parameter_unit(effect: EffectEstimate, parameter: str, units: Mapping[str, str]) -> str:

@@ -45,7 +45,7 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
             return _along(null, x, location, kind, soft)
         except np.linalg.LinAlgError:
             continue
-    raise np.linalg.LinAlgError(f"no noise can be followed along any path near the data with a signal at {location!r}")
+    raise np.linalg.LinAlgError(f"the noise model gives no likelihood along any path near the data with a signal at {location!r}")
 
 
 def _along(null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Sequence[str]) -> Channel:
@@ -136,7 +136,7 @@ def _about(
     r, sensor = record.residual(lin.y), sensor_at(null, location, kind)
     noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor, near=near)
     if not np.isfinite(value):
-        raise np.linalg.LinAlgError("no noise can be followed along this path")
+        raise np.linalg.LinAlgError("the noise model gives no likelihood along this path")
     Z, names = features(problem, x)
     push, after = (B[:, 0] if sensor is None else None), followers(null, lin)
     channel = Channel(record, D, noise, r, push, sensor, unit, held, Z, names, value, after, x, len(soft))
