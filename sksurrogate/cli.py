@@ -9,6 +9,7 @@ import shlex
 import sys
 import tempfile
 import textwrap
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -266,7 +267,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         **knowledge_of(arguments),
     )
     try:
-        with redirect_stdout(sys.stderr):  # what a simulator prints is no part of the report
+        # what a simulator prints is no part of the report
+        with redirect_stdout(sys.stderr), warnings.catch_warnings():
+            warnings.showwarning = _warned
             _say_swapped(simulator, X, y, labels, plant)
             diagnoser.fit(timed, y, groups=labels)
     except DataError as error:
@@ -286,6 +289,11 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     if arguments.save and not saved:
         print(augmented_text(better, **notes), end="")
     return _ended(report, safe and whole and plain)
+
+
+def _warned(message: Warning | str, *more: Any, **others: Any) -> None:
+    """A warning in one line."""
+    print(f"sksurrogate: {message}", file=sys.stderr)
 
 
 def _ended(report: Any, written: bool) -> int:

@@ -169,7 +169,8 @@ class GapDisplay:
         labels = [f"{r['name']} at {r['location']}" + (f" in {r['variable']}" if r["variable"] else "") for r in rows]
         colours = ["#000000" if r["named"] else "#999999" for r in rows]
         ax.barh(labels, [max(r["evidence"], 0.0) for r in rows], color=colours)
-        ax.set(xlabel="evidence over no effect, 2 (L - L0); named effects in black")
+        most = max([r["evidence"] for r in rows] + [0.0])
+        ax.set(xlabel="evidence over no effect, 2 (L - L0); named effects in black", xlim=(0, 1.05 * most or 1.0))
 
     def _trace(self, ax: Any) -> None:
         trace, j = self._worst_trace(), self._worst()
@@ -209,7 +210,7 @@ class GapDisplay:
         ax.bar(at + 0.2, [after for _, after in errors], 0.4, color="#000000", label=fitted_name(self.report))
         ax.set_xticks(at, [str(self.report.traces[k].label) for k in order], rotation=45 if len(order) > 8 else 0)
         ax.set(xlabel="run, the worst first", ylabel="RMSE / deviation")
-        ax.legend(frameon=False)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=2, frameon=False)
 
     def _time_axis(self, label: Any) -> str:
         return f"{axis(TIME, self.report.units)} (held-out run {label})"

@@ -31,7 +31,10 @@ def _kept(law: Law, report: ReportData) -> str:
     """Whether the corrected simulator has it, and where it holds."""
     carried = "augmented_ carries it" if report.provenance.include_law else "augmented_ leaves it out"
     kept = f"certified on held-out runs; {carried}" if law.certified else "not certified on held-out runs"
-    ranges = "; ".join(f"{name} from {number(low)} to {number(high)}" for name, (low, high) in law.domain.items())
+    ranges = "; ".join(
+        f"{name} from {number(low)} to {with_unit(number(high), report.units.get(name, ''))}"
+        for name, (low, high) in law.domain.items()
+    )
     return f"{kept}. Fitted for {ranges}." if ranges else f"{kept}."
 
 

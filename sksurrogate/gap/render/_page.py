@@ -238,7 +238,7 @@ def _ranking(report: ReportData) -> str:
         )
     )
     rest = explained(Table(tuple(rows)))
-    count = f"{len(rows)} of {len(report.ranking)}" if len(rows) < len(report.ranking) else f"all {len(rows)}"
+    count = f"{len(rows)} of {len(report.ranking)}" if len(rows) < len(report.ranking) else "all"
     return (
         f"<h2>Single effects compared</h2>{explained(short)}"
         f"<details><summary>{count} candidates, all columns</summary>{rest}</details>"

@@ -18,7 +18,8 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
 
     What makes held-out runs worse says so: it is not a help.
     """
-    s = report.shrink
+    s, law = report.shrink, None if report.missing_term is None else report.missing_term.law
+    beside = "with the law too" if report.effects else "with the law"
 
     def helps(label: str, after: float) -> str:
         return f"{label} (no help)" if after > s.before else label
@@ -28,7 +29,7 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
         (helps("parameters re-tuned", s.after_retuning), s.after_retuning),
         (helps("generic correction", s.after_correction), s.after_correction),
         ("with the effects", s.after if report.effects else np.nan),
-        ("with the law too" if report.effects else "with the law", s.after_law),
+        (beside if law is None or law.certified else f"{beside} (not certified)", s.after_law),
         ("noise", s.floor),
     ]
     return [(label, float(value)) for label, value in rows if np.isfinite(value)]
