@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import io
 import re
 from array import array
 from collections.abc import Iterator, Sequence
@@ -31,6 +32,8 @@ def read_csv(
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """Columns of a CSV by name, as numbers; the run column as whole numbers, else as text.
 
+    pandas reads it, if it is installed and every cell is plain; else lines are read one by one, and a mistake has its line.
+
     Parameters
     ----------
     path : path
@@ -55,6 +58,9 @@ def read_csv(
         the message names line and column.
     """
     file = _text_file(path)
+    plain = _by_pandas(file, wanted, run, time)
+    if plain is not None:
+        return plain
     with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
         return _read(stream, file.name, wanted, run, time)
 
@@ -86,6 +92,52 @@ def _text_file(path: Any) -> Path:
     if b"\0" in head:
         raise DataError(f"{file.name} is not UTF-8 text (a spreadsheet, or UTF-16?): save it as CSV, UTF-8.")
     return file
+
+
+def _by_pandas(
+    file: Path, wanted: Sequence[str], run: str | None, time: str | None
+) -> tuple[dict[str, np.ndarray], np.ndarray | None] | None:
+    """As :func:`_read` gives it; None without pandas, and where there are quotation marks or anything is amiss."""
+    try:
+        import pandas
+    except ImportError:
+        return None
+    header, data = read_header(file), file.read_bytes()
+    named = [*dict.fromkeys([*wanted, *([time] if time else [])]), *([run] if run else [])]
+    if b'"' in data or len(set(named)) < len(named) or any(header.count(column) != 1 for column in named):
+        return None
+    places = {column: header.index(column) for column in named}
+    delimiter = max(",;\t", key=data.split(b"\n", 1)[0].decode(errors="replace").count)
+    try:
+        frame = pandas.read_csv(
+            io.BytesIO(data), sep=delimiter, header=None, names=range(len(header)), skiprows=1, index_col=False,
+            usecols=sorted(set(places.values())), dtype=str, na_filter=False, encoding="utf-8-sig",
+        )  # fmt: skip
+    except (ValueError, pandas.errors.ParserWarning):
+        return None
+    if not len(frame) or data.count(delimiter.encode()) != (len(header) - 1) * (len(frame) + 1):
+        return None  # a line is short, or there is none
+    cells = {column: [str(cell).strip() for cell in frame[place]] for column, place in places.items()}
+    labels = cells.pop(run) if run else []
+    columns = {column: _plain(texts, column == time, delimiter) for column, texts in cells.items()}
+    if not all(map(len, columns.values())) or max(map(len, labels), default=0) > LONGEST_LABEL:
+        return None
+    return columns, _labels(labels) if run else None
+
+
+def _plain(cells: list[str], clock: bool, delimiter: str) -> np.ndarray:
+    """Finite numbers of a column, or seconds of its dates and times; empty where a cell is neither."""
+    if clock and ISO_TIME.match(cells[0]):
+        watch = _Clock()
+        seconds = [watch.seconds(text) for text in cells]
+        return np.empty(0) if None in seconds else np.array(seconds, dtype=float)
+    if delimiter != ",":
+        cells = [text.replace(",", ".") if DECIMAL_COMMA.fullmatch(text) else text for text in cells]
+    try:
+        values = np.array([float("no number" if "_" in text else text) for text in cells])
+    except ValueError:
+        return np.empty(0)
+    return values if np.all(np.isfinite(values)) else np.empty(0)
 
 
 def _read(

@@ -1,6 +1,7 @@
 """Recordings as people have them: units in headers, other names, decimal commas, dates, swapped columns; options anywhere."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -95,6 +96,46 @@ def test_decimal_commas_and_dates_are_read(tmp_path):
     (tmp_path / "d.csv").write_text("t,y\n2026-01-31T23:59:59Z,1\n2026-02-01T01:00:00+01:00,2\n")
     assert read_csv(tmp_path / "d.csv", ["y"], time="t")[0]["t"].tolist() == [0.0, 1.0]
     assert read_header(tmp_path / "d.csv") == ["t", "y"]
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        ("t,u,y\n0,1,2\n0.1,1e-3,-2.50\n", {"time": "t"}),
+        ("run;u;y\na;1,5;2\na ;-,25;3\n\nb;1e3;4\n", {"run": "run"}),
+        ("run\tu\ty\n1\t1.5\t2\n2\t0.1234567890123456789\t3\n", {"run": "run"}),
+        ("t;u;y\n2026-01-31 23:59:59,5;1,5;2\n2026-02-01 00:00:00,0;2;3\n", {"time": "t"}),
+        ("t;u;y\n0,1;1,5;2\n0,2;2;3\n", {"time": "t"}),
+        ("u,y,run\r\n1,2,\u00b5\r\n3,4,7\r\n", {"run": "run"}),
+        ('u,y,run\n1,2,"a, b"\n3,4,7\n', {"run": "run"}),
+        ("u;y\n1.5;2,5\n2;3\n", {}),
+        ("\ufeffu,y\n1,2\n", {}),
+        ("u,y,w\n1,2\n3,4,5\n", {}), ("u,y\n1,2,3\n", {}), ("u,y\n1,\n", {}), ("u,y\n1,nan\n", {}), ("u,y\n1_0,2\n", {}),
+        ("u,y\n1,True\n", {}), ("u,y\n", {}), ("u,y\n,\n1,2\n", {}), ("u,y,y\n1,2,3\n", {}), ("t,u,y\n5 pm,1,2\n", {"time": "t"}),
+        ("u,y\n1,2,\n3,4,\n", {}), ("u,y\n0x10,2\n", {}), ("u,y\n1,inf\n", {}), ("u,y\n1,2\n  \n3,4\n", {}),
+    ],
+)  # fmt: skip
+def test_pandas_reads_what_the_reader_of_lines_reads(text, options, tmp_path, monkeypatch):
+    (tmp_path / "d.csv").write_text(text, encoding="utf-8", newline="")
+
+    def read():
+        try:
+            columns, labels = read_csv(tmp_path / "d.csv", ["u", "y"], **options)
+        except DataError as error:
+            return str(error)
+        return {name: column.tolist() for name, column in columns.items()}, None if labels is None else labels.tolist()
+
+    found = read()
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    assert found == read()
+
+
+def test_a_plain_recording_is_read_by_pandas(tmp_path, monkeypatch):
+    pytest.importorskip("pandas")
+    (tmp_path / "d.csv").write_text("run;t;u\n" + "".join(f"a;{k};{k},5\n" for k in range(50)))
+    monkeypatch.setattr("sksurrogate._csv._read", None)  # the reader of lines is not asked
+    columns, labels = read_csv(tmp_path / "d.csv", ["u"], run="run", time="t")
+    assert columns["u"].tolist() == [k + 0.5 for k in range(50)] and columns["t"][-1] == 49 and set(labels) == {"a"}
 
 
 def test_a_signal_is_found_behind_its_unit_and_never_guessed_between_two():
