@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,9 @@ def in_some_runs(
     some = np.setdiff1d(run, quiet)
     if not len(quiet) or not len(some):
         return None
-    answer = _by_themselves(begin, runs, record, some, whole, progress)
+    pipeline.search.report(f"{_runs([runs[r].label for r in some])} by themselves")
+    chosen = replace(runs, runs=tuple(runs[r] for r in some)), record.select(some.tolist())
+    answer = _by_themselves(partial(begin, *chosen), progress)
     if answer is None:
         return None
     part, seen, said = answer
@@ -71,19 +74,10 @@ def in_some_runs(
     return part, np.flatnonzero(np.isin(record.run_of_row, some))[seen], said
 
 
-def _by_themselves(
-    begin: Callable[[Runs, Record], Any],
-    runs: Runs,
-    record: Record,
-    some: np.ndarray,
-    whole: Answer,
-    progress: Progress,
-) -> Answer | None:
+def _by_themselves(begin: Callable[[], Any], progress: Progress) -> Answer | None:
     """The diagnosis of some runs alone; None where it names nothing, or cannot be made: that of all runs is known."""
-    whole[0].search.report(f"{_runs([runs[r].label for r in some])} by themselves")
     try:
-        chosen = replace(runs, runs=tuple(runs[r] for r in some))
-        part, seen, processes = begin(chosen, record.select(some.tolist()))
+        part, seen, processes = begin()
         with processes[0], processes[1]:
             said = part.run(progress)
     except (SurrogateError, FloatingPointError, np.linalg.LinAlgError):

@@ -20,8 +20,10 @@ from sksurrogate.kernels.disturbance import Noise
 
 #: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
 UNNAMED = 0.02
-#: Names less probable than this do not stand, beside others and alone: a law does as well in their place.
-LEAST_BESIDE, LEAST_ALONE = 0.9, 0.5
+#: Probability from which a name is given, and from which one stands beside others; below it a law does as well in its place.
+CERTAIN_NAME = 0.9
+#: One that stands alone is reported as uncertain from here on: it is likelier than not.
+LEAST_ALONE = 0.5
 #: Sets that are compared beside a law: at most so many.
 MOST_OTHERS = 6
 
@@ -102,7 +104,7 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
     while final.effects and not leaves_most(final, search.gap_cost):
         posterior = weigh(search, final, tolerance)
         least = int(np.argmin(posterior.probabilities))
-        if posterior.probabilities[least] >= (LEAST_BESIDE if len(final.effects) > 1 else LEAST_ALONE):
+        if posterior.probabilities[least] >= (CERTAIN_NAME if len(final.effects) > 1 else LEAST_ALONE):
             stood.add(frozenset(final.candidate.keys))
             if posterior.law is None:
                 return final, posterior

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import FAR, MOST_LEFT, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.decide._posterior import CERTAIN_NAME
+from sksurrogate.gap.fit._closeness import FAR, MOST_LEFT, NEAR, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
@@ -73,16 +74,12 @@ def left_over(final: Evidence, latent: LatentForce, most_noise: np.ndarray, retu
     return final.left_within(most, np.minimum(latent.noise.sigma, most_noise))
 
 
-#: Probability from which a name is given.
-CERTAIN_NAME = 0.9
 #: A reading's grid counts from this share of the output's deviation on.
 GRID_SHARE = 0.01
 #: R2 of a law of states and inputs in what is left, and its least value over the number of samples: less may be chance.
 LAW, LEAST_LAW_PER_SAMPLE = 0.10, 20.0
 #: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where no law is in it.
 PRACTICAL = 0.005
-#: A free run beyond both (error over the deviation, over the noise) is wrong by more than a disturbance.
-LARGE_ERROR, LEFT_OF_LARGE = LARGEST_DISTURBANCE, 2.0
 
 
 @dataclass(frozen=True)
@@ -180,7 +177,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "unnamed_and_large",
-        lambda f: f.error > LARGE_ERROR and f.left > LEFT_OF_LARGE,
+        lambda f: f.error > LARGEST_DISTURBANCE and f.left > NEAR,
         "unknown",
         "The free run is wrong by more than a disturbance, and no effect explains it.",
     ),

@@ -19,7 +19,7 @@ from sksurrogate.gap.decide._rules import GRID_SHARE, DecisionFeatures, left_ove
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.fit._closeness import CLOSED, NEAR, NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
@@ -141,7 +141,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
     def ask_for_the_gap(self, final: Evidence[OdeCandidate]) -> PendingAnswer[tuple[LatentForce, list[Place]]]:
         """The force on top of the simulator alone and its places, worked out while other questions are asked."""
         search = self.search
-        question = partial(gap_and_places, search.fitted_null, self.channels, final.left < CLOSED)
+        question = partial(gap_and_places, search.fitted_null, self.channels, final.left < SETTLED)
         self.gap_asked = search.later.ask(question)
         return self.gap_asked
 

@@ -11,10 +11,10 @@ import numpy as np
 from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, smoother_inputs
 from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import CLOSED
-from sksurrogate.gap.fit._evidence import Evidence, bar, estimate_noise
+from sksurrogate.gap.fit._closeness import SETTLED
+from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, bar, estimate_noise
 from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
-from sksurrogate.gap.search._base import EXTRA, BaseSearch
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
@@ -66,7 +66,7 @@ def fault_left(bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[An
         seen += [(fit.first_sight(proposal), fit, proposal, len(tried)) for proposal in tried]
     seen.sort(key=lambda one: -one[0])
     followed = [fit.followed(proposal, tried, search) for _, fit, proposal, tried in seen[:FOLLOWED]]
-    clear = [one for one in followed if one is not None and one.gain > EXTRA]
+    clear = [one for one in followed if one is not None and one.gain > CERTAIN]
     good = [one for one in clear if one.enough]
     known = [
         replace(one, fault=replace(one.fault, taken_out=False)) for one in clear if isinstance(one.fault, NoisyInput)
@@ -87,7 +87,7 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
         except np.linalg.LinAlgError:
             continue
         fault = proposal.fault(theta[fit.J.shape[1] :])
-        if gain - fit.cost(proposal, len(record.y)) > EXTRA and isinstance(fault, Hum):
+        if gain - fit.cost(proposal, len(record.y)) > CERTAIN and isinstance(fault, Hum):
             found.append((gain, fault))
     return max(found, key=lambda one: one[0])[1] if found else None
 
@@ -184,7 +184,7 @@ class _Fit:
             return None
         before, after = _excess(model, model.residual), _excess(again, again.residual)
         removed = 1.0 - max(after, 0.0) / before if before > 0 else 0.0
-        if after < (CLOSED**2 - 1.0) * self.n and before > 2.0 * after:
+        if after < (SETTLED**2 - 1.0) * self.n and before > 2.0 * after:
             removed = 1.0  # at the noise
         cost = self.cost(proposal, tried)
         score = max(value, estimate_noise(again, self.noises[1], max_iterations=8).log_likelihood)

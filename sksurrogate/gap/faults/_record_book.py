@@ -13,7 +13,7 @@ from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
 from sksurrogate.gap.faults._fault_left import fault_left, tone_left
 from sksurrogate.gap.faults._wrong_readings import outlying, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, CLOSED
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.search._base import BaseSearch
@@ -120,7 +120,7 @@ class RecordBook:
 def _bases(search: BaseSearch[Any], final: Evidence) -> list[Evidence]:
     """What stands, the simulator alone, and the best single effects where what stands is far from the noise."""
     out = {final.candidate: final, search.fitted_null.candidate: search.fitted_null}
-    singles = search.first_round if final.left > CLOSED else []
+    singles = search.first_round if final.left > SETTLED else []
     for candidate in [*singles[:MOST_SINGLES], *sorted(singles, key=lambda one: one.fit.cost)[:MOST_SINGLES]]:
         out.setdefault(candidate, search.judged.get(candidate, Evidence(candidate, search.fitted_null.noise, -np.inf)))
     return list(out.values())

@@ -8,7 +8,7 @@ import numpy as np
 
 from sksurrogate.gap.faults._corrections import WrongReadings
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import CLOSED
+from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.kernels.readings import Stretch, flat_stretches, spikes
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
@@ -136,7 +136,7 @@ def outlying(model: BaseCandidate) -> WrongReadings | None:
     for j, r in enumerate(residual):
         rows = outlying_rows(r, record.starts)
         rest = np.delete(r, rows)
-        near = np.sqrt(np.mean(rest**2)) < CLOSED * model.problem.sd[j]
+        near = np.sqrt(np.mean(rest**2)) < SETTLED * model.problem.sd[j]
         if len(rows) and (near or np.sum(r[rows] ** 2) > REASON * np.sum(r**2)):
             return WrongReadings("spikes", j, rows, float(np.max(np.abs(r[rows]))))
     return None

@@ -4,15 +4,13 @@ Levels of ``Evidence.left``, the RMS of the residual over the sensor noise of th
 """
 
 #: At the noise: no other set is looked for beside a name, names leave no law, and the law in their place is not asked for.
+#: Many names that leave more stand in for one that is missing.
 AT_THE_NOISE = 1.02
-#: So many names that leave more stand in for one that is missing.
-LEFT_BY_SEVERAL = 1.03
 #: A simulator this near has no gap that a correction could learn.
 NOTHING_TO_LEARN = 1.05
-#: Names this near are all, where no further effect passes: pairs are not tried.
+#: Names this near are all, where no further effect passes: pairs are not tried. Nothing is left to place: a rough look at the
+#: places will do, and a noise fit has taken no law for a force.
 SETTLED = 1.15
-#: Nothing is left to place: a rough look at the places will do, and a noise fit has taken no law for a force.
-CLOSED = 1.2
 #: A residual below this may be white noise; up to here pairs are tried where no further effect passes.
 NEARLY_WHITE = 1.5
 #: From here on the places of a gap are distinguished by the law that fits there, and a certain curve adds no name.
@@ -28,7 +26,5 @@ MOST_LEFT = 0.5
 # Levels of the cost over the number of measured values.
 #: Sizes, not likelihoods, tell candidates apart; a limit is fitted from another start too.
 FAR_BY_COST = 5.0
-#: An effect more is judged by size: a disturbance leaves less, and follows any effect.
-JUDGED_BY_SIZE = 10.0
 #: Bases further off are screened with all starting values, and fitted again.
 OUT_OF_SIGHT = 100.0

@@ -21,7 +21,8 @@ from sksurrogate.kernels.noise_fit import fit_noise
 C = TypeVar("C", bound=BaseCandidate)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0
-#: A law without a name, beside names or in their place, is certain from this gain (twice nats) on.
+#: Gain (twice nats) from which a law without a name is certain, beside names or in their place; further effects, windows of
+#: time and faults of the record must beat their bar by it, which a mismatch of numerics can pass alone.
 CERTAIN = 10.0
 #: What is this many nats below the best is out of the question, however rough the comparison.
 OUT_OF_REACH = 200.0

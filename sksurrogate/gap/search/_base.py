@@ -17,12 +17,11 @@ from sksurrogate.gap.fit._closeness import FAR_BY_COST
 from sksurrogate.gap.fit._evidence import C, Evidence, bar, estimate_noise, judged_under
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.fit._pushes import REMEMBERED
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.kernels.disturbance import Noise
 
 #: 2 (L_best - L_candidate) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
-EQUAL = 6.0
-#: What further effects, windows of time and faults of the record must beat their bar by: a mismatch of numerics can pass it alone.
-EXTRA = 10.0
+EQUAL = 2.0 * NATS_THAT_SETTLE
 #: Fits that are compared when the time is up.
 LOOKED_AT = 6
 #: Samples of a structural error that count as one: as of a disturbance.

@@ -9,10 +9,11 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import SHARES, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._pairs import COLLINEAR
 from sksurrogate.gap.screen._screen import Screen
-from sksurrogate.gap.search._base import EXTRA, Wanted
+from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._stopping import grows_in_vain
 
@@ -128,7 +129,7 @@ def look_for_onsets(search: Any) -> None:
     top = search.best_polished(trial)
     stands = final.candidate
     worth = search.order([top, stands])
-    price = EXTRA + 2.0 * np.log(len(windowed) * len(SHARES))
+    price = CERTAIN + 2.0 * np.log(len(windowed) * len(SHARES))
     if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
         return
     search.library.extend(windowed)

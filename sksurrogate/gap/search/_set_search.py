@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sksurrogate.gap.fit._closed_loop import may_follow_noise
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, JUDGED_BY_SIZE, NEARLY_WHITE, SETTLED
-from sksurrogate.gap.fit._evidence import C, Evidence, arrived, estimate_noise, follow_null
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
 from sksurrogate.gap.fit._prior import moved_far
-from sksurrogate.gap.search._base import CORRELATED, EXTRA, Wanted
+from sksurrogate.gap.search._base import CORRELATED, Wanted
 from sksurrogate.gap.search._related_forms import enrich, merge, reformed, simplify
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, leads_on
@@ -146,13 +146,13 @@ class SetSearch(SetMoves[C]):
         if removed < least * gap and not arrived(self.own(candidate), best):
             return False
         extra = 2.0 * (self.evidence(candidate) - self.evidence(best))
-        if self.is_far(candidate) and candidate.fit.cost > JUDGED_BY_SIZE * self.n_values:
+        if self.is_far(candidate):
             extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / candidate.fit.cost))
         return extra > self.needed_gain(candidate.n_parameters - best.n_parameters)
 
     def needed_gain(self, k: int) -> float:
         """2 (L_candidate - L_best) that a further effect of k parameters must reach."""
-        return self.bar(max(k, 1)) + EXTRA
+        return self.bar(max(k, 1)) + CERTAIN
 
     def beam(self, best: C) -> list[C]:
         """Other sets of this size worth one effect more.

@@ -7,7 +7,7 @@ from typing import Any
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import FAR, FAR_BY_COST, LEFT_BY_SEVERAL, MOST_LEFT, NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, MOST_LEFT, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.search._nested import hardly_more
 
@@ -63,7 +63,7 @@ def leads_on(search: Any, best: BaseCandidate, n: int) -> bool:
 
 def is_stack(candidate: Evidence) -> bool:
     """Whether so many names leave so much that they stand in for one that is missing."""
-    return len(candidate.effects) >= STACK and candidate.left > LEFT_BY_SEVERAL
+    return len(candidate.effects) >= STACK and candidate.left > AT_THE_NOISE
 
 
 def remembers_enough(effects: Sequence[BaseEffect]) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._closeness import CLOSED
+from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores
 from sksurrogate.gap.fit._probe import probe_of
@@ -75,7 +75,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
     def begins_elsewhere(self) -> bool:
         """Whether transients explain much of what is left: then the simulator starts elsewhere, and they become unknowns."""
         problem, final = self.problem, self.final or self.fitted_null
-        if problem.free_starts or final.left < CLOSED:
+        if problem.free_starts or final.left < SETTLED:
             return False
         free = replace(problem, free_starts=True)
         before = judged_under(final.candidate, [final.noise]).log_likelihood
