@@ -80,18 +80,8 @@ def test_blocks_of_a_run_have_the_likelihood_of_runs_of_their_own():
 
 def of_costs(costs, n_parameters=1):
     """A candidate of these costs in the runs, whose parameters do nothing there."""
-    none = np.zeros(0)
-    return ByRun(
-        np.array(costs, float)[:, None, None],
-        np.zeros(len(costs)),
-        none,
-        none,
-        none,
-        (none, none),
-        0.0,
-        0.0,
-        n_parameters,
-    )
+    grams = np.array(costs, float)[:, None, None]
+    return ByRun(grams, np.zeros(len(costs)), lambda G, log_det: -0.5 * (G[0, 0] + log_det), 0.0, n_parameters)
 
 
 def test_the_other_runs_keep_a_name_unless_they_reject_it():

@@ -8,8 +8,8 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
+from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.unnamed import _law_evidence
-from sksurrogate.gap.unnamed._along_a_path import linear_set
 from sksurrogate.gap.unnamed._law_evidence import law_beside
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.kernels.record import Record
@@ -200,7 +200,7 @@ def test_what_was_computed_of_a_set_answers_again(monkeypatch):
     other = law_beside(*asked)
     assert (other.small, other.large, other.seed[:2]) == (first.small, first.large, first.seed[:2])
     monkeypatch.setattr(_law_evidence._Fit, "compared", lambda *given: pytest.fail("compared again"))
-    monkeypatch.setattr(_law_evidence, "fit_noise", lambda *given: pytest.fail("fitted again"))
+    monkeypatch.setattr(LinearSet, "noise_from", lambda *given: pytest.fail("fitted again"))
     assert law_beside(*asked, known=known) == first
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._evidence import C, Evidence, bar, judged_under, profile
+from sksurrogate.gap.fit._evidence import C, Evidence, bar, judged_under
+from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.search._base import CORRELATED, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
@@ -25,20 +26,16 @@ class ByRun:
     #: (n_runs, 1 + n_theta, 1 + n_theta): of the residual and its sensitivities, under the candidate's noise
     grams: np.ndarray
     log_dets: np.ndarray  #: (n_runs,)
-    #: precision, pull, theta: (n_theta,)
-    precision: np.ndarray
-    pull: np.ndarray
-    theta: np.ndarray
-    bounds: tuple[np.ndarray, np.ndarray]  #: (n_theta,), (n_theta,)
-    prior_square: float  #: Of the prior that the fit was made with
+    likelihood: Callable[
+        [np.ndarray, float], float
+    ]  #: Log likelihood of a Gram and a log determinant, parameters at their best
     prior: float  #: What its values cost before any data (-2 log p)
     n_parameters: int
 
     def evidence(self, kept: np.ndarray) -> float:
         """Log likelihood of the runs kept, at the parameters that these runs alone would choose."""
         G, log_det = self.grams[kept].sum(axis=0), float(self.log_dets[kept].sum())
-        held = self.theta, self.bounds, self.prior_square
-        return profile(G, log_det, self.precision, self.pull, *held) - 0.5 * self.prior
+        return self.likelihood(G, log_det) - 0.5 * self.prior
 
     def worth(self, kept: np.ndarray, n_values: int, by_size: bool) -> float:
         """Evidence of the runs kept; ``by_size`` that of white errors with one value in ten independent."""
@@ -48,19 +45,16 @@ class ByRun:
 
 def by_run(candidate: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool, prior: float) -> ByRun:
     """Likelihood of a candidate over runs (or blocks) that begin at ``starts``: under the likeliest of some noises, white by size."""
-    problem = candidate.problem
-    r, J, precision, pull = candidate.columns()
-    stacked = np.concatenate([r[:, None], J], axis=1)
+    linear = linear_set(candidate)
     if by_size:
-        white = candidate.without_starts(stacked.transpose(1, 0, 2), starts)
-        ends = np.r_[starts[1:], problem.record.n_samples]
+        white = candidate.without_starts(linear.known.transpose(1, 0, 2), starts)
+        ends = np.r_[starts[1:], candidate.problem.record.n_samples]
         flat = [white[:, :, a:b].reshape(len(white), -1) for a, b in zip(starts, ends)]
         grams, log_dets = np.stack([part @ part.T for part in flat]), np.zeros(len(starts))
     else:
         noise = judged_under(candidate, noises).noise if len(noises) > 1 else noises[0]
-        grams, log_dets = candidate.disturbance.begun_at(starts).gram_by_run(stacked, noise)
-    theta, bounds = candidate.fit.theta, problem.bounds(candidate.effects)
-    return ByRun(grams, log_dets, precision, pull, theta, bounds, candidate.prior_square, prior, candidate.n_parameters)
+        grams, log_dets = linear.D.begun_at(starts).gram_by_run(linear.known, noise)
+    return ByRun(grams, log_dets, linear.within_bounds, prior, candidate.n_parameters)
 
 
 def chosen_without(

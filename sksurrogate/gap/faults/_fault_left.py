@@ -13,10 +13,10 @@ from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, bar, estimate_noise
+from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
-from sksurrogate.kernels.noise_fit import fit_noise
 
 #: Share of the excess over the noise that a fault takes, to be the reason of what is left: faults of sensors are exact.
 MOST_OF_IT = 0.8
@@ -62,7 +62,7 @@ def fault_left(bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[An
         if fit is None:
             continue
         record = base.candidate.problem.record
-        tried = [*proposals(record, run, record.y - fit.r, fit.r), *smoother]
+        tried = [*proposals(record, run, record.y - fit.linear.r, fit.linear.r), *smoother]
         seen += [(fit.first_sight(proposal), fit, proposal, len(tried)) for proposal in tried]
     seen.sort(key=lambda one: -one[0])
     followed = [fit.followed(proposal, tried, search) for _, fit, proposal, tried in seen[:FOLLOWED]]
@@ -80,13 +80,13 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
     if fit is None:
         return None
     record, found = base.candidate.problem.record, []
-    for proposal in tones(record, run, fit.r):
+    for proposal in tones(record, run, fit.linear.r):
         try:
             gain = 2.0 * (fit.fitted(proposal.columns)[0] - fit.fitted(proposal.columns[:, :0])[0])
             theta = fit.fitted(proposal.columns)[1]
         except np.linalg.LinAlgError:
             continue
-        fault = proposal.fault(theta[fit.J.shape[1] :])
+        fault = proposal.fault(theta[fit.linear.J.shape[1] :])
         if gain - fit.cost(proposal, len(record.y)) > CERTAIN and isinstance(fault, Hum):
             found.append((gain, fault))
     return max(found, key=lambda one: one[0])[1] if found else None
@@ -100,11 +100,8 @@ def _smoother(fault: NoisyInput) -> Callable[[np.ndarray], BaseFault | None]:
 
 def fit_beside(base: Evidence) -> _Fit | None:
     """A model to which faults can be added; None where it cannot be linearised."""
-    model = base.candidate
-    r, J, precision, pull = model.columns()
-    if not (np.all(np.isfinite(J)) and np.all(np.isfinite(model.disturbance.A)) and np.all(np.isfinite(r))):
-        return None
-    return _Fit(model, base.noise, r, J, precision, pull)
+    linear = linear_set(base.candidate)
+    return _Fit(linear, base.noise) if linear.finite else None
 
 
 def _excess(model: BaseCandidate, residual: np.ndarray) -> float:
@@ -116,12 +113,13 @@ def _excess(model: BaseCandidate, residual: np.ndarray) -> float:
 class _Fit:
     """A residual explained by the parameters of a model, and by the columns of a fault beside them."""
 
-    model: BaseCandidate
+    linear: LinearSet[BaseCandidate]
     noise: Noise
-    r: np.ndarray
-    J: np.ndarray
-    precision: np.ndarray
-    pull: np.ndarray
+
+    @property
+    def model(self) -> BaseCandidate:
+        """Whose residual it is."""
+        return self.linear.base
 
     @property
     def n(self) -> int:
@@ -137,9 +135,9 @@ class _Fit:
 
     def first_sight(self, proposal: Proposal) -> float:
         """Twice the log likelihood under white noise, less the cost of the parameters."""
-        columns = np.concatenate([self.r[:, None], self.J, proposal.columns], axis=1).transpose(1, 0, 2)
+        columns = self.linear.beside(proposal.columns).known.transpose(1, 0, 2)
         flat = self.model.without_starts(columns).reshape(len(columns), -1)
-        theta = weights_beside(flat @ flat.T, self.precision, self.pull)
+        theta = weights_beside(flat @ flat.T, self.linear.precision, self.linear.pull)
         rest = flat[0] - theta @ flat[1:]
         # The variance is unknown: what is left may be large.
         return -self.n * float(np.log(max(float(rest @ rest), self.n))) - self.cost(proposal, 1)
@@ -151,21 +149,16 @@ class _Fit:
 
     def fitted(self, columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """The largest log likelihood with the noise fitted, the weights there, and the squares of these over their variances."""
-        n = columns.shape[1]
-        J = np.concatenate([self.J, columns], axis=1)
-        problem, D = self.model.problem, self.model.disturbance
-        prior = np.r_[self.precision, np.zeros(n)], np.r_[self.pull, np.zeros(n)]
-        fits = [
-            fit_noise(D, self.r, start, problem.force_unit(), J, *prior, caps=problem.caps) for start in self.noises
-        ]
-        noise, value, _ = max(fits, key=lambda fit: fit[1])
-        G, _ = D.gram(np.concatenate([self.r[:, None], J], axis=1), noise)
-        theta, variance = weights_beside(G, self.precision, self.pull), np.diag(inverse(G[1:, 1:] + np.diag(prior[0])))
+        both = self.linear.beside(columns)
+        noise, value, _ = max((both.noise_from(start) for start in self.noises), key=lambda fit: fit[1])
+        G, _ = both.gram(noise)
+        theta = weights_beside(G, both.precision, both.pull)
+        variance = np.diag(inverse(G[1:, 1:] + np.diag(both.precision)))
         return float(value), theta, theta**2 / np.maximum(variance, 1e-300)
 
     def in_runs(self, proposal: Proposal, nats: np.ndarray) -> Proposal:
         """The fault in those runs whose value is worth its ``ln N``, itself where all are or none is."""
-        kept = nats[self.J.shape[1] :] > np.log(self.n)
+        kept = nats[self.linear.J.shape[1] :] > np.log(self.n)
         return proposal.some(kept) if proposal.some is not None and 0 < kept.sum() < len(kept) else proposal
 
     def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
@@ -178,7 +171,7 @@ class _Fit:
                 value, theta, _ = self.fitted(proposal.columns)
         except np.linalg.LinAlgError:
             return None
-        fault, model = proposal.fault(theta[self.J.shape[1] :]), self.model
+        fault, model = proposal.fault(theta[self.linear.J.shape[1] :]), self.model
         again = None if fault is None else model.refitted(fault.corrected(model.problem.record))
         if fault is None or again is None:
             return None

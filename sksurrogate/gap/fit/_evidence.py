@@ -14,9 +14,8 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import BaseCandidate, Fitted
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
-from sksurrogate.gap.fit._normal_equations import UNSEEN, scaled
+from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.kernels.disturbance import Noise
-from sksurrogate.kernels.noise_fit import fit_noise
 
 C = TypeVar("C", bound=BaseCandidate)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
@@ -70,59 +69,20 @@ def bar(n_parameters: int, n_candidates: int, n_values: int) -> float:
     return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_candidates, 1))
 
 
-def profile(
-    G: np.ndarray,
-    logdet: float,
-    precision: np.ndarray,
-    pull: np.ndarray,
-    theta: np.ndarray,
-    bounds: tuple[np.ndarray, np.ndarray],
-    prior_square: float,
-) -> float:
-    """Log likelihood at the best parameters within bounds, to first order; ``prior_square`` is that of ``theta``."""
-    base = -0.5 * (G[0, 0] + logdet + prior_square)
-    if len(G) == 1:
-        return base
-    H, g = G[1:, 1:] + np.diag(precision), G[1:, 0] + pull
-    normal, scale = scaled(H, 1e-150)
-    right = g / scale
-    if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
-        return -np.inf
-    step = _bounded(normal, right, (bounds[0] - theta) * scale, (bounds[1] - theta) * scale)
-    return base + float(right @ step) - 0.5 * float(step @ normal @ step)
-
-
-def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Solve ``normal step = right``; components that leave their bounds are held there and the others solved again."""
-    step, free = np.zeros(len(right)), np.ones(len(right), bool)
-    for _ in range(len(right)):
-        if not free.any():
-            break
-        pushed = right[free] - normal[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], pushed, rcond=UNSEEN)[0]
-        outside = free & ((step < low) | (step > high))
-        if not outside.any():
-            break
-        step[outside] = np.clip(step, low, high)[outside]
-        free &= ~outside
-    return step
-
-
 def judged_under(candidate: C, noises: Sequence[Noise]) -> Evidence[C]:
     """A candidate under the first of the likeliest of some noises."""
     best = Evidence(candidate, noises[0], -np.inf, quick=True)
-    r, J, precision, pull = candidate.columns()
-    if not np.all(np.isfinite(J)):
+    linear = linear_set(candidate)
+    if not np.all(np.isfinite(linear.J)):
         return best
-    bounds = candidate.problem.bounds(candidate.effects)
     for noise in noises:
         try:
-            G, logdet = candidate.disturbance.gram(np.concatenate([r[:, None], J], axis=1), noise)
+            G, logdet = linear.gram(noise)
         except np.linalg.LinAlgError:
             continue
         if not np.all(np.isfinite(G)):
             continue
-        value = profile(G, logdet, precision, pull, candidate.fit.theta, bounds, candidate.prior_square)
+        value = linear.within_bounds(G, logdet)
         if value > best.log_likelihood:
             best = Evidence(candidate, noise, value, quick=True)
     return best
@@ -153,23 +113,11 @@ def follow_noise(
     candidate: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
 ) -> Evidence[C]:
     """The top of the likelihood that is reached from one start."""
-    r, J, precision, pull = candidate.columns()
-    problem, D = candidate.problem, candidate.disturbance
-    if not (np.all(np.isfinite(J)) and np.all(np.isfinite(D.A)) and np.all(np.isfinite(D.C))):
+    linear = linear_set(candidate)
+    if not linear.finite:
         return Evidence(candidate, start, -np.inf)
-    noise, _, curved = fit_noise(
-        D,
-        r,
-        start,
-        problem.force_unit(),
-        J,
-        precision,
-        pull,
-        curvature=curvature,
-        max_iterations=max_iterations,
-        caps=problem.caps,
-        sigma_unit=problem.sd,
-    )
+    options = {"curvature": curvature, "max_iterations": max_iterations, "sigma_unit": candidate.problem.sd}
+    noise, _, curved = linear.noise_from(start, **options)
     return Evidence(candidate, noise, judged_under(candidate, [noise]).log_likelihood, curved)
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from sksurrogate.gap.fit._linear_set import RANK
+
 #: Weights of the roughness of a smooth form beside its movement.
 SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
-#: Directions that move the outputs by less than this share of the most, or of what they moved before initial states and
-#: parameters followed (power), count as none.
-RANK = 1e-9
 #: Nats to which the evidence of weights must be known.
 KNOWN_TO = 0.5
 

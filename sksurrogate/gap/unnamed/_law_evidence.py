@@ -20,15 +20,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.unnamed._along_a_path import LinearSet, as_regressors, linear_set
+from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots, small_and_large
 from sksurrogate.gap.unnamed._law_places import Curve, in_all_places
 from sksurrogate.gap.unnamed._law_shapes import Law
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Noise
-from sksurrogate.kernels.noise_fit import fit_noise
 
 #: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
 SIZES = np.geomspace(1e-3, 30.0, 48)
@@ -124,7 +124,10 @@ def law_beside(
     LawBeside or None
         None where the path cannot be followed.
     """
-    linear = as_regressors(candidate, x) if bare and x is not None else linear_set(candidate, x)
+    if x is None:
+        linear = linear_set(candidate)
+    else:
+        linear = as_regressors(candidate, x) if bare else linear_set(linear_along(candidate, x))
     if not linear.finite:
         return None
     named = frozenset((str(one.location), one.variable or str(one.location)) for one in candidate.effects)
@@ -161,7 +164,7 @@ class _Found(NamedTuple):
 class _Fit:
     """A residual explained by the parameters of a set and by one of many laws."""
 
-    linear: LinearSet
+    linear: LinearSet[OdeCandidate]
     unit: float
     tolerance: float
     named: frozenset[tuple[str, str]]
@@ -290,7 +293,7 @@ class _Fit:
         metric = self.linear.metric(F)
         roots = prior_roots(metric, form.rough) if known_to_rounding(G) else []
         (small, large), posterior, root = self.sized(*self.linear.beside_parameters(G), roots)
-        none, (at_small, at_large) = self.linear.best_of(G, logdet), self.prices[k]
+        none, (at_small, at_large) = self.linear.at_best(G, logdet), self.prices[k]
         size, n = float(posterior @ SIZES) * self.unit, self.linear.J.shape[1]
         # Weights at the mean size, in the coordinates of the prior's root.
         R = np.zeros((len(G) - 1, n + root.shape[1]))
@@ -316,22 +319,10 @@ class _Fit:
         """The same, computed."""
         curve, law, _ = self.candidates[k]
         F, n = curve.moved()[:, law.forms[f].functions], self.linear.J.shape[1]
-        unit, caps = self.linear.problem.force_unit(), self.linear.problem.caps
         now = self.found(k, f, F, start)
         for _ in range(TURNS):
-            J = np.concatenate([self.linear.J, np.einsum("okt,k->ot", F, now.theta[n:])[:, None]], axis=1)
-            held, pull = np.r_[self.linear.precision, 0.0], np.r_[self.linear.pull, 0.0]
-            noise, _, _ = fit_noise(
-                self.linear.D,
-                self.linear.r,
-                now.noise,
-                unit,
-                J,
-                held,
-                pull,
-                caps=caps,
-                sigma_unit=self.linear.problem.sd,
-            )
+            law = np.einsum("okt,k->ot", F, now.theta[n:])[:, None]
+            noise, _, _ = self.linear.beside(law).noise_from(now.noise, sigma_unit=self.linear.problem.sd)
             now = self.found(k, f, F, noise)
         return now
 
