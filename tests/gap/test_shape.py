@@ -8,7 +8,7 @@ from sksurrogate.effects._formula import SHAPES, Term, _spline
 from sksurrogate.gap.fit._closed_loop import closed_loop
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.unnamed import _grammar
-from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._channel import Channel, nothing_follows
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._grammar import Library, terms_of
@@ -40,7 +40,7 @@ def channel(record, term, seed=1):
     D = Disturbance(POLE * ones, 0.1 * ones, ones, record.starts, np.array([3.0]), np.array([1e-5]))
     noise = Noise(np.array([SIGMA]), np.array([float(np.std(w)) + 0.05]), 5.0, np.array([1e-4]), 10.0)
     held = np.array([False, False, False, True, True])
-    return Channel(record, D, noise, r, 0.1 * ones[0], None, 1.0, held, z.T, ["a", "b"], -np.inf)
+    return Channel(record, D, noise, r, 0.1 * ones[0], None, 1.0, held, z.T, ["a", "b"], -np.inf, *nothing_follows(r))
 
 
 def shape(c, changes=()):

@@ -33,7 +33,7 @@ from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._latent_force import LatentForce, Remains, features, law_left
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._likely_place import force_predictability, gap_and_places, likely_place, place_of_law
+from sksurrogate.gap.unnamed._likely_place import gap_and_places, likely_place, place_of_law
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.gap.unnamed._where import regions, times
 from sksurrogate.kernels.record import Record
@@ -186,9 +186,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         place = place_of_law(self.instead, remains.places if remains else [], problem.plant.inputs)
         if place:
             return place
-        if remains is None or not remains.places:
-            return None, None
-        return likely_place(remains.places, lambda b, u: force_predictability(problem, remains.gap, b, u, self.seed))
+        return likely_place(remains.places) if remains is not None and remains.places else (None, None)
 
     def anywhere(self) -> tuple[Table, Table]:
         """Of the largest force that the simulator alone leaves."""

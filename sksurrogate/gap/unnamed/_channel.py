@@ -100,26 +100,12 @@ class Channel:
     Z: np.ndarray  #: (n_samples, n_variables)
     names: list[str]
     log_likelihood: float  #: Of the residual with the free signal
-    #: (n_outputs, n_theta, n_samples), (n_theta,), (n_theta,): sensitivities of the parameters that follow, and what
-    #: holds them: precision and pull
-    followers: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    known: np.ndarray  #: (n_outputs, n_theta, n_samples): sensitivities of the parameters that follow
+    #: precision, pull: (n_theta,): what holds these
+    precision: np.ndarray
+    pull: np.ndarray
     x: np.ndarray | None = None  #: (n_states, n_samples): the path
     n_moved: int = 1  #: Balances that the signal moves
-
-    @property
-    def known(self) -> np.ndarray:
-        """Sensitivities of the parameters that follow (n_outputs, n_theta, n_samples)."""
-        return np.zeros((len(self.r), 0, self.r.shape[1])) if self.followers is None else self.followers[0]
-
-    @property
-    def precision(self) -> np.ndarray:
-        """What holds them (n_theta,)."""
-        return np.zeros(0) if self.followers is None else self.followers[1]
-
-    @property
-    def pull(self) -> np.ndarray:
-        """What pulls them (n_theta,)."""
-        return np.zeros(0) if self.followers is None else self.followers[2]
 
     def respond(self, signal: np.ndarray) -> np.ndarray:
         """Outputs (n_outputs, n_columns, n_samples) that signals (n_columns, n_samples) cause."""
@@ -156,3 +142,8 @@ class Channel:
             )[0]
         except np.linalg.LinAlgError:
             return self.noise
+
+
+def nothing_follows(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sensitivities of no parameters beside a residual (n_outputs, n_samples), and what holds them."""
+    return np.zeros((len(r), 0, r.shape[1])), np.zeros(0), np.zeros(0)

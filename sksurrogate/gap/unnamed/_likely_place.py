@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from sksurrogate.gap.fit._closeness import NEAR
-from sksurrogate.gap.fit._evidence import CERTAIN, OUT_OF_REACH, Evidence
-from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
-from sksurrogate.gap.unnamed._latent_force import LatentForce, features, forest, latent_force, paths
+from sksurrogate.gap.unnamed._latent_force import LatentForce, latent_force, paths
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
@@ -22,42 +22,26 @@ from sksurrogate.kernels.output_error import linearise
 
 #: Places that are compared by the law that fits there.
 COMPARED = 3
-#: R2 from which a force counts as predicted, by how much states must tell it better than the likely input to clear that, and
-#: by how much they may where the two places push alike.
-PREDICTED, CLEARLY, AS_WELL = 0.3, 0.1, 0.02
-#: R2 from which an input that does not push like the likely balance tells the force better than all signals.
-TOLD_BY_ITSELF = 0.5
 
 
-def likely_place(found: Sequence[Place], predictability: Callable[[str, str], tuple[float, float]]) -> tuple[str, str]:
-    """Location and kind of the place with most evidence; of a balance and an input that pushes it, the one that tells the force.
+def likely_place(found: Sequence[Place]) -> tuple[str, str]:
+    """Location and kind of the place with most evidence; a balance before an input that explains the gap as well.
 
     Parameters
     ----------
     found : sequence of Place
         Likeliest first.
-    given : callable (balance, input) -> (float, float)
-        R2 of the force in a balance from the input alone, and from all states and inputs.
+
+    Examples
+    --------
+    >>> likely_place([Place("valve", "input", -10.0), Place("level", "state", -10.0), Place("level", "output", -90.0)])
+    ('level', 'state')
     """
-    best = found[0]
-    state = next((place for place in found if place.kind == "state"), best)
-    if state.log_likelihood > best.log_likelihood - NATS_THAT_SETTLE:
-        best = state
-    if best.kind == "input" and state.log_likelihood > best.log_likelihood - OUT_OF_REACH:
-        alone, everything = predictability(state.location, best.location)
-        if everything > PREDICTED and alone < everything - CLEARLY:
-            best = state
-    elif best.kind == "state":
-        inputs = [(*predictability(best.location, place.location), place) for place in found if place.kind == "input"]
-        telling = [
-            (alone, place.location)
-            for alone, everything, place in inputs
-            if alone
-            > (max(PREDICTED, everything - AS_WELL) if push_alike(place, best) else max(TOLD_BY_ITSELF, everything))
-        ]
-        if telling:
-            return max(telling)[1], "input"
-    return best.location, best.kind
+    best = found[0].log_likelihood
+    state = next(
+        (place for place in found if place.kind == "state" and place.log_likelihood > best - NATS_THAT_SETTLE), found[0]
+    )
+    return state.location, state.kind
 
 
 def place_of_law(law: LawBeside | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
@@ -76,20 +60,6 @@ def place_of_law(law: LawBeside | None, found: Sequence[Place], inputs: Sequence
 def push_alike(one: Place, other: Place) -> bool:
     """Whether an input and a balance are the same place to the data."""
     return abs(one.log_likelihood - other.log_likelihood) < 1e-9
-
-
-def force_predictability(
-    problem: OdeBackend, latent: LatentForce, balance: str, name: str, random_state: int
-) -> tuple[float, float]:
-    """R2 of the force in a balance from one input, now and a few samples ago, and from all states and inputs."""
-    b, i = problem.balances.index(balance), problem.plant.inputs.index(name)
-    record, u = problem.record, problem.record.u[i]
-    past = [u[record.back(k)] for k in (1, 3)]
-    own = np.stack([u, *(u - v for v in past), np.sign(u - past[0])], axis=1)
-    force, size = latent.force[[b]], latent.size[[b]]
-    everything, _ = features(problem, latent.x)
-    alone, all_told = (float(forest(record, force, size, Z, random_state)[0]) for Z in (own, everything))
-    return alone, all_told
 
 
 def places(null: OdeCandidate, rough: bool = False) -> list[Place]:

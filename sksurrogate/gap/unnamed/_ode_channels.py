@@ -138,8 +138,10 @@ def _about(
     if not np.isfinite(value):
         raise np.linalg.LinAlgError("the noise model gives no likelihood along this path")
     Z, names = features(problem, x)
-    push, after = (B[:, 0] if sensor is None else None), followers(null, lin)
-    channel = Channel(record, D, noise, r, push, sensor, unit, held, Z, names, value, after, x, len(soft))
+    push = B[:, 0] if sensor is None else None
+    channel = Channel(
+        record, D, noise, r, push, sensor, unit, held, Z, names, value, *followers(null, lin), x, len(soft)
+    )
     return channel, lin.x
 
 
@@ -151,17 +153,8 @@ def sensor_at(null: OdeCandidate, location: str, kind: str) -> int | None:
 
 def followers(null: OdeCandidate, lin: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sensitivities of the parameters along a path, and what holds them."""
-    J = lin.J_theta.copy()
-    for i, effect in enumerate(null.effects):
-        if effect.scan(tuple(null.theta_of(i))):  # a prediction that jumps has no slope
-            J[:, null.slice_of(i)] = 0.0
-    return J, *held_by(null)
-
-
-def held_by(null: OdeCandidate) -> tuple[np.ndarray, np.ndarray]:
-    """Precision and pull of the parameters."""
-    _, _, precision, pull = null.columns()
-    return precision, pull
+    _, J, precision, pull = replace(null, fit=replace(null.fit, linearised=lin)).columns()
+    return J, precision, pull
 
 
 class OdeChannels(Channels[OdeCandidate]):

@@ -8,7 +8,7 @@ import numpy as np
 
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
-from sksurrogate.gap.unnamed._channel import Channel, Place, fit_signal
+from sksurrogate.gap.unnamed._channel import Channel, Place, fit_signal, nothing_follows
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._latent_force import LatentForce, repeatable
@@ -39,7 +39,7 @@ def channel_of(candidate: TrajectoryCandidate, location: str | None) -> Channel:
     noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor)
     Z, names = variables(problem, candidate.fit.y)
     pushed = None if sensor is not None else np.repeat(push[:, :1], record.n_samples, axis=1)
-    return Channel(record, D, noise, r, pushed, sensor, unit, held, Z, names, value)
+    return Channel(record, D, noise, r, pushed, sensor, unit, held, Z, names, value, *nothing_follows(r))
 
 
 class TrajectoryChannels(Channels[TrajectoryCandidate]):
