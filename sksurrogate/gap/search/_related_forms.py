@@ -1,4 +1,4 @@
-"""Forms of one effect: the simpler one that does as well, the richer one that does better, a relative in its place."""
+"""Forms of one effect: the simpler one that does as well, a relative in its place, one that takes over the part of another."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import C, arrived
 from sksurrogate.gap.search._base import EQUAL, Wanted
-from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, richer, simpler
+from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, simpler
 from sksurrogate.gap.search._set_moves import SetMoves
 
 #: Sets with a relative of an effect that are searched once more; such a set takes the place of another with less than this
@@ -40,20 +40,6 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
                 if as_good(search, fitted, candidate):
                     search.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)
                     return simplify(search, fitted, far)
-    return candidate
-
-
-def enrich(search: SetMoves[C], candidate: C) -> C:
-    """The richer form of an effect where it removes more of the gap and no fit has looked at it yet."""
-    for i, effect in enumerate(candidate.effects):
-        others = {key for j, key in enumerate(candidate.keys) if j != i}
-        forms = [e for e in search.library if richer(e, effect) and frozenset((*others, e.key)) not in search.fitted]
-        base = search.without(candidate, i) if forms else None
-        fitted = best_of(search, base, forms, 2)
-        if fitted is None or as_good(search, candidate, fitted):
-            continue
-        if search.score(fitted) > search.score(candidate) + 1.0:
-            return enrich(search, fitted)
     return candidate
 
 

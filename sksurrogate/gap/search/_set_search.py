@@ -15,7 +15,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, NEARLY_WHITE, SETT
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import CORRELATED, Wanted
-from sksurrogate.gap.search._related_forms import enrich, merge, reformed, simplify
+from sksurrogate.gap.search._related_forms import merge, reformed, simplify
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, leads_on
 
@@ -55,9 +55,8 @@ class SetSearch(SetMoves[C]):
             return self.fitted_null
         left_behind: dict = {}
         while len(best.effects) < MOST_EFFECTS:
-            if passed and not self.is_far(best):
-                best = self.stand(enrich(self, best))
-            elif passed and closes_by_size(self.judged[best], self.gap_cost, self.tolerance) and len(best.effects) > 1:
+            far = passed and len(best.effects) > 1 and self.is_far(best)
+            if far and closes_by_size(self.judged[best], self.gap_cost, self.tolerance):
                 # Of one name a second may show that it was the wrong one.
                 best = self.stand(fewest_parameters(self, best))
                 if not leads_on(self, best, MOST_EFFECTS - len(best.effects)):
