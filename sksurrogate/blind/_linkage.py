@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.blind._robots import MOVED
+from sksurrogate.blind._robots import EFFECT_SIZES, MOVED
 from sksurrogate.physics import ODESimulator
 
 __all__ = ["LINKAGE_ANSWERS", "arm_rates", "linkage_case"]
 
 #: Steps in a sample of the real arm; kinks of its frictions over the size of the speeds.
-SUBSTEPS, SHARP = 24, 2e-3
-SIZES = np.geomspace(2e-3, 2.0, 13)
+LINKAGE_SUBSTEPS, SHARP = 24, 2e-3
 #: Kind -> names at the torque of the joint that are right answers.
 LINKAGE_ANSWERS: dict[str, tuple[str, ...]] = {
     "coulomb": ("coulomb_friction",),
@@ -56,7 +55,7 @@ def _friction(kind: str, v: Any, u: Any, size: Any, unit: float, dice: np.ndarra
 
 def _march(p: Mapping[str, float], dt: float, U: np.ndarray, X0: np.ndarray, acting: Any = None) -> np.ndarray:
     """Angles (n_runs, n_samples, 2) by Runge-Kutta, all runs at once."""
-    x, h, out = X0.T.copy(), dt / SUBSTEPS, np.empty((len(U), U.shape[1], 2))
+    x, h, out = X0.T.copy(), dt / LINKAGE_SUBSTEPS, np.empty((len(U), U.shape[1], 2))
 
     def rates(z: np.ndarray, u: np.ndarray) -> np.ndarray:
         if acting is not None:
@@ -68,7 +67,7 @@ def _march(p: Mapping[str, float], dt: float, U: np.ndarray, X0: np.ndarray, act
     for k in range(U.shape[1]):
         out[:, k] = x[:2].T
         u = U[:, k].T
-        for _ in range(SUBSTEPS):
+        for _ in range(LINKAGE_SUBSTEPS):
             k1 = rates(x, u)
             k2 = rates(x + h / 2 * k1, u)
             k3 = rates(x + h / 2 * k2, u)
@@ -114,11 +113,11 @@ def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] |
     clean, moved, gap, chosen = nominal, nominal, 0.0, 0.0
     if kind is not None:
         target = float(np.exp(rng.uniform(np.log(8.0), np.log(40.0))))
-        found = [over(y) for y in real(SIZES, 2)]
+        found = [over(y) for y in real(EFFECT_SIZES, 2)]
         able = [k for k, value in enumerate(found) if 6.0 <= value <= 80.0]
         if not able:
             return None
-        chosen = float(SIZES[min(able, key=lambda i: abs(np.log(found[i] / target)))])
+        chosen = float(EFFECT_SIZES[min(able, key=lambda i: abs(np.log(found[i] / target)))])
         clean, moved = real(chosen * np.array([1.0, 1.0 + MOVED]), len(U))
         gap = over(clean[:n_runs])
     if not np.isfinite(clean).all() or (kind is not None and not gap >= 5.0):

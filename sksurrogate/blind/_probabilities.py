@@ -14,7 +14,7 @@ __all__ = ["calibration", "calibration_error", "class_stated", "name_stated", "r
 Row = Mapping[str, Any]
 
 #: Edges of the bins in which stated and true shares are compared.
-BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
+PROBABILITY_BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 
 
 def name_stated(row: Row) -> list[tuple[float, bool]]:
@@ -55,18 +55,18 @@ def class_stated(row: Row) -> list[tuple[float, bool]]:
 
 
 def reliability_points(rows: Sequence[Row]) -> list[tuple[float, float, int]]:
-    """Mean stated probability, share that acts and count of the names in every bin of :data:`BINS` that holds some."""
+    """Mean stated probability, share that acts and count of the names in every bin of :data:`PROBABILITY_BINS` that holds some."""
     pairs = [pair for row in rows if "error" not in row for pair in class_stated(row)]
     if not pairs:
         return []
     stated, true = np.array(pairs, dtype=float).T
     place = _bins(stated)
-    groups = [place == k for k in range(1, len(BINS))]
+    groups = [place == k for k in range(1, len(PROBABILITY_BINS))]
     return [(float(stated[g].mean()), float(true[g].mean()), int(g.sum())) for g in groups if g.any()]
 
 
 def calibration_error(pairs: Sequence[tuple[float, bool]], draws: int = 400) -> tuple[float, float, float]:
-    """Mean distance between stated and true shares over :data:`BINS`, and its 90 % limits by resampling the names.
+    """Mean distance between stated and true shares over :data:`PROBABILITY_BINS`, and its 90 % limits by resampling the names.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def calibration_error(pairs: Sequence[tuple[float, bool]], draws: int = 400) -> 
     place = _bins(stated)
 
     def error(some: np.ndarray) -> float:
-        apart = np.bincount(place[some], stated[some] - true[some], len(BINS))
+        apart = np.bincount(place[some], stated[some] - true[some], len(PROBABILITY_BINS))
         return float(np.sum(np.abs(apart)) / len(some))
 
     rng = np.random.default_rng(0)
@@ -96,4 +96,4 @@ def calibration(question: str, pairs: Sequence[tuple[float, bool]], bar: float, 
 
 def _bins(stated: np.ndarray) -> np.ndarray:
     """Bin of every probability, 1 to the number of bins."""
-    return np.clip(np.searchsorted(BINS, stated, side="right"), 1, len(BINS) - 1)
+    return np.clip(np.searchsorted(PROBABILITY_BINS, stated, side="right"), 1, len(PROBABILITY_BINS) - 1)

@@ -19,7 +19,7 @@ Rows = Sequence[Row]
 #: A right name that closes more than this share of the gap (amplitude) on unseen runs is never called unknown.
 CLOSES = 0.95
 #: Stated probabilities from here on are counted as certain.
-CERTAIN = 0.99
+CERTAIN_STATED = 0.99
 #: Gaps beyond re-tuning, over the noise, from which an effect beside parameters that are off is to be seen.
 SEEN = 4.0
 #: Oracles that close less than this share of the gap (amplitude) are no measure.
@@ -136,7 +136,7 @@ def probabilities(rows: Rows) -> list[tuple[float, bool]]:
 
 def certain_names(rows: Rows) -> list[bool]:
     """Whether the names act whose stated probability counts as certain."""
-    return [true for chance, true in probabilities(rows) if chance >= CERTAIN]
+    return [true for chance, true in probabilities(rows) if chance >= CERTAIN_STATED]
 
 
 def budget_errors(rows: Rows) -> list[float]:

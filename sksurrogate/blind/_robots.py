@@ -16,7 +16,7 @@ __all__ = ["MOVED", "RobotTruth", "real_runs", "robot_case"]
 #: Share by which the size of an effect is moved for the oracle that fits it.
 MOVED = 1e-3
 #: Sizes tried, over a natural unit of the effect.
-SIZES = np.geomspace(2e-3, 2.0, 13)
+EFFECT_SIZES = np.geomspace(2e-3, 2.0, 13)
 FRICTIONS = ("coulomb_friction", "stribeck_friction", "lugre_friction", "asymmetric_friction")
 
 
@@ -172,12 +172,15 @@ def robot_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] | N
     truth, real, moved, gap = None, nominal, nominal, 0.0
     if kind is not None:
         target = float(np.exp(rng.uniform(np.log(8.0), np.log(40.0))))
-        found = [_gap(robot, RobotTruth(kind, joint, float(s), dice), U[:2], X0[:2], nominal[:2], noise) for s in SIZES]
+        found = [
+            _gap(robot, RobotTruth(kind, joint, float(s), dice), U[:2], X0[:2], nominal[:2], noise)
+            for s in EFFECT_SIZES
+        ]
         able = [k for k, value in enumerate(found) if 6.0 <= value <= 80.0]
         if not able:
             return None
         k = min(able, key=lambda i: abs(np.log(found[i] / target)))
-        truth = RobotTruth(kind, joint, float(SIZES[k]), dice)
+        truth = RobotTruth(kind, joint, float(EFFECT_SIZES[k]), dice)
         real = real_runs(robot, truth, U, X0)
         moved = real_runs(robot, replace(truth, size=truth.size * (1.0 + MOVED)), U, X0)
         gap = _over(real[:n_runs], nominal[:n_runs], noise)

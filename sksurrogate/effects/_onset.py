@@ -27,10 +27,10 @@ from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.signals import Signal
 
-__all__ = ["SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", "timed", "window"]
+__all__ = ["EDGE_SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", "timed", "window"]
 
 #: Shares of the longest run at which windows are tried to begin or end.
-SHARES = tuple(np.arange(1, 16) / 16.0)
+EDGE_SHARES = tuple(np.arange(1, 16) / 16.0)
 #: Places to each side to which an edge is moved, once it was fitted.
 MOST_MOVED = 40
 #: Parameters of a window by name: before ``onset`` and after ``end`` the effect is absent.
@@ -102,7 +102,7 @@ class Starting(BaseEffect):
             (*theta, *(share * probe.duration if name == first else _open(name, probe) for name in self.span))
             for theta in super().starts(probe)
             for first in self.span
-            for share in SHARES
+            for share in EDGE_SHARES
         ]
 
     def evident(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -118,7 +118,7 @@ class Starting(BaseEffect):
 
         An input that jumps has a valley of its own between any two of its jumps.
         """
-        far = max(duration / (len(SHARES) + 1) / dt, 1.0)
+        far = max(duration / (len(EDGE_SHARES) + 1) / dt, 1.0)
         steps = dt * np.unique(np.round(np.linspace(1.0, far, min(int(far), MOST_MOVED))))
         edges = np.eye(len(theta))[-len(self.span) :]
         return [tuple(np.add(theta, by * edge)) for edge in edges for by in (*steps, *-steps)]
@@ -164,7 +164,7 @@ class _StartingLaw(Starting, BalanceEffect):
             (*theta, *(share * probe.duration if name == first else _open(name, probe) for name in self.span))
             for theta in always
             for first in self.span
-            for share in SHARES
+            for share in EDGE_SHARES
         ]
 
 

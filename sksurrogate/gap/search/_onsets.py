@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._onset import SHARES, can_start, starting
+from sksurrogate.effects._onset import EDGE_SHARES, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.fit._normal_equations import project_starts
@@ -62,7 +62,7 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     always = _drop(whole[1:] @ whole[0], np.einsum("kn,kn->k", whole[1:], whole[1:]), low)
     best, span = np.zeros(len(order)), np.zeros(len(order), bool)
     ages = np.arange(stack.shape[-1]) - np.repeat(starts, lengths)
-    for share in SHARES:
+    for share in EDGE_SHARES:
         edge = max(int(share * lengths.max()), 1)
         later = ages >= edge
         breaks = np.sort(np.r_[starts, (starts + edge)[lengths > edge + len(J_x[0])]])
@@ -129,7 +129,7 @@ def look_for_onsets(search: Any) -> None:
     top = search.best_polished(trial)
     stands = final.candidate
     worth = search.order([top, stands])
-    price = CERTAIN + 2.0 * np.log(len(windowed) * len(SHARES))
+    price = CERTAIN + 2.0 * np.log(len(windowed) * len(EDGE_SHARES))
     if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
         return
     search.library.extend(windowed)

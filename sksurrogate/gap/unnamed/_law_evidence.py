@@ -31,7 +31,7 @@ from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Noise
 
 #: Sizes of a law on which its evidence is computed, over the size that counts as one: a factor of 1.25 apart.
-SIZES = np.geomspace(1e-3, 30.0, 48)
+LAW_SIZES = np.geomspace(1e-3, 30.0, 48)
 #: Laws whose columns are computed at once.
 LAWS_IN_BLOCK = 12
 #: Cosine from which what two functions move the outputs by is the same.
@@ -192,7 +192,7 @@ class _Fit:
     @cached_property
     def priors(self) -> np.ndarray:
         """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
-        return small_and_large(SIZES, self.tolerance)
+        return small_and_large(LAW_SIZES, self.tolerance)
 
     def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
         """Law and form of most evidence under each noise."""
@@ -263,10 +263,10 @@ class _Fit:
     ) -> tuple[tuple[float, float], np.ndarray, np.ndarray]:
         """Log Bayes factors of a small and of a large law over none; posterior of the sizes; root of the prior covariance."""
         if not roots:
-            return (-np.inf, -np.inf), np.full(len(SIZES), 1.0 / len(SIZES)), np.eye(len(H))
+            return (-np.inf, -np.inf), np.full(len(LAW_SIZES), 1.0 / len(LAW_SIZES)), np.eye(len(H))
         best: tuple[Any, ...] = ()
         for root in roots:
-            value = amplitude_evidence(H, g, root, SIZES * self.unit, power)
+            value = amplitude_evidence(H, g, root, LAW_SIZES * self.unit, power)
             top = float(np.max(value))
             weights = np.exp(value - top) * self.priors
             small, large = np.sum(weights, axis=1)
@@ -294,7 +294,7 @@ class _Fit:
         roots = prior_roots(metric, form.rough) if known_to_rounding(G) else []
         (small, large), posterior, root = self.sized(*self.linear.beside_parameters(G), roots)
         none, (at_small, at_large) = self.linear.at_best(G, logdet), self.prices[k]
-        size, n = float(posterior @ SIZES) * self.unit, self.linear.J.shape[1]
+        size, n = float(posterior @ LAW_SIZES) * self.unit, self.linear.J.shape[1]
         # Weights at the mean size, in the coordinates of the prior's root.
         R = np.zeros((len(G) - 1, n + root.shape[1]))
         R[:n, :n], R[n:, n:] = np.eye(n), size * root
