@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -200,6 +200,10 @@ class BaseCandidate(ABC):
         for i in out:
             keep[self.slice_of(i)] = False
         return tuple(e for j, e in enumerate(self.effects) if j not in out), self.fit.theta[keep]
+
+
+#: One kind of candidate.
+C = TypeVar("C", bound=BaseCandidate)
 
 
 def as_white(start: Noise, rms: np.ndarray, quiet: np.ndarray) -> Noise:

@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import Generic
 
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._backend import BaseCandidate, Fitted
+from sksurrogate.gap.fit._backend import BaseCandidate, C, Fitted
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.kernels.disturbance import Noise
 
-C = TypeVar("C", bound=BaseCandidate)
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0
 #: Gain (twice nats) from which a law without a name is certain, beside names or in their place; further effects, windows of

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic
 
 import numpy as np
 
-from sksurrogate.gap.fit._backend import Backend, BaseCandidate
+from sksurrogate.gap.fit._backend import Backend, C
 from sksurrogate.gap.fit._normal_equations import UNSEEN, scaled, solve
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 
-C = TypeVar("C", bound=BaseCandidate)
 #: Directions that move the outputs by less than this share of the most, or of what they moved before initial states and
 #: parameters followed (power), count as none.
 RANK = 1e-9
