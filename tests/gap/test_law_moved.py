@@ -28,13 +28,10 @@ def test_a_law_counts_only_where_its_force_moves_the_outputs():
     problem, smoothed = build_problem(described, PlantModel(described), record, (), ("p", "q"))
     candidate = problem.fit((), np.zeros(0), smoothed.x)
     lawful, noise = 0.1 * smoothed.x[1] ** 3, 0.1 * rng.normal(size=record.n_samples)
-    A = candidate.linearised.A
     for size, counts in ((1.0, True), (0.01, False)):
         force = np.stack([noise, size * lawful])
-        latent = LatentForce(
-            smoothed.x, force, problem.first_noise(), force.std(axis=1) / problem.rate + 0.01, A, candidate.fit.y
-        )
-        moved = np.sum(moved_by(candidate, latent) ** 2, axis=(1, 2))
+        moved = moved_by(candidate.disturbance, force, problem.sd)
+        latent = LatentForce(smoothed.x, force, problem.first_noise(), force.std(axis=1) / problem.rate + 0.01, moved)
         assert (moved[1] > 0.0225 * moved.sum()) == counts
         law = law_of(candidate, latent, 0)
         assert (law[1] > 0.5) if counts else law[1] == 0.0

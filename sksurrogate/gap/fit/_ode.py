@@ -60,6 +60,11 @@ class OdeCandidate(BaseCandidate):
         with np.errstate(all="ignore"):
             return linearise(self.model, self.fit.theta, self.fit.x, unit)
 
+    def along(self, x: np.ndarray) -> OdeCandidate:
+        """As its free run is to first order about a path of all its states (n_states, n_samples)."""
+        lin = linearise(self.model, self.fit.theta, x, self.problem.units(self.effects, self.fit.theta))
+        return replace(self, fit=Fit(self.fit.theta, x, lin.y, np.inf, 0, True, lin))
+
     @recent_property(MOST_KEPT)
     def disturbance(self) -> Disturbance:
         problem, fit = self.problem, self.fit

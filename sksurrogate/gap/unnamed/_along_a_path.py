@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.gap.fit._linear_set import LinearSet
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
-from sksurrogate.kernels.output_error import Fit, linearise, settle_hidden
+from sksurrogate.kernels.output_error import settle_hidden
 
 
 def as_regressors(candidate: OdeCandidate, x: np.ndarray) -> LinearSet[OdeCandidate]:
@@ -40,8 +40,5 @@ def as_regressors(candidate: OdeCandidate, x: np.ndarray) -> LinearSet[OdeCandid
 
 
 def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
-    """A candidate as its free run is to first order about a path of the plant's states."""
-    model, theta = candidate.model, candidate.fit.theta
-    x = settle_hidden(model, theta, x)
-    lin = linearise(model, theta, x, candidate.problem.units(candidate.effects, theta))
-    return replace(candidate, fit=Fit(theta, x, lin.y, np.inf, 0, True, lin))
+    """A candidate about a path of the plant's states (n_states, n_samples); hidden ones settle along it."""
+    return candidate.along(settle_hidden(candidate.model, candidate.fit.theta, x))

@@ -12,15 +12,14 @@ from sksurrogate.gap.fit._build import measured_guess
 from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
-from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
+from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._record_parts import row_folds
 from sksurrogate.gap.unnamed._channel import Place
-from sksurrogate.kernels.banded import first_order_scan, recursion_band, solve_recursion
-from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.banded import first_order_scan
+from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
-from sksurrogate.kernels.output_error import linearise, settle_hidden
+from sksurrogate.kernels.output_error import settle_hidden
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.smoother import output_jacobian
 
 #: A force of this share of the RMS of dx/dt is one that the noise fit could not make smaller: no law is looked for in it.
 SMALLEST_FORCE = 2e-3
@@ -40,9 +39,7 @@ class LatentForce:
     force: np.ndarray  #: (n_balances, n_samples)
     noise: Noise
     size: np.ndarray  #: (n_balances,): standard deviation of each force over the RMS of its dx/dt
-    #: A, r: Jacobians and residual about the smoothed path
-    A: np.ndarray
-    r: np.ndarray
+    moved: np.ndarray  #: (n_balances,): square of what each moves the outputs by, over the noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +73,7 @@ def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
                 continue
     nothing = np.zeros(len(problem.balances))
     force = np.zeros((len(nothing), problem.record.n_samples))
-    n = candidate.model.n_states
-    A = np.zeros((n, n, problem.record.n_samples))
-    return LatentForce(candidate.fit.x, force, found.noise, nothing, A, problem.record.residual(candidate.fit.y))
+    return LatentForce(candidate.fit.x, force, found.noise, nothing, nothing)
 
 
 def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray]:
@@ -102,12 +97,8 @@ def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray
 
 def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
     """The force about one path; LinAlgError where the linearisation cannot be followed."""
-    candidate, start = found.candidate, found.noise
-    problem, theta = candidate.problem, candidate.fit.theta
-    lin = linearise(candidate.model, theta, x, problem.units(candidate.effects, theta))
-    D = problem.disturbance_along(candidate.model, theta, x, lin.A, problem.balances)
-    r = problem.record.residual(lin.y)
-    held = None
+    about, start = found.candidate.along(x), found.noise
+    problem, D, r, held = about.problem, about.disturbance, about.residual, None
     if quiet_sensors:
         m = len(r)
         start = replace(
@@ -117,7 +108,7 @@ def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentF
         held[m + len(problem.balances) + 1 :] = True
     noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
     _, force, _ = D.states(r, noise)
-    return LatentForce(x, force, noise, noise.force / problem.force_unit(), lin.A, r)
+    return LatentForce(x, force, noise, noise.force / problem.force_unit(), moved_by(D, force, problem.sd))
 
 
 def features(problem: OdeBackend, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -153,23 +144,13 @@ def law_of(candidate: OdeCandidate, latent: LatentForce, random_state: int) -> n
     Z, _ = features(problem, latent.x)
     path = candidate.fit.x[: len(problem.plant.states)]
     law = repeatable(problem.record, latent.force, latent.size, Z, path, random_state)
-    moved = np.sum(moved_by(candidate, latent) ** 2, axis=(1, 2))
-    return np.where(moved >= LEAST_MOVED**2 * np.sum(moved), law, 0.0)
+    return np.where(latent.moved >= LEAST_MOVED**2 * np.sum(latent.moved), law, 0.0)
 
 
-def moved_by(candidate: OdeCandidate, latent: LatentForce) -> np.ndarray:
-    """What each force on top of a candidate moves the outputs by, linearised, over the noise: (n_balances, n_outputs, n_samples)."""
-    problem, n = candidate.problem, len(latent.A)
-    record = problem.record
-    push = 0.5 * record.dt * (latent.A + np.eye(n)[:, :, None])[:, problem.rows_of_balances] * latent.force
-    b = a_sample_later(push, record.starts)
-    with np.errstate(all="ignore"):
-        states = solve_recursion(recursion_band(latent.A, record.starts), b)
-        _, C = output_jacobian(
-            candidate.model.bind(candidate.fit.theta[:, None]), candidate.fit.x, candidate.model.scale
-        )
-        moved = np.einsum("oit,ibt->bot", C, states) / problem.sd[:, None]
-    return np.nan_to_num(moved, posinf=0.0, neginf=0.0)
+def moved_by(D: Disturbance, force: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Square of what each force (n_balances, n_samples) moves the outputs by, to first order, over the noise: (n_balances,)."""
+    moved = D.moved(D.B.transpose(1, 2, 0) * force) / sd[:, None, None]
+    return np.asarray(np.sum(np.nan_to_num(moved, posinf=0.0, neginf=0.0) ** 2, axis=(0, 2)))
 
 
 def repeatable(

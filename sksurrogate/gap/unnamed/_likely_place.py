@@ -18,7 +18,6 @@ from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.kernels.disturbance import Disturbance
-from sksurrogate.kernels.output_error import linearise
 
 #: Places that are compared by the law that fits there.
 COMPARED = 3
@@ -68,17 +67,17 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
     one and with the white noise of differences.
     """
-    problem, theta, model = null.problem, null.fit.theta, null.model
+    problem = null.problem
     record, units = problem.record, problem.force_unit()
     found: list[Place] = []
     with np.errstate(all="ignore"):
         x = next(paths(null, problem))
-        lin = linearise(model, theta, x, problem.units((), theta))
-        whole = problem.disturbance_along(model, theta, x, lin.A, problem.balances)
-        r, forces, C = record.residual(lin.y), whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
+        about = null.along(x)
+        A, whole, r = about.linearised.A, about.disturbance, about.residual
+        forces, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
 
         def likelihood(push: np.ndarray, unit: float, sensor: int | None = None) -> float:
-            D = Disturbance(lin.A, push, C, record.starts, whole.start_sd, whole.slack, record.known)
+            D = Disturbance(A, push, C, record.starts, whole.start_sd, whole.slack, record.known)
             return fit_signal(D, r, problem.sd, record.spread, unit, sensor, rough=rough)[1]
 
         for b, name in enumerate(problem.balances):

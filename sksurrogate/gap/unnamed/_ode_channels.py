@@ -16,7 +16,6 @@ from sksurrogate.gap.unnamed._latent_force import features, paths
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import state_jacobian
-from sksurrogate.kernels.output_error import Linearised, linearise
 from sksurrogate.kernels.record import Record
 
 
@@ -123,25 +122,23 @@ def _about(
 
     Its noise is fitted from one ``near`` to it, that of a path nearby, else from several starts.
     """
-    problem, model, theta = null.problem, null.model, null.fit.theta
-    record, plant = problem.record, problem.plant
-    lin = linearise(model, theta, x, problem.units(null.effects, theta))
-    whole = problem.disturbance_along(model, theta, x, lin.A, soft)
+    problem, about = null.problem, null.along(x)
+    record, plant, lin = problem.record, problem.plant, about.linearised
+    whole = problem.disturbance_along(null.model, null.fit.theta, x, lin.A, soft)
     B, C = whole.B.transpose(1, 2, 0)[:, :1], whole.C.transpose(1, 2, 0)
     unit = float(problem.rate[plant.states.index(soft[0])])
     if kind == "input" and location in plant.inputs:
         i = plant.inputs.index(location)
         B, unit = input_push(null, x, i), max(float(np.std(record.u[i])), 1e-12)
     D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
-    r, sensor = record.residual(lin.y), sensor_at(null, location, kind)
+    r, J, precision, pull = about.columns()
+    sensor = sensor_at(null, location, kind)
     noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor, near=near)
     if not np.isfinite(value):
         raise np.linalg.LinAlgError("the noise model gives no likelihood along this path")
     Z, names = features(problem, x)
     push = B[:, 0] if sensor is None else None
-    channel = Channel(
-        record, D, noise, r, push, sensor, unit, held, Z, names, value, *followers(null, lin), x, len(soft)
-    )
+    channel = Channel(record, D, noise, r, push, sensor, unit, held, Z, names, value, J, precision, pull, x, len(soft))
     return channel, lin.x
 
 
@@ -149,12 +146,6 @@ def sensor_at(null: OdeCandidate, location: str, kind: str) -> int | None:
     """The output at a place; None elsewhere."""
     outputs = null.problem.plant.outputs
     return outputs.index(location) if kind == "output" and location in outputs else None
-
-
-def followers(null: OdeCandidate, lin: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sensitivities of the parameters along a path, and what holds them."""
-    _, J, precision, pull = replace(null, fit=replace(null.fit, linearised=lin)).columns()
-    return J, precision, pull
 
 
 class OdeChannels(Channels[OdeCandidate]):
