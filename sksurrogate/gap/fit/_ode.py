@@ -27,7 +27,7 @@ from sksurrogate.physics._simulator import Plant
 LARGEST_DISTURBANCE = 0.10
 #: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.
 QUIET_OUTPUT, QUIET_FORCE = 0.05, 1e-3
-#: Steps of an effect's parameters, over their size, that slopes are good for.
+#: Steps of the parameters of an effect or of a formula, over their size, that slopes are good for.
 REACH = 1.0
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)

@@ -6,8 +6,9 @@ import numpy as np
 
 from sksurrogate.kernels.banded import first_order_scan, solve_recursion
 
-#: Differences are taken by this share of the range of an input, which may act in jumps, and of the size of anything else.
-PUSH_OF_INPUT, STEP_OF_SLOPES = 1e-3, 1e-4
+#: Differences are taken by the first share of the size of what may act in jumps, inputs and a simulator that is only run, and by the
+#: second of anything else.
+COARSE_STEP, STEP_OF_SLOPES = 1e-3, 1e-4
 #: Samples after which a disturbance has forgotten, where nothing better is known.
 REMEMBERED = 10.0
 
@@ -35,7 +36,7 @@ def pushed_input(u: np.ndarray, i: int) -> tuple[np.ndarray, float]:
     >>> pushed.tolist(), push
     ([[1.001, 2.001]], 0.001)
     """
-    push = PUSH_OF_INPUT * (float(np.ptp(u[i])) or 1.0)
+    push = COARSE_STEP * (float(np.ptp(u[i])) or 1.0)
     out = u.copy()
     out[i] += push
     return out, push

@@ -18,14 +18,12 @@ from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
 from sksurrogate.gap.fit._normal_equations import project_starts, solve
-from sksurrogate.gap.fit._pushes import REMEMBERED, pushed_input
+from sksurrogate.gap.fit._pushes import COARSE_STEP, REMEMBERED, pushed_input
 from sksurrogate.gap.fit._simulations import Simulations
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-#: Relative step of the differences: acting inputs may jump, so it is not tiny.
-RELATIVE_STEP = 1e-3
 #: Relative change of the parameters up to which a prediction is taken as linear in them.
 LINEAR = 0.05
 NO_PARAMETERS = np.zeros(0)
@@ -144,7 +142,7 @@ class TrajectoryCandidate(BaseCandidate):
 
     def numerical_change(self) -> np.ndarray:
         """How far differences may move the parameters."""
-        return RELATIVE_STEP * np.abs(self.fit.theta)
+        return COARSE_STEP * np.abs(self.fit.theta)
 
     def initial_states(self) -> np.ndarray:
         shape = len(self.problem.record.starts), len(self.problem.plant.states)
@@ -204,8 +202,8 @@ class TrajectoryBackend(Backend):
         base, columns = self.outputs(effects, theta), []
         for i in range(self.x0.shape[1]):
             moved = self.x0.copy()
-            moved[:, i] += RELATIVE_STEP * max(float(np.max(np.abs(self.x0[:, i]))), 1.0)
-            columns.append((self.outputs(effects, theta, moved) - base) / RELATIVE_STEP)
+            moved[:, i] += COARSE_STEP * max(float(np.max(np.abs(self.x0[:, i]))), 1.0)
+            columns.append((self.outputs(effects, theta, moved) - base) / COARSE_STEP)
         seen = [c for c in columns if np.all(np.isfinite(c)) and np.any(c)]
         transients = np.stack(seen, axis=1) if seen else np.zeros((len(base), 0, base.shape[1]))
         return replace(self, transients=transients, nominal=self.simulations.run(self.record.u, {}, self.x0))
@@ -291,7 +289,7 @@ class TrajectoryBackend(Backend):
         _, high = self.bounds(effects)
         out = np.zeros((len(only), *y.shape))
         for row, k in enumerate(only):
-            step = RELATIVE_STEP * max(abs(theta[k]), self.unit(effects, k))
+            step = COARSE_STEP * max(abs(theta[k]), self.unit(effects, k))
             step = -step if theta[k] + step > high[k] else step
             moved = theta.copy()
             moved[k] += step

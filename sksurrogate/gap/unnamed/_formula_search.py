@@ -20,6 +20,7 @@ import numpy as np
 
 from sksurrogate.effects._formula import Term, equation_of
 from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
+from sksurrogate.gap.fit._ode import REACH
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
@@ -38,8 +39,6 @@ MOST_AFFINE = 4
 OWN = 1e-5
 #: Pieces of a free curve; share of the samples beyond either end of it.
 SPLINE_PIECES, EDGE = 10, 0.002
-#: Share of its size by which a constant moves at most in a step.
-FARTHEST_STEP = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,7 +315,7 @@ class _Regression:
             if not np.isfinite(slopes).all():
                 break
             _, theta = self.solved(np.concatenate([J, slopes], axis=1))
-            step = np.clip(theta[len(theta) - len(constants) :], -FARTHEST_STEP * unit, FARTHEST_STEP * unit)
+            step = np.clip(theta[len(theta) - len(constants) :], -REACH * unit, REACH * unit)
             better = None
             for halving in range(HALVINGS):
                 trial = np.clip(constants + step / 4.0**halving, low, high)
