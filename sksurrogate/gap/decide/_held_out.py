@@ -80,6 +80,39 @@ def _or_else(predicted: np.ndarray, before: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(predicted).all(axis=0), predicted, before)
 
 
+@dataclass(frozen=True, eq=False)
+class _Gaps:
+    """Squared errors of free runs, and the gap above the noise where every run counts as often as it was drawn."""
+
+    powers: dict[str, np.ndarray]  #: (n_runs, n_outputs): by kind of free run, in units of the outputs' variances
+    counts: np.ndarray  #: (n_runs, n_outputs): measured values
+    noise: np.ndarray  #: (n_outputs,): its power in the same units
+
+    @classmethod
+    def of(cls, held: HeldOut, floor: np.ndarray) -> _Gaps:
+        """Of all kinds of free runs that there are."""
+        record, spread = held.record, held.record.spread[:, None]
+        named = ("before", "after", "retuned", "corrected", *(("law",) if held.law is not None else ()))
+        squares = {name: (record.residual(getattr(held, name)) / spread) ** 2 for name in named}
+        powers = {name: np.add.reduceat(square, record.starts, axis=1).T for name, square in squares.items()}
+        return cls(powers, record.counts, (floor / record.spread) ** 2)
+
+    def mean_square(self, name: str, drawn: np.ndarray) -> np.ndarray:
+        """Of every output over its measured values; nan without any."""
+        count = drawn @ self.counts
+        return (drawn @ self.powers[name]) / np.where(count > 0, count, np.nan)
+
+    def gap(self, name: str, drawn: np.ndarray) -> float:
+        """RMS above the noise, all outputs together."""
+        mean = _mean_of_known(self.mean_square(name, drawn), drawn @ self.counts)
+        return float(np.sqrt(max(mean - float(np.mean(self.noise)), 0.0))) if np.isfinite(mean) else np.nan
+
+    def closed(self, name: str, drawn: np.ndarray, power: int = 1) -> float:
+        """Share of the gap that is closed, in amplitude, or in power where that is 2; nan without a gap."""
+        before = self.gap("before", drawn)
+        return float(1.0 - (self.gap(name, drawn) / before) ** power) if name in self.powers and before > 0 else np.nan
+
+
 def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_state: int) -> Shrink:
     """Errors before and after, above the floor, with a bootstrap over runs.
 
@@ -88,63 +121,38 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
     floor : ndarray (n_outputs,)
         Sensor noise.
     """
-    record = held.record
-    spread, n_runs = record.spread, len(record.starts)
-    normal = (floor / spread) ** 2
-
-    def power(predicted: np.ndarray) -> np.ndarray:
-        """Squared error of every run and output, in units of the output's variance: (n_runs, n_outputs)."""
-        square = (record.residual(predicted) / spread[:, None]) ** 2
-        return np.add.reduceat(square, record.starts, axis=1).T
-
-    named = ("before", "after", "retuned", "corrected", *(("law",) if held.law is not None else ()))
-    powers = {name: power(getattr(held, name)) for name in named}
-    once = np.ones(n_runs)
-
-    def mean_square(name: str, drawn: np.ndarray) -> np.ndarray:
-        """Of every output over its measured values, every run as many times as it was drawn; nan without any."""
-        count = drawn @ record.counts
-        return (drawn @ powers[name]) / np.where(count > 0, count, np.nan)
-
-    def gap(name: str, drawn: np.ndarray) -> float:
-        mean = _mean_of_known(mean_square(name, drawn), drawn @ record.counts)
-        return np.sqrt(max(mean - float(np.mean(normal)), 0.0)) if np.isfinite(mean) else np.nan
-
-    def fraction(name: str, drawn: np.ndarray) -> float:
-        before = gap("before", drawn)
-        return 1.0 - gap(name, drawn) / before if before > 0 else np.nan
-
-    rng = np.random.default_rng(random_state)
-    draws = rng.integers(0, n_runs, size=(400, n_runs))
-    samples = [fraction("after", np.bincount(draw, minlength=n_runs).astype(float)) for draw in draws]
+    record, gaps = held.record, _Gaps.of(held, floor)
+    spread, n_runs, noise = record.spread, len(record.starts), float(np.mean(gaps.noise))
+    draws = np.random.default_rng(random_state).integers(0, n_runs, size=(400, n_runs))
+    samples = [gaps.closed("after", np.bincount(draw, minlength=n_runs).astype(float)) for draw in draws]
     finite = np.array([value for value in samples if np.isfinite(value)])
     interval = (
         (float(np.quantile(finite, 0.05)), float(np.quantile(finite, 0.95))) if len(finite) > 20 else (np.nan, np.nan)
     )
-    squares = {name: mean_square(name, once) for name in powers}
-    rmse = {name: np.sqrt(_mean_of_known(values, once @ record.counts)) for name, values in squares.items()}
+    once = np.ones(n_runs)
+    counts = once @ record.counts
+    squares = {name: gaps.mean_square(name, once) for name in gaps.powers}
+    rmse = {name: np.sqrt(_mean_of_known(values, counts)) for name, values in squares.items()}
     # A mean square of n white values has the variance 2 sigma^4 / n.
-    spread_of_noise = float(np.mean(normal)) * np.sqrt(2.0 / record.n_values)
-    excess = _mean_of_known(squares["before"] - normal, once @ record.counts)
-    before, after = gap("before", once), gap("after", once)
-    law = gap("law", once) if held.law is not None else np.nan
+    spread_of_noise = noise * np.sqrt(2.0 / record.n_values)
+    excess = _mean_of_known(squares["before"] - gaps.noise, counts)
     return Shrink(
         before=rmse["before"],
         after=rmse["after"],
-        floor=float(np.sqrt(np.mean(normal))),
-        fraction=fraction("after", once),
+        floor=float(np.sqrt(noise)),
+        fraction=gaps.closed("after", once),
         interval=interval,
         by_output=_by_output(outputs, np.sqrt(squares["before"]) * spread, np.sqrt(squares["after"]) * spread, floor),
         after_retuning=rmse["retuned"],
-        fraction_retuning=fraction("retuned", once),
+        fraction_retuning=gaps.closed("retuned", once),
         after_correction=rmse["corrected"],
-        fraction_correction=fraction("corrected", once),
-        fraction_power=1.0 - (after / before) ** 2 if before > 0 else np.nan,
+        fraction_correction=gaps.closed("corrected", once),
+        fraction_power=gaps.closed("after", once, 2),
         measurable=bool(excess > 3.0 * spread_of_noise),
         same_names=held.same_names,
         after_law=rmse.get("law", np.nan),
-        fraction_law=1.0 - law / before if held.law is not None and before > 0 else np.nan,
-        fraction_power_law=1.0 - (law / before) ** 2 if held.law is not None and before > 0 else np.nan,
+        fraction_law=gaps.closed("law", once),
+        fraction_power_law=gaps.closed("law", once, 2),
     )
 
 
