@@ -69,7 +69,7 @@ def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
         for x in paths(candidate, problem):
             try:
                 return _force_along(found, x, quiet_sensors)
-            except np.linalg.LinAlgError:  # the noise model gives no likelihood along this path: the free run is smoother
+            except np.linalg.LinAlgError:  # no likelihood along this path: the free run is smoother
                 continue
     nothing = np.zeros(len(problem.balances))
     force = np.zeros((len(nothing), problem.record.n_samples))

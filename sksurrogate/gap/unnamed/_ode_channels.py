@@ -44,7 +44,9 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
             return _along(null, x, location, kind, soft)
         except np.linalg.LinAlgError:
             continue
-    raise np.linalg.LinAlgError(f"the noise model gives no likelihood along any path near the data with a signal at {location!r}")
+    raise np.linalg.LinAlgError(
+        f"the noise model gives no likelihood along any path near the data with a signal at {location!r}"
+    )
 
 
 def _along(null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Sequence[str]) -> Channel:
