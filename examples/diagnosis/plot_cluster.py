@@ -5,6 +5,7 @@ Cluster: does a diagnosis with dask give the same answer?
 The joblib context decides where the work runs. Here a dask cluster has two processes on this machine. The search and the diagnosis must give the same answers. The memory of a worker is printed.
 """
 
+import json
 import warnings
 
 import joblib
@@ -33,7 +34,9 @@ def search(X, y, runs):
 
 def numbers(report):
     """The whole report, without when and how fast it was made."""
-    return {name: value for name, value in report.to_dict().items() if name not in ("provenance", "seconds")}
+    return json.dumps(
+        {name: value for name, value in report.to_dict().items() if name not in ("provenance", "seconds")}
+    )
 
 
 def main():
