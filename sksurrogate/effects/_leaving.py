@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._points import stacked
-from sksurrogate.effects._sampled import SampledForm
+from sksurrogate.effects._model import BoundModel
+from sksurrogate.effects._points import bound_at_points, stacked
+from sksurrogate.effects._sampled import SampledForm, point_model
 from sksurrogate.effects._small_signal import SampledPoint, SmallSignal, refuse_slopes
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["graph_of", "sampled_of", "small_signal_of"]
+__all__ = ["graph_of", "sampled_of", "small_signal_of", "steps_of"]
 
 Parts = tuple[Plant, Sequence[BaseEffect], np.ndarray]
 
@@ -33,6 +35,45 @@ def _checked(parts: Parts) -> Parts:
             f"{name} has events and cannot be exported: finding the moment of an event is not a fixed formula."
         )
     return parts
+
+
+def steps_of(parts: Parts, X: np.ndarray, bound: BoundModel, scale: Any, sharpness: float) -> int:
+    """Substeps of a run with which an export equals it.
+
+    Parameters
+    ----------
+    parts : tuple
+        Plant, effects, their parameters in a row.
+    X : ndarray (n_states, n_samples)
+        The run.
+    bound : BoundModel
+        The model that made it.
+    scale, sharpness
+        As in :class:`AugmentedSimulator`.
+
+    Raises
+    ------
+    SimulatorError
+        The run smooths kinks over other sizes than an export, or has another sample time.
+    """
+    plant, effects, theta = parts
+    if not np.isclose(bound.record.dt, plant.dt, rtol=1e-9):
+        raise SimulatorError(
+            f"t has steps of {bound.record.dt:g}: an export takes those of the simulator, dt={plant.dt:g}."
+        )
+    other = copy.copy(bound)
+    other._widths = bound_at_points(point_model(plant, effects, bound.a.n_sub, scale, sharpness), theta, False)._widths
+    with np.errstate(all="ignore"):
+        later, exported = bound(X[:, None]), other(X[:, None])
+    if not np.allclose(later, exported, rtol=1e-12, atol=0.0, equal_nan=True):
+        sizes = [float(f"{size:.4g}") for size in bound.a.nominal_scale]
+        raise SimulatorError(
+            f"scale={scale}: simulate smooths kinks over the sizes of the signals in this run, an export does not know them. "
+            f"Give scale={sizes} for both."
+            if scale is None
+            else "a kink over an input is smoothed over the size of the input in each run: no export equals such runs exactly."
+        )
+    return bound.a.n_sub
 
 
 def sampled_of(parts: Parts, n_sub: int, scale: Any, sharpness: float, symbols: bool = False) -> SampledForm:

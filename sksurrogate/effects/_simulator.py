@@ -14,7 +14,7 @@ from sksurrogate.effects._at_work import acting_in, is_null, values_of
 from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
-from sksurrogate.effects._leaving import graph_of, sampled_of, small_signal_of
+from sksurrogate.effects._leaving import graph_of, sampled_of, small_signal_of, steps_of
 from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.effects._pointwise import acting_params, entering_at, term_at
 from sksurrogate.effects._small_signal import SampledPoint
@@ -247,7 +247,8 @@ class AugmentedSimulator(BaseSimulator):
         Raises
         ------
         SimulatorError
-            An integrator of scipy takes the run in steps of its own, or the simulator gives trajectories only.
+            scipy's integrator simulates the run with variable steps, the simulator gives trajectories only, or kinks are
+            smoothed over sizes that an export does not know: the message gives them.
 
         Examples
         --------
@@ -262,12 +263,12 @@ class AugmentedSimulator(BaseSimulator):
             return int(plant.simulator.substeps(U, x0, t))
         if plant.access == "trajectory":
             raise SimulatorError(f"{type(self.simulator).__name__} gives trajectories only: its steps are not known.")
-        _, bound, fixed = self._states(
+        X, bound, fixed = self._states(
             plant, effects, theta, inputs, None if x0 is None else np.reshape(x0, (1, -1)), t
         )
         if not fixed:
             raise SimulatorError(OF_SCIPY)
-        return bound.a.n_sub
+        return steps_of((plant, effects, theta), X, bound, self.scale, self.sharpness)
 
     # ---- where nothing has a memory ---------------------------------------------------------------------------------
     @available_if(_has_rhs)

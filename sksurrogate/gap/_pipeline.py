@@ -222,6 +222,7 @@ class DiagnosisPipeline(LawStage[C]):
             self.budget(),
             remainder,
             data=data,
+            scale=() if self.unnamed.scale is None else tuple(map(float, self.unnamed.scale)),
         )
 
     def place_and_term(self, verdict: str, effects: list[EffectEstimate]) -> tuple[Where, MissingTerm | None]:

@@ -168,6 +168,21 @@ def test_a_run_in_steps_of_scipy_has_no_number_of_steps():
             model.substeps(U[:, :1])
 
 
+def test_kinks_over_sizes_that_an_export_does_not_know_are_refused_with_the_sizes():
+    friction = AugmentedSimulator(ODE, [CATALOGUE["coulomb_friction"]("v", "v")], [(0.2,)])
+    with pytest.raises(SimulatorError, match=r"scale=None: .* Give scale=\[[\d., ]+\] for both") as error:
+        friction.substeps(U, x0=X0)
+    sizes = [float(size) for size in str(error.value).split("scale=[")[1].split("]")[0].split(",")]
+    expected, n_sub = _simulated(friction.set_params(scale=sizes))
+    np.testing.assert_allclose(_run(_numpy(friction, n_sub), friction.start_state(X0, U[0])), expected, atol=1e-9)
+    assert AugmentedSimulator(ODE, [CATALOGUE["linear_loss"]("v", "v")], [(0.2,)]).substeps(U, x0=X0) < 10
+    driven = AugmentedSimulator(ODE, [CATALOGUE["coulomb_friction"]("v", "u")], [(0.2,)], scale=SCALE)
+    with pytest.raises(SimulatorError, match="a kink over an input"):
+        driven.substeps(np.where(np.arange(len(U))[:, None] < 5, 1e-3, U), x0=X0)
+    with pytest.raises(SimulatorError, match=r"t has steps of 0\.1"):
+        friction.substeps(U, x0=X0, t=0.1 * np.arange(len(U)))
+
+
 def test_states_are_named_and_the_clock_is_there_only_where_something_depends_on_time():
     graph = _with(ODE, "input_delay", "hidden_mode").to_graph()
     lines = [f"input_delay_u_{k}" for k in range(3)]

@@ -164,7 +164,7 @@ def test_the_code_to_paste_gives_the_augmented_simulator(diagnoser, monkeypatch)
     U = np.linspace(0, 2, 50)[:, None]
     names = {"given": diagnoser.simulator, "U": U, "x0": [0.5], "u0": [1.0]}
     exec(code, names)
-    np.testing.assert_allclose(names["Y"], diagnoser.augmented_.simulate(U, x0=[0.5]), atol=1e-6)
+    np.testing.assert_allclose(names["Y"], diagnoser.augmented_.simulate(U, x0=[0.5]), atol=1e-9)
     assert names["local"].A.shape == (1, 1) and names["K"].shape == (1, 1)
 
 

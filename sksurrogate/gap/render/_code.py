@@ -19,7 +19,7 @@ from {module} import {name} as simulator  # as it was diagnosed
 model = AugmentedSimulator(
     simulator,
     effects=[{effects}],
-    values=[{values}],{retuned}{runs}
+    values=[{values}],{retuned}{runs}{scale}
 )
 """
 _FROM_DIAGNOSER = """\
@@ -79,6 +79,9 @@ def _built(report: ReportData) -> str:
         retuned=f"\n    retuned={_numbers(retuned)}," if retuned else "",
         runs=f"\n    runs={_runs(effects)},  # model.in_run(label) is the simulator of one run"
         if any(effect.runs is not None for effect in effects)
+        else "",
+        scale=f"\n    scale=[{', '.join(number(size, 12) for size in report.scale)}],  # sizes of the states, for kinks"
+        if report.scale
         else "",
     )
 

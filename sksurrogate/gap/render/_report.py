@@ -65,6 +65,8 @@ class GapReport(ReportData):
         Simulator, runs, rows, sample time, seed, version, date, files, command.
     data : DataFaults
         Faults of the record: kind, output or input, runs and rows, size, share of the gap, remedy. Empty if there are none.
+    scale : tuple of float
+        Sizes of the states, over which ``augmented_`` smooths kinks; empty if it does not.
 
     Examples
     --------

@@ -47,3 +47,4 @@ class ReportData:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     provenance: Provenance = UNKNOWN_ORIGIN
     data: DataFaults = NO_FAULTS
+    scale: tuple[float, ...] = ()
