@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +17,15 @@ MOST_WITH_ONE = 3
 COLLINEAR = 0.9999
 
 
-def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
+class Pair(NamedTuple):
+    """Two effects at the starting values at which they remove most together."""
+
+    first: Start
+    second: Start
+    drop: float  #: Of the squared residual over the noise
+
+
+def best_pairs(screen: Screen, most: int) -> list[Pair]:
     """The pairs of effects whose columns together remove most of the residual, each pair at its best starting values.
 
     Parameters
@@ -25,7 +35,7 @@ def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
 
     Returns
     -------
-    list of (Start, Start)
+    list of Pair
         Best first; no effect stands in more than :data:`MOST_WITH_ONE` of them.
     """
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
@@ -40,7 +50,7 @@ def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
     first, second = np.triu_indices(len(keys), 1)
     order = np.argsort(-best[first, second], kind="stable")
     used = np.zeros(len(keys), int)
-    out: list[tuple[Start, Start]] = []
+    out: list[Pair] = []
     for i, j in zip(first[order], second[order]):
         if len(out) == most or not np.isfinite(best[i, j]):
             break
@@ -50,8 +60,26 @@ def best_pairs(screen: Screen, most: int) -> list[tuple[Start, Start]]:
         mine, other = of_key[i], of_key[j]
         drop, a, b = (values[:, other] for values in columns.with_all(mine))
         p, q = np.unravel_index(np.argmax(drop), drop.shape)
-        out.append((_at(screen, mine[p], a[p, q]), _at(screen, other[q], b[p, q])))
+        out.append(Pair(_at(screen, mine[p], a[p, q]), _at(screen, other[q], b[p, q]), float(drop[p, q])))
     return out
+
+
+def beside(screen: Screen, base: Screen, taken: Collection[Any]) -> Screen:
+    """A screen of the null with what a ``base`` leaves, without the effects that are ``taken``.
+
+    Both linearisations follow the measured trajectory, so the columns of the null are near to those of the base.
+    """
+    if screen.columns is None:
+        return screen
+    kept = [k for k, start in enumerate(screen.starts) if start.effect.key not in taken]
+    return replace(
+        base,
+        starts=[screen.starts[k] for k in kept],
+        raw=[screen.raw[k] for k in kept],
+        columns=screen.columns[kept],
+        low=screen.low[kept],
+        high=screen.high[kept],
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ from joblib import Parallel, delayed, effective_n_jobs
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.gap.fit._closeness import OUT_OF_SIGHT
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, OUT_OF_SIGHT
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
-from sksurrogate.gap.screen._pairs import best_pairs
+from sksurrogate.gap.screen._pairs import beside, best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
@@ -40,8 +40,9 @@ FITTED_APART = 2
 PORTION = 4
 #: Effort of the search for a jump, in parameters that are fitted.
 SEARCHED = 12
-#: Pairs that are fitted because the screen expects most of them.
-MOST_PAIRS = 10
+#: Pairs that are fitted because the screen expects most of them; beside other effects those that are expected to leave less than
+#: this share of what one effect more leaves.
+MOST_PAIRS, PROMISING = 10, 0.5
 #: Other places and variables of the nearest effect that are fitted from its shape.
 MOST_SIBLINGS = 8
 
@@ -181,19 +182,30 @@ class Expander(SetSearch[OdeCandidate]):
             out[start.effect.key] = max(out.get(start.effect.key, -np.inf), start.white)
         return out
 
-    def pairs(self, best: float) -> list[OdeCandidate]:
-        """Two effects at once, added to the null, where the screen expects more of them than of any two one by one."""
+    def pairs(self, base: OdeCandidate, best: float) -> list[OdeCandidate]:
+        """Two effects at once, added to a base: those of which the screen expects most. Two that cancel each other do not show one by one.
+
+        Beside other effects only pairs that promise to leave the noise, or less than :data:`PROMISING` of the ``best`` cost.
+        """
         if self.first_screen is None:
             return []
-        base, x = self.fitted_null.candidate, self.x
-        problem, pairs = self.searching(base), best_pairs(self.first_screen, MOST_PAIRS)
-        new = [pair for pair in pairs if frozenset(start.effect.key for start in pair) not in self.fitted]
+        if base.effects:
+            problem, base, about = self.looked_at(base)
+            found = best_pairs(beside(self.first_screen, about, base.keys), MOST_PAIRS)
+            most = max(PROMISING * best, AT_THE_NOISE**2 * self.n_values)
+            found = [pair for pair in found if about.left_by[0] - pair.drop < most]
+        else:
+            problem, found = self.searching(base), best_pairs(self.first_screen, MOST_PAIRS)
+        x, known = self.guess(base), frozenset(base.keys)
+        new = [
+            pair for pair in found if known.union((pair.first.effect.key, pair.second.effect.key)) not in self.fitted
+        ]
         tries = side_by_side(
             lambda pair: shipped(problem, partial(fit_pair, problem, base, pair, x, best)), new, self.second
         )
-        effects = [[start.effect for start in pair] for pair in new]
-        found = [self.landed(problem, base, added, freight) for added, freight in zip(effects, tries)]
-        self.remember(fits := [candidate for candidate in found if candidate is not None])
+        effects = [[pair.first.effect, pair.second.effect] for pair in new]
+        landed = [self.landed(problem, base, added, freight) for added, freight in zip(effects, tries)]
+        self.remember(fits := [candidate for candidate in landed if candidate is not None])
         return fits
 
     def known(self, problem: OdeBackend, base: OdeCandidate, effects: Sequence[BaseEffect]) -> list[OdeCandidate]:

@@ -13,6 +13,7 @@ from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._build import nominal_run
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, NEAR
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.screen._pairs import Pair
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.screen._sticking import sticks_in
 from sksurrogate.gap.search._restart import scanned
@@ -60,15 +61,13 @@ def fit_added(problem: OdeBackend, base: OdeCandidate, starts: Sequence[Start], 
     return found
 
 
-def fit_pair(
-    problem: OdeBackend, base: OdeCandidate, pair: tuple[Start, Start], x: np.ndarray, best: float
-) -> OdeCandidate | None:
-    """Fit a base without effects with two at once, from a smoothed trajectory."""
-    first, second = pair
-    theta = np.concatenate([first.theta, second.theta, base.fit.theta])
-    whole = np.concatenate([x, first.x[len(x) :], second.x[len(x) :]])
+def fit_pair(problem: OdeBackend, base: OdeCandidate, pair: Pair, x: np.ndarray, best: float) -> OdeCandidate | None:
+    """Fit a base with two effects more at once, from a smoothed trajectory ``x`` with the hidden states of the base."""
+    first, second, _ = pair
+    n, theta = len(problem.plant.states), base.theta_with(np.concatenate([first.theta, second.theta]))
+    whole = np.concatenate([x, first.x[n:], second.x[n:]])
     try:
-        candidate = problem.fit((first.effect, second.effect), theta, whole, best=best)
+        candidate = problem.fit((*base.effects, first.effect, second.effect), theta, whole, best=best)
     except (np.linalg.LinAlgError, FloatingPointError):  # a candidate that breaks the arithmetic is out
         return None
     return candidate and scanned(candidate)

@@ -57,8 +57,8 @@ class SetMoves(BaseSearch[C]):
         """Single effects fitted from nominal parameters, where fits hang on where they start."""
         return []
 
-    def pairs(self, best: float) -> list[C]:
-        """Two effects at once, where the screen sees pairs."""
+    def pairs(self, base: C, best: float) -> list[C]:
+        """Two effects at once, added to a base, where the screen sees pairs."""
         return []
 
     def formed(self, base: C, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float) -> list[C]:

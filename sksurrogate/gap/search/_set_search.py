@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closed_loop import may_follow_noise
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
@@ -28,6 +29,8 @@ SCREENED = 0.4
 RUNNERS = 3
 #: A set of effects that was left is taken up again where it comes back with less than this share of its cost.
 COMES_BACK = 0.9
+#: Errors with a cosine above this are those of one law.
+ALIKE = 0.9
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
@@ -102,18 +105,19 @@ class SetSearch(SetMoves[C]):
         if settled and left < SETTLED:
             return None
         if len(best.effects) == 1:
-            trial.extend(self.ranked(self.pairs(best.fit.cost), best))
+            trial.extend(self.ranked(self.pairs(self.fitted_null.candidate, best.fit.cost), best))
         nearest = self.own(max(trial, key=self.score)) if trial else None
         near = nearest is not None and nearest.left < AT_THE_NOISE
+        if passed and not near and not settled and len(best.effects) <= MOST_EFFECTS - 2:
+            least_cost = min((candidate.fit.cost for candidate in trial), default=best.fit.cost)
+            trial.extend(self.ranked(self.pairs(best, least_cost), best))
         for base in () if near or settled else self.beam(best):
             trial.extend(self.ranked(self.expand(base, Wanted(6, 3)), base))
         if not trial:
             return None
         trial.sort(key=self.order(trial), reverse=True)
         top = self.best_polished(trial)
-        self.runners = distinct(
-            [candidate for candidate in trial if candidate is not top], {frozenset(top.keys)}, RUNNERS
-        )
+        self.runners = unlike(trial, [top], RUNNERS)
         if not self.passes(top, best, passed, least):
             return None
         top = simplify(self, self.swap(top))
@@ -165,15 +169,22 @@ class SetSearch(SetMoves[C]):
             return []
         others = [candidate for candidate in self.first_round if candidate.keys != best.keys]
         by_cost = sorted(others, key=lambda candidate: candidate.fit.cost)
-        return distinct([*others[:2], *by_cost[:2]], set(), 4)
+        return unlike([*unlike(others, [best], 2), *unlike(by_cost, [best], 2)], [best], 4)
 
 
-def distinct(candidates: Sequence[C], taken: set, most: int) -> list[C]:
-    """The first candidates with different sets of effects."""
+def unlike(candidates: Sequence[C], taken: Sequence[C], most: int) -> list[C]:
+    """The first candidates whose errors are not those of one before: all forms of one law count once."""
     chosen: list[C] = []
+    errors = [_direction(one) for one in taken]
     for candidate in candidates:
-        key = frozenset(candidate.keys)
-        if key not in taken and len(chosen) < most:
-            taken = taken | {key}
+        own = _direction(candidate)
+        if len(chosen) < most and all(abs(own @ other) < ALIKE for other in errors):
             chosen.append(candidate)
+            errors.append(own)
     return chosen
+
+
+def _direction(candidate: BaseCandidate) -> np.ndarray:
+    """Errors of a candidate over the sensor noise, as a vector of length one."""
+    out = np.ravel(candidate.residual / candidate.problem.sd[:, None])
+    return np.asarray(out / max(float(np.linalg.norm(out)), 1e-300))
