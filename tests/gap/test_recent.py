@@ -2,16 +2,18 @@
 
 import gc
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts
 from sksurrogate.gap.fit._recent import recent_property
-from sksurrogate.gap.screen._pairs import _Columns, best_pairs
+from sksurrogate.gap.screen._pairs import _Columns, beside, best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start
+from sksurrogate.physics import ODESimulator
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,51 @@ def test_products_of_columns_are_those_of_the_whole_gram():
 
 
 def test_the_pair_that_makes_the_residual_is_the_best():
-    first, second = best_pairs(screen_of(), 3)[0]
+    first, second, _ = best_pairs(screen_of(), 3)[0]
     assert {first.effect.name, second.effect.name} == {"quadratic_drag", "cubic_stiffness"}
     assert sorted(round(float(start.theta[0]), 1) for start in (first, second)) != [1.0, 1.0]
+
+
+def test_two_that_cancel_are_seen_beside_another_effect():
+    screen = screen_of()
+    base = replace(screen, starts=[], raw=[], columns=None, known=screen.known.copy())
+    base.known[0] = 5.0 * (screen.columns[4] - screen.columns[13]) + 0.1 * screen.columns[0]
+    taken = {screen.starts[0].effect.key}
+    first, second, drop = best_pairs(beside(screen, base, taken), 3)[0]
+    assert {first.effect.name, second.effect.name} == {"cubic_stiffness", "linear_loss"}
+    assert drop == pytest.approx(np.sum(base.known[0] ** 2), rel=0.2)
+    assert all(
+        pair.first.effect.key not in taken and pair.second.effect.key not in taken
+        for pair in best_pairs(beside(screen, base, taken), 9)
+    )
+
+
+@pytest.mark.slow
+def test_a_load_and_a_gain_that_cancel_are_named_beside_a_play():
+    """One by one neither leaves less than an offset of the other sensor does, which was named alone."""
+
+    def rhs(t, x, u, p):
+        return u[0] - x[0] - 0.5 * (x[0] - x[1]), 0.5 * (x[0] - x[1]) - 0.8 * x[1] + 0.3 * u[1]
+
+    nominal = ODESimulator(rhs, states=["a", "b"], inputs=["F", "G"], outputs=["a", "b"], params={}, dt=0.1)
+    rng, n = np.random.default_rng(0), 400
+    U = np.repeat(np.stack([4 + 0.5 * rng.normal(size=n // 20), 4 * rng.normal(size=n // 20)], axis=1), 20, axis=0)
+    planted = {"input_backlash": ("G", 1.2), "input_bias": ("F", -0.12), "sensor_gain": ("a", 0.03)}
+    effects = [CATALOGUE[name](place) for name, (place, _) in planted.items()]
+    values = [{effect.parameters[0].name: planted[effect.name][1]} for effect in effects]
+    plant = AugmentedSimulator(nominal, effects, values)
+    runs = [U, U[::-1]]
+    y = np.concatenate([plant.simulate(u, x0=[2.0, 1.5]) for u in runs]) + 0.003 * rng.normal(size=(2 * n, 2))
+    names = [
+        *planted,
+        "sensor_bias",
+        "linear_loss",
+        "constant_bias",
+        "input_gain",
+        "quadratic_drag",
+        "coulomb_friction",
+    ]
+    diagnoser = GapDiagnoser(nominal, effects=names, n_jobs=1, random_state=0)
+    report = diagnoser.fit(np.concatenate(runs), y, groups=np.repeat([0, 1], n)).report_
+    classes = [{effect.name, *(name for name, _, _ in effect.equivalents)} for effect in report.effects]
+    assert len(classes) == 3 and all(any(name in names for names in classes) for name in planted)
