@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
-from sksurrogate.effects._smooth import TINY, positive, sign
+from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, positive, sign
 from sksurrogate.physics._simulator import Plant
 
 __all__ = [
@@ -200,6 +200,12 @@ class StribeckFriction(BalanceEffect):
     def jump(self, theta: Sequence[Any]) -> Any:
         """The larger of both levels."""
         return np.maximum(theta[0], theta[1])
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """The variable takes more than a part of a sample to pass the velocity below which friction is larger."""
+        assert probe.v is not None
+        change = float(np.sqrt(np.mean(np.diff(probe.v) ** 2))) if len(probe.v) > 1 else 0.0
+        return bool(theta[2] > WITHIN_SAMPLE * change)
 
     def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
         """No less at rest than in motion."""

@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
-from sksurrogate.effects._smooth import TINY, follow, magnitude
+from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, follow, magnitude
 
 __all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
 
 #: A companion with a time constant of so many of the longest runs moves by a quarter of the way in them: its pull is that of
 #: a loss. True ones follow within a run, those in the place of other laws were found at 5 runs to 1e20.
 STILL = 4.0
-#: One that follows within this share of a sample only adds to the inertia; a mode rings where a sample is less than half a
-#: period.
-WITHIN_SAMPLE, RINGS = 0.2, np.pi
+#: A mode rings where a sample is less than half a period. (One that follows within a sample only adds to the inertia.)
+RINGS = np.pi
 #: A spring with a limit of so many times the way that v goes from the start of a run yields by a tenth at most: it is a loss.
 UNYIELDING = 5.0
 

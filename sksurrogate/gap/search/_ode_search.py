@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
@@ -98,9 +100,10 @@ class OdeSearch(Expander):
             candidates = self.expand(base, Wanted(24, 10, siblings=True, best=final.fit.cost))
         if single:  # those of the search may have started at other re-tuned parameters
             candidates.extend(self.first_round)
-        begun = begun_twins(self.first_screen, final.effects[i]) if self.first_screen is not None else []
-        if begun:
-            candidates.extend(self.expand(base, Wanted(len(begun), 0, begun)))
+        if self.first_screen is not None:
+            candidates.extend(
+                self.begun(base, begun_twins(self.first_screen, final.effects[i], named.theta_of(i)), named)
+            )
         if not few and (not single or self.problem.free):
             rest = named.taken_out(i)  # the others and the free parameters, fitted again alone, may have run away
             candidates.extend([] if rest is None else self.anew(rest, final.noise, MOST_ANEW, 0, final.fit.cost))
@@ -113,6 +116,17 @@ class OdeSearch(Expander):
         reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
         near = [candidate for candidate in candidates if candidate.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
         return near if same_numerics else [self.again(fine, candidate) for candidate in near]
+
+    @staticmethod
+    def begun(
+        base: OdeCandidate, twins: Sequence[tuple[BaseEffect, np.ndarray]], named: OdeCandidate
+    ) -> list[OdeCandidate]:
+        """A base with each of some effects that begin, fitted from given values along the free run of what is named."""
+        x = named.fit.x[: base.model.n_nominal]
+        tries = [
+            named.problem.fit((*base.effects, one), base.theta_with(theta), x, open_steps=0) for one, theta in twins
+        ]
+        return [candidate for candidate in tries if candidate is not None]
 
     @staticmethod
     def again(fine: OdeBackend, candidate: OdeCandidate) -> OdeCandidate:

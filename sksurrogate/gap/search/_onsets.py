@@ -12,7 +12,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._pairs import COLLINEAR
-from sksurrogate.gap.screen._screen import Screen
+from sksurrogate.gap.screen._screen import Screen, grown, grows
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._stopping import grows_in_vain
@@ -82,24 +82,37 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     return list(found.values())
 
 
-def begun_twins(screen: Screen, effect: BaseEffect) -> list[BaseEffect]:
-    """Effects that begin as a jump does, and move the outputs as what has jumped: a loss that sets in, for a friction that jumps.
+def begun_twins(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[tuple[BaseEffect, np.ndarray]]:
+    """Effects that begin when a jump does, and move the outputs as what has jumped: a loss that sets in, for a friction that jumps.
 
     What has jumped is always there in the form that the jump's nests (a wrong parameter, a constant load). Its column in the screen of
     the null tells which other effects move the outputs as it does; none where it was not a candidate.
+
+    Parameters
+    ----------
+    theta : ndarray (2,)
+        Size and time of the jump.
+
+    Returns
+    -------
+    list of (effect, ndarray)
+        Each with the values at which it does what the jump does.
     """
-    if screen.columns is None or not any(parameter.name == "time" for parameter in effect.parameters):
+    if screen.columns is None or [parameter.name for parameter in effect.parameters[1:]] != ["time"]:
         return []
     simple = [k for k, start in enumerate(screen.starts) if richer(effect, start.effect)]
-    able = [k for k, start in enumerate(screen.starts) if can_start(start.effect)]
+    able = [k for k, start in enumerate(screen.starts) if can_start(start.effect) and grows(start.effect)]
     if not simple or not able:
         return []
-    chosen = [simple[0], *able]
-    columns = project_starts(screen.columns[chosen], screen.J_x.astype(np.float32), screen.record_starts)
-    flat = columns.reshape(len(chosen), -1)
-    cosine = np.abs(flat[1:] @ flat[0]) / np.maximum(np.linalg.norm(flat[1:], axis=1) * np.linalg.norm(flat[0]), 1e-300)
-    alike = [screen.starts[able[k]].effect for k in np.flatnonzero(cosine > COLLINEAR)]
-    return [starting(one) for one in {one.key: one for one in alike}.values()]
+    flat = screen.columns[[simple[0], *able]].reshape(1 + len(able), -1)  # initial states hide what was always there
+    jumped, others = flat[0] * (theta[0] / screen.raw[simple[0]][0]), flat[1:]
+    product, size = others @ jumped, np.maximum(np.linalg.norm(others, axis=1), 1e-300)
+    cosine = np.abs(product) / (size * max(float(np.linalg.norm(jumped)), 1e-300))
+    found = {}
+    for j in np.flatnonzero(cosine > COLLINEAR):
+        one = screen.starts[able[j]].effect
+        found[one.key] = starting(one), np.r_[grown(one, screen.raw[able[j]], product[j] / size[j] ** 2), theta[1]]
+    return list(found.values())
 
 
 def _drop(g: np.ndarray, h: np.ndarray, low: np.ndarray) -> np.ndarray:
