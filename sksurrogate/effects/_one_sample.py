@@ -109,7 +109,7 @@ class InputInSample:
     def begin(self, first: Any, other: Any) -> tuple[list[Any], Any]:
         """Memory at the start of a run, and what acts then, given what arrives and the variable."""
         if self.advance_memory == self._static:
-            return [], self._static([], Pieces.held(first, 1), Pieces.held(other, 1))[1].shown
+            return [], self.advance([], Pieces.held(first, self.n_sub), Pieces.held(other, self.n_sub), 0.0)[1].shown
         if isinstance(self.always, InputDelay) and self.wide:
             return [first if k % 2 == 0 else 0.0 * first for k in range(self.size)], first
         return [first] * self.size, first
@@ -211,13 +211,13 @@ class SensorInSample:
     """
 
     def __init__(self, effect: SensorEffect, theta: Sequence[float], dt: float):
-        self.effect, self.dt = effect, dt
-        if isinstance(effect, Starting) or type(effect) not in (SensorLag, SensorDelay):
-            what = "with an onset" if isinstance(effect, Starting) else "of your own"
+        self.effect, self.theta, self.dt = effect, theta, dt
+        kind, theta = type(unwindowed(effect)), own_values(effect, theta)
+        if kind not in (SensorLag, SensorDelay):
             raise SimulatorError(
-                f"{effect.name}: a sensor with a memory {what} has no state-space form here; use simulate."
+                f"{effect.name}: a sensor of your own with a memory has no state-space form here; use simulate."
             )
-        self.size, self.is_lag = 1, type(effect) is SensorLag
+        self.size, self.is_lag = 1, kind is SensorLag
         if self.is_lag:
             self.ratio = max(theta[0], 0.0) / dt
             moments, decay, rate = lag_moments(np.array([[self.ratio]]))
@@ -232,15 +232,27 @@ class SensorInSample:
         self.exact = self.s == 1.0
         self.size = self.whole + (not self.exact)
 
-    def reading(self, memory: Sequence[Any], y: Any) -> Any:
+    def reading(self, memory: Sequence[Any], y: Any, t: Any) -> Any:
         """What the sensor shows now; ``y`` is what it would show without a memory."""
-        return memory[-1] if self.size else y
+        if not self.size:
+            return y
+        if not isinstance(self.effect, Starting):
+            return memory[-1]
+        return y + self.effect.within(t, self.theta, 0.0) * (memory[-1] - y)
 
-    def advance(self, memory: Sequence[Any], piece: tuple[Any, ...]) -> tuple[list[Any], tuple[Any, ...]]:
+    def advance(self, memory: Sequence[Any], piece: tuple[Any, ...], t: Any) -> tuple[list[Any], tuple[Any, ...]]:
         """The memory a sample later, and the piece of what is passed on.
 
         A piece holds the value and dt times the slope at the start, the value just before the end, dt times the slope there.
         """
+        later, passed = self._advance(memory, piece)
+        if not isinstance(self.effect, Starting):
+            return later, passed
+        now, then = (self.effect.within(at, self.theta, 0.0) for at in (t, t + self.dt))
+        return later, tuple(a + share * (b - a) for a, b, share in zip(piece, passed, (now, now, then, then)))
+
+    def _advance(self, memory: Sequence[Any], piece: tuple[Any, ...]) -> tuple[list[Any], tuple[Any, ...]]:
+        """Of a sensor that is always slow."""
         y0, m0, y1, m1 = piece
         if not self.is_lag:
             s, q = self.s, 1.0 - self.s

@@ -253,7 +253,7 @@ class _StartingSensor(Starting, SensorEffect):
         def blended(one: np.ndarray, other: np.ndarray) -> np.ndarray:
             return np.asarray(self._blend(one, other, t, theta, width))
 
-        end = None if path.end is None or changed.end is None else blended(path.end, changed.end)
+        end = None if path.end is None and changed.end is None else blended(path.before, changed.before)
         return SensorPath(
             blended(path.y, changed.y), blended(path.right, changed.right), blended(path.left, changed.left), end
         )

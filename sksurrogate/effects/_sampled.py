@@ -168,7 +168,7 @@ class SampledForm:
                 pieces[place] = piece = self._piece(t, x, after, acts, place)
                 if place in self.rises:
                     out[self.rises[place]] = piece[2] - piece[0]
-            out[room], pieces[place] = slow.advance(x[room], pieces[place])
+            out[room], pieces[place] = slow.advance(x[room], pieces[place], t)
         return out
 
     def _moved(self, t: Any, x: np.ndarray, acts: list[Pieces]) -> np.ndarray:
@@ -216,7 +216,7 @@ class SampledForm:
         raw = list(self._raw(t, x[: self.n_model], shown))
         y, names = list(raw), self.plant.outputs
         for place, slow, room in self.sensors:
-            y[place] = slow.reading(x[room], y[place])
+            y[place] = slow.reading(x[room], y[place], t)
         for effect, values in self.readers:
             place = names.index(str(effect.location))
             other = raw[names.index(effect.variable)] if effect.variable else None

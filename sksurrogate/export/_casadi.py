@@ -26,7 +26,8 @@ def to_casadi(model: Any, name: str = "surrogate", n_sub: int | None = None) -> 
         As for :func:`to_graph`.
     name : str, default="surrogate"
     n_sub : int, optional
-        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them.
+        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them, ``model.substeps(U, x0)``: those of
+        ``simulate``.
 
     Returns
     -------
@@ -100,6 +101,7 @@ def to_c(model: Any, path: Any = None, name: str = "surrogate", n_sub: int | Non
     name : str, default="surrogate"
         Of the C function ``int name(const double** arg, double** res, ...)``.
     n_sub : int, optional
+        As for :func:`to_casadi`.
 
     Returns
     -------

@@ -83,7 +83,8 @@ def to_fmu(model: Any, path: Any, x0: Any = None, u0: Any = None, n_sub: int | N
     u0 : array-like (n_inputs,), optional
         Inputs before the first one is set; 0 by default. Memories of effects start at rest there.
     n_sub : int, optional
-        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them.
+        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them, ``model.substeps(U, x0)``: those of
+        ``simulate``.
 
     Returns
     -------

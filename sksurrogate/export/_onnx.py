@@ -34,7 +34,8 @@ def to_onnx(
         File to write.
     name : str, default="surrogate"
     n_sub : int, optional
-        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them.
+        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them, ``model.substeps(U, x0)``: those of
+        ``simulate``.
     dtype : float64 (default) or float32
 
     Returns

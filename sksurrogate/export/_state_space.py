@@ -62,7 +62,8 @@ def state_space(model: Any, u0: Any, x0: Any = None, n_sub: int | None = None) -
     x0 : array-like (n_states,), optional
         Default: the steady state under ``u0``, by Newton's method.
     n_sub : int, optional
-        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them.
+        Runge-Kutta substeps of right-hand sides; None: as :func:`to_graph` takes them, ``model.substeps(U, x0)``: those of
+        ``simulate``.
 
     Returns
     -------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, InputEffect, Parameter
-from sksurrogate.effects._onset import starting
+from sksurrogate.effects._onset import can_start, starting
 from sksurrogate.effects._small_signal import pade_of
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.export import state_space, to_casadi, to_graph
@@ -108,13 +108,14 @@ def test_several_effects_run_as_they_are_simulated(names, run):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "name", ["coulomb_friction", "input_lag", "input_dead_zone", "sensor_bias", "hidden_relaxation"]
-)
-def test_an_effect_with_an_onset_runs_as_it_is_simulated(name):
-    plain = _with(ODE, name)
+@pytest.mark.parametrize("simulator", [SHOWN, STEP_SHOWN], ids=["outputs", "step_outputs"])
+@pytest.mark.parametrize("name", [name for name in CATALOGUE if can_start(CATALOGUE[name]())])
+def test_an_effect_with_an_onset_runs_as_it_is_simulated(name, simulator):
+    plain = _with(simulator, name, "sensor_delay" if name == "sensor_lag" else "sensor_lag")
     late = starting(plain.effects[0])
-    model = AugmentedSimulator(ODE, [late], [(*plain.values[0], 0.62)], scale=SCALE)
+    model = AugmentedSimulator(
+        simulator, [late, plain.effects[1]], [(*plain.values[0], 0.62), plain.values[1]], scale=SCALE
+    )
     expected, n_sub = _simulated(model)
     found = _run(_numpy(model, n_sub), model.start_state(X0, U[0], n_sub))
     np.testing.assert_allclose(found, expected, atol=1e-9)

@@ -26,12 +26,12 @@ from sksurrogate.kernels.record import Record
 
 ACCESS = (
     "The simulator gives trajectories only: effects inside its balances, and parameters that drift or jump, cannot be tested; "
-    "where one is missing shows as an equivalent disturbance at an input or output. Give it rhs or step to test the whole "
+    "a missing one shows as an equivalent disturbance at an input or output. Give it rhs or step to test the whole "
     "catalogue."
 )
-ONE_ANSWER = "The simulator does not answer other inputs than those in X: no effect on an input could be tested."
+ONE_ANSWER = "The simulator answers only the inputs in X, so no effect on an input could be tested."
 TRANSIENTS = (
-    "The runs start elsewhere than the simulator does: their initial states were fitted as transients of a linear model of it. "
+    "The runs do not start where the simulator does: their initial states were fitted as transients of a linear model of it. "
     "Give the simulator the initial states, or let it take x0, for a sharper answer."
 )
 
