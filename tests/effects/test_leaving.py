@@ -128,7 +128,7 @@ def test_a_step_in_time_is_simulated_in_fixed_steps_and_exported_as_it_is(name, 
     expected, n_sub = _simulated(model)
     assert n_sub < 32  # no integrator of scipy
     np.testing.assert_allclose(_run(_numpy(model, n_sub), model.start_state(X0, U[0])), expected, atol=1e-9)
-    fine = _run(_numpy(model, 64), model.start_state(X0, U[0]))
+    fine = _run(_numpy(model, 32), model.start_state(X0, U[0]))
     np.testing.assert_allclose(fine, expected, atol=2e-5)  # the jump is spread over a substep
 
 
