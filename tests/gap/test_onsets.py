@@ -59,6 +59,8 @@ def test_an_effect_that_begins_is_named_with_its_onset(name, place, values):
     low, high = effect.intervals["onset"]
     assert low <= 8.33 <= high and list(effect.params) == [magnitude, "onset"]
     assert "from t = 8.3" in report.sentence
+    first = report.ranking.rows[0]
+    assert first["named"] and first["name"] == name
 
 
 def test_an_effect_that_is_always_there_has_no_onset():

@@ -84,8 +84,11 @@ def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
     if search.null is None:
         return Table()
     fitted = {candidate.keys[0]: candidate for candidate in search.first_round}
+    if len(final.effects) == 1:  # it may begin within the runs, which no single effect of the first round does
+        fitted.setdefault(final.effects[0].key, final.candidate)
     expected, rows = search.expected(), []
-    for effect in search.library:
+    known = {effect.key: effect for effect in (*search.library, *final.effects)}
+    for effect in known.values():
         fit = fitted.get(effect.key)
         row: dict[str, Any] = {
             "name": effect.name,
