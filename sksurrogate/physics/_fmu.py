@@ -377,9 +377,7 @@ class FMUSimulator(ParametricSimulator):
             )
         if not offered(rows.T).all():
             row = int(np.flatnonzero(~offered(rows.T))[0])
-            raise SimulatorError(
-                f"U={rows[row].tolist()} in row {row}: expected finite inputs of at most 1e100."
-            )
+            raise SimulatorError(f"U={rows[row].tolist()} in row {row}: expected finite inputs of at most 1e100.")
         times = self.dt * np.arange(len(rows)) if t is None else np.asarray(t, dtype=float)
         if times.shape != (len(rows),) or not np.all(np.diff(times) > 0):
             raise SimulatorError(

@@ -91,28 +91,12 @@ class SetSearch(SetMoves[C]):
         return [candidate for _, candidate in best.values()]
 
     def one_more(self, best: C, passed: bool, least: float = SMALLEST_SHARE) -> C | None:
-        """The best candidate with one effect more, None where it does not pass.
+        """The best candidate with one effect more, or with two at once; None where none passes.
 
         ``passed`` says whether the set is better than no effect, ``least`` what share of the gap an effect more must remove.
         """
         self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
-        left = self.judged[best].left
-        hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
-        trial = self.ranked(self.expand(best, Wanted(8, 4, siblings=True, least=hopeless)), best)
-        if not trial and hopeless:
-            return None
-        settled = bool(trial) and passed and left < NEARLY_WHITE and not self.passes(trial[0], best, passed, least)
-        if settled and left < SETTLED:
-            return None
-        if len(best.effects) == 1:
-            trial.extend(self.ranked(self.pairs(self.fitted_null.candidate, best.fit.cost), best))
-        nearest = self.own(max(trial, key=self.score)) if trial else None
-        near = nearest is not None and nearest.left < AT_THE_NOISE
-        if passed and not near and not settled and len(best.effects) <= MOST_EFFECTS - 2:
-            least_cost = min((candidate.fit.cost for candidate in trial), default=best.fit.cost)
-            trial.extend(self.ranked(self.pairs(best, least_cost), best))
-        for base in () if near or settled else self.beam(best):
-            trial.extend(self.ranked(self.expand(base, Wanted(6, 3)), base))
+        trial = self.larger_sets(best, passed, least)
         if not trial:
             return None
         trial.sort(key=self.order(trial), reverse=True)
@@ -122,6 +106,29 @@ class SetSearch(SetMoves[C]):
             return None
         top = simplify(self, self.swap(top))
         return self.needed(top, best, least) if self.passes(top, best, passed, least) else None
+
+    def larger_sets(self, best: C, passed: bool, least: float) -> list[C]:
+        """The set with one effect more, with two at once, and other sets of its size with one more; none where none can pass.
+
+        Others than the first are looked at where none of these comes near the noise.
+        """
+        left = self.judged[best].left
+        hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
+        trial = self.ranked(self.expand(best, Wanted(8, 4, siblings=True, least=hopeless)), best)
+        settled = bool(trial) and passed and left < NEARLY_WHITE and not self.passes(trial[0], best, passed, least)
+        if (settled and left < SETTLED) or (hopeless and not trial):
+            return []
+        if len(best.effects) == 1:
+            trial += self.ranked(self.pairs(self.fitted_null.candidate, best.fit.cost), best)
+        nearest = self.own(max(trial, key=self.score)) if trial else None
+        if settled or (nearest is not None and nearest.left < AT_THE_NOISE):
+            return trial
+        if passed and len(best.effects) <= MOST_EFFECTS - 2:
+            nearest_cost = min((candidate.fit.cost for candidate in trial), default=best.fit.cost)
+            trial += self.ranked(self.pairs(best, nearest_cost), best)
+        for base in self.beam(best):
+            trial += self.ranked(self.expand(base, Wanted(6, 3)), base)
+        return trial
 
     def needed(self, candidate: C, best: C, least: float) -> C:
         """The candidate, or what is left without an effect that only repaired a wrong first choice."""
