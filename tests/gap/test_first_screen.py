@@ -23,6 +23,7 @@ from sksurrogate.gap.render._page import html_page
 from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._provenance import Provenance
+from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
@@ -58,6 +59,16 @@ def test_a_parameter_is_shown_before_and_after_with_its_unit():
         assert "second: 60 -> 99.97 1/min [99.6, 100.2]" in page
         assert "very likely (probability > 0.999)" in page
         assert "relative_error" not in page.split("Code to paste")[0]
+
+
+def test_an_effect_that_is_not_certain_is_named_with_its_probability():
+    doubtful = replace(FRICTION, probability=0.6)
+    reasons = Reasons("uncertain_names", "", {})
+    said = headline(report(doubtful, verdict="unknown", reasons=reasons))
+    assert said == (
+        "No effect is certain. The likeliest is coulomb friction at speed (level: 0.4 rad/s^2), which closes 97.0 % of the gap on "
+        "held-out runs: more likely than not (probability 0.600)."
+    )
 
 
 def test_a_free_parameter_that_moved_is_a_change_too():

@@ -89,6 +89,10 @@ def headline(report: ReportData) -> str:
         part = " in part" if report.verdict == "partial" else ""
         how_far = f", which {closed}" if closed else ""
         return f"The gap is explained{part} by {named}{how_far}.{_what_remains(report) if part else ''}"
+    if report.reasons.rule == "uncertain_names":
+        likely = confidence(min(effect.probability for effect in report.effects))
+        how_far = f", which {closed}" if closed else ""
+        return f"No effect is certain. The likeliest {'is' if one else 'are'} {named}{how_far}: {likely}.{_with_law(report)}"
     not_enough = f" {named[0].upper()}{named[1:]} {closed}, not enough." if report.effects and closed else ""
     if report.where.location is None:
         return f"Something is missing, and these data do not show where.{not_enough}"
