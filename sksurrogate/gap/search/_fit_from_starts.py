@@ -22,7 +22,7 @@ from sksurrogate.kernels.output_error import Fit, run_near
 #: A candidate whose screen leaves this many times more than the best's is not fitted.
 LEAVES_TOO_MUCH = 40.0
 #: Effects whose expected gains differ by less than this share predict the same along the base: friction of one sign is a bias.
-ALIKE = 1e-5
+SAME_GAIN = 1e-5
 #: Starts of an effect whose prediction jumps, and the share by which they differ at least.
 MOST_APART, APART = 3, 0.02
 #: Substeps with which dry friction that sticks is fitted.
@@ -177,7 +177,7 @@ def first_places(expected: Mapping[Any, float], n: int) -> list[Any]:
     order = sorted(expected, key=lambda key: -expected[key])[: 2 * n]
     places = 0
     for i, key in enumerate(order):
-        places += i == 0 or not np.isclose(expected[key], expected[order[i - 1]], rtol=ALIKE, atol=0.0)
+        places += i == 0 or not np.isclose(expected[key], expected[order[i - 1]], rtol=SAME_GAIN, atol=0.0)
         if places > n:
             return order[:i]
     return order
