@@ -43,7 +43,8 @@ class SetSearch(SetMoves[C]):
 
     def run(self) -> Evidence:
         null = (self.null or self.fit_null()).candidate
-        self.first_round = self.ranked(self.singles(null), null)
+        singles = self.ranked(self.singles(null), null)
+        self.first_round = [one for one in singles if not may_follow_noise(one, null)]
         if not self.first_round:
             return self.fitted_null
         if self.gain(self.first_round[0]) > self.bar(self.first_round[0].n_parameters):
@@ -52,7 +53,7 @@ class SetSearch(SetMoves[C]):
         if self.gain(best) < 20.0 * self.bar(best.n_parameters):
             # A weak gain must not be what the null's noise fit left on the table.
             self.null = self.judge(follow_null(null, self.judged[best].noise, self.null, self.second))
-        passed = self.gain(best) > self.bar(best.n_parameters) and not may_follow_noise(best, null)
+        passed = self.gain(best) > self.bar(best.n_parameters)
         self.stand(best if passed else null)
         if not passed and self.fitted_null.left < FAR:
             return self.fitted_null
@@ -108,9 +109,9 @@ class SetSearch(SetMoves[C]):
         return self.needed(top, best, least) if self.passes(top, best, passed, least) else None
 
     def larger_sets(self, best: C, passed: bool, least: float) -> list[C]:
-        """The set with one effect more, with two at once, and other sets of its size with one more; none where none can pass.
+        """The set with one effect more, where that is not near the noise with two, and other sets of its size with as many more.
 
-        Others than the first are looked at where none of these comes near the noise.
+        None where none can pass.
         """
         left = self.judged[best].left
         hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
@@ -123,10 +124,12 @@ class SetSearch(SetMoves[C]):
         nearest = self.own(max(trial, key=self.score)) if trial else None
         if settled or (nearest is not None and nearest.left < AT_THE_NOISE):
             return trial
+        others = self.beam(best)
         if passed and len(best.effects) <= MOST_EFFECTS - 2:
             nearest_cost = min((candidate.fit.cost for candidate in trial), default=best.fit.cost)
-            trial += self.ranked(self.pairs(best, nearest_cost), best)
-        for base in self.beam(best):
+            for base in (best, *others):
+                trial += self.ranked(self.pairs(base, nearest_cost), base)
+        for base in others:
             trial += self.ranked(self.expand(base, Wanted(6, 3)), base)
         return trial
 
