@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._law_certificate import law_of
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
+from sksurrogate.gap.search._stopping import STACK
+
+#: Said of names that one law does without.
+INSTEAD = "{names} passed the evidence, but one law without a name explains the gap better than all of them; no name is given."
 
 
 class LawStage(DiagnosisState[C]):
@@ -18,10 +24,19 @@ class LawStage(DiagnosisState[C]):
         found, verdict = self.found, self.decided()[0]
         if found.held is None or found.shrink is None or not found.shrink.measurable:
             return
-        if verdict not in ("partial", "unknown"):
-            return
-        base = self.final if verdict == "partial" else self.null
-        beside = self.unnamed.law_beside(base, self.final, found.held)
+        final, null = self.final, self.null
+        beside, stack = None, verdict in ("partial", "explained") and len(final.effects) >= STACK
+        if stack:
+            beside = self.unnamed.law_beside(null, final, found.held)
+            if beside is not None and self.unnamed.law_instead(beside, final):
+                names = ", ".join(effect.name for effect in final.effects)
+                self.withdraw(INSTEAD.format(names=names))
+                self.share_the_gap()
+                beside = replace(beside, held=replace(found.held, law=beside.held.law))
+            else:
+                beside = None
+        if beside is None and verdict in ("partial", "unknown"):
+            beside = self.unnamed.law_beside(final if verdict == "partial" else null, final, found.held)
         if beside is not None:
             found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
             self.measure()

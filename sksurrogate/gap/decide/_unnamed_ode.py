@@ -207,6 +207,14 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
         return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.larger(best), evidence)
 
+    def law_instead(self, beside: CertifiedLaw, final: Evidence[OdeCandidate]) -> bool:
+        search, law = self.search, beside.law
+        if law.curve:
+            return False
+        score = search.order([law.found.candidate, final.candidate])
+        names = score(final.candidate) - len(final.effects) * np.log(len(search.library))
+        return bool(score(law.found.candidate) - law.price > names + CERTAIN)
+
     def places_of_law(self, final: Evidence[OdeCandidate], named: bool) -> list[tuple[str, str]]:
         """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""
         remains, beside = self.remains, self.beside
