@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
 from sksurrogate.gap.search._base import Wanted
@@ -68,3 +69,16 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
         assert base.keys == keys
         expander.expand(base, Wanted(4, 2))
     assert asked == [[mode, spring, loss], [loss]]
+
+
+@pytest.mark.parametrize(("worth", "instead"), [(110.0, True), (105.0, False)])
+def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_likelier(worth, instead):
+    """Three names of a library of 100 cost 3 log(100) nats, the formula its price of 20."""
+    worths = {"law": worth, "names": 90.0}
+    search = SimpleNamespace(library=[None] * 100, order=lambda candidates: worths.__getitem__)
+    law = SimpleNamespace(curve=False, price=20.0, found=SimpleNamespace(candidate="law"))
+    final = SimpleNamespace(candidate="names", effects=(1, 2, 3))
+    unnamed = SimpleNamespace(search=search)
+    assert OdeUnnamed.law_instead(unnamed, SimpleNamespace(law=law), final) is instead
+    law.curve = True
+    assert not OdeUnnamed.law_instead(unnamed, SimpleNamespace(law=law), final)
