@@ -221,7 +221,7 @@ def test_a_target_that_cannot_be_written_is_said_before_the_work(option, command
     assert main([*command, option, "shut"]) == 2
     assert f"{option} shut is a folder: name a file in it" in capsys.readouterr().err
     assert main([*command, "--save", "gap.html"]) == 2
-    assert "name one file: give each its own" in capsys.readouterr().err
+    assert "are the same file: give two names" in capsys.readouterr().err
     monkeypatch.setattr("tempfile.TemporaryFile", lambda dir: os.open("/nowhere/x", os.O_RDONLY))
     assert main([*command[:3], option, "x"]) == 2
     assert f"{option} x cannot be written (No such file or directory)" in capsys.readouterr().err

@@ -52,5 +52,5 @@ def test_what_makes_left_out_runs_worse_is_called_no_help():
     shrink = SimpleNamespace(
         before=0.1, after=0.02, floor=0.01, after_retuning=0.2, after_correction=0.05, after_law=np.nan
     )
-    labels = [label for label, _ in waterfall(SimpleNamespace(shrink=shrink, effects=["friction"]))]
+    labels = [label for label, _ in waterfall(SimpleNamespace(shrink=shrink, effects=["friction"], missing_term=None))]
     assert labels == ["simulator", "parameters re-tuned (no help)", "generic correction", "with the effects", "noise"]

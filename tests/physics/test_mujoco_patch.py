@@ -122,7 +122,7 @@ def test_a_compiled_model_cannot_be_patched():
 def test_what_mjcf_cannot_say_is_an_error():
     bounded = CART.replace('angle="radian"', 'angle="radian" boundmass="0.25"')
     simulator = MuJoCoSimulator(bounded).set_params(**{"params__pole.mass": 0.2})
-    with pytest.raises(SimulatorError, match=r"MJCF cannot say what params says \(pole.mass\): compile options"):
+    with pytest.raises(SimulatorError, match=r"MJCF cannot hold these values of params \(pole.mass\): compile options"):
         simulator.to_mjcf()
 
 
