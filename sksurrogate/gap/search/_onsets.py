@@ -101,12 +101,15 @@ def begun_twins(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[t
     if screen.columns is None or [parameter.name for parameter in effect.parameters[1:]] != ["time"]:
         return []
     simple = [k for k, start in enumerate(screen.starts) if richer(effect, start.effect)]
-    able = [k for k, start in enumerate(screen.starts) if can_start(start.effect) and grows(start.effect)]
+    others = [
+        k for k in range(len(screen.starts)) if k not in simple
+    ]  # a constant load that begins is the jump by another name
+    able = [k for k in others if can_start(screen.starts[k].effect) and grows(screen.starts[k].effect)]
     if not simple or not able:
         return []
     flat = screen.columns[[simple[0], *able]].reshape(1 + len(able), -1)  # initial states hide what was always there
-    jumped, others = flat[0] * (theta[0] / screen.raw[simple[0]][0]), flat[1:]
-    product, size = others @ jumped, np.maximum(np.linalg.norm(others, axis=1), 1e-300)
+    jumped, columns = flat[0] * (theta[0] / screen.raw[simple[0]][0]), flat[1:]
+    product, size = columns @ jumped, np.maximum(np.linalg.norm(columns, axis=1), 1e-300)
     cosine = np.abs(product) / (size * max(float(np.linalg.norm(jumped)), 1e-300))
     found = {}
     for j in np.flatnonzero(cosine > COLLINEAR):
