@@ -107,7 +107,8 @@ def _right(arm: str, row: Mapping[str, Any], n_truths: int) -> bool:
             row["verdict"] == "unknown" or row["imitated"] or (row["verdict"] == "partial" and not row["false_names"])
         )
     if verdict == "sensor":
-        return all(effect["name"].startswith("sensor_") for effect in row["effects"]) and row["verdict"] != "unknown"
+        sensors = [any(key[0].startswith("sensor_") for key in _class(effect)) for effect in row["effects"]]
+        return all(sensors) and row["verdict"] != "unknown"
     return row["verdict"] == "none" and not row["effects"]
 
 

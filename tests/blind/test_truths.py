@@ -11,6 +11,7 @@ from sksurrogate.blind import draw
 from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
 from sksurrogate.blind._retune import beyond_retuning
+from sksurrogate.blind._score import _right
 from sksurrogate.blind._truths import KINDS, NOVEL, Truth, remaining, twins_of
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.effects._onset import can_start
@@ -241,3 +242,18 @@ def test_the_arm_of_onsets_draws_effects_that_begin_within_the_runs():
     before = int(truth.params["onset"] / plant.dt) + 1
     np.testing.assert_array_equal(there[:, :before], absent[:, :before])
     assert np.abs(there[:, before:] - absent[:, before:]).max() > 3.0 * case.noise.min()
+
+
+@pytest.mark.parametrize(
+    ("name", "twin", "verdict", "right"),
+    [
+        ("sensor_bias", "drift", "explained", True),
+        ("constant_bias", "sensor_bias", "explained", True),  # an offset of the sensor is in the class
+        ("constant_bias", "drift", "explained", False),
+        ("sensor_bias", "drift", "unknown", False),
+    ],
+)
+def test_a_trend_of_a_sensor_is_right_where_the_sensor_is_in_the_class(name, twin, verdict, right):
+    effect = {"name": name, "location": "v", "variable": None, "equivalents": [[twin, "q", None]]}
+    assert _right("trends", {"verdict": verdict, "effects": [effect]}, 0) is right
+    assert _right("trends", {"verdict": "none", "effects": []}, 0)
