@@ -31,6 +31,8 @@ __all__ = ["EDGE_SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starti
 
 #: Shares of the longest run at which windows are tried to begin or end.
 EDGE_SHARES = tuple(np.arange(1, 16) / 16.0)
+#: What begins is so many times rarer than what is always there, as drifts and jumps are.
+TIMES_RARER = 10.0
 #: Places to each side to which an edge is moved, once it was fitted.
 MOST_MOVED = 40
 #: Parameters of a window by name: before ``onset`` and after ``end`` the effect is absent.
@@ -362,6 +364,7 @@ def _kind(always: type[BaseEffect], span: tuple[str, ...]) -> type[BaseEffect]:
     family: Callable[..., Any] = next(other for one, other in _FAMILIES if issubclass(always, one))
     own = {
         "parameters": (*always.parameters, *(WINDOW[name] for name in span)),
+        "rarity": TIMES_RARER * always.rarity,
         "span": span,
         "always": always,
         "__doc__": always.__doc__,

@@ -133,5 +133,6 @@ def test_in_one_run_a_gain_that_sets_in_and_the_jump_of_its_parameter_are_one_cl
     (effect,) = report.effects
     names = {effect.name, *(name for name, _, _ in effect.equivalents)}
     assert {"input_gain", "parameter_step"} <= names and "input_bias" not in names
+    assert effect.name == "parameter_step"  # what jumps by itself is named before what begins
     low, high = effect.intervals["onset" if "onset" in effect.intervals else "time"]
     assert low <= 17.3 <= high and high - low < 0.3

@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise, judged_under
@@ -115,8 +116,9 @@ _ORDER_OF_KINDS = ("parameter", "state", "input", "output")
 _PLACE = {name: i for i, name in enumerate(CATALOGUE)}
 
 
-def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, float, int, int, str, str, str]:
-    """What twins are ordered by: fewest parameters, the likeliest before any data, the order of places and of the catalogue, the names.
+def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, float, bool, int, int, str, str, str]:
+    """What twins are ordered by: fewest parameters, the likeliest before any data, those with no window of time, the order of places and
+    of the catalogue, the names.
 
     Parameters
     ----------
@@ -134,7 +136,8 @@ def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, floa
     kind = _ORDER_OF_KINDS.index(effect.kind) if effect.kind in _ORDER_OF_KINDS else len(_ORDER_OF_KINDS)
     place = _PLACE.get(effect.name, len(_PLACE))
     before = -effect.prior_weight(positions)
-    return len(effect.parameters), before, kind, place, effect.name, str(effect.location), effect.variable or ""
+    begins = isinstance(effect, Starting)  # after a load or a parameter that jumps
+    return len(effect.parameters), before, begins, kind, place, effect.name, str(effect.location), effect.variable or ""
 
 
 def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list[Slot[C]], Posterior]:
