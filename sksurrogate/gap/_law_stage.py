@@ -12,8 +12,9 @@ from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
 
-#: Said of names that one law does without.
+#: Said of names that one law does without, and of so many that leave more than the tolerance.
 INSTEAD = "{names} passed the evidence, but one law without a name explains the gap better than all of them; no name is given."
+STAND_IN = "{names} passed the evidence, but so many names that leave a law of more than the tolerance stand in for something else; no name is given."
 
 
 class LawStage(DiagnosisState[C]):
@@ -21,15 +22,19 @@ class LawStage(DiagnosisState[C]):
 
     def look_for_a_law(self) -> None:
         """What no name explains as a formula, fitted and certified on runs left out."""
-        found, verdict = self.found, self.decided()[0]
+        found, (verdict, reasons) = self.found, self.decided()
         if found.held is None or found.shrink is None or not found.shrink.measurable:
             return
         final, null = self.final, self.null
-        beside, stack = None, verdict in ("partial", "explained") and len(final.effects) >= STACK
-        if stack:
+        beside, stack = None, len(final.effects) >= STACK
+        names = ", ".join(effect.name for effect in final.effects)
+        if stack and reasons.rule == "law_left":
+            self.withdraw(STAND_IN.format(names=names))
+            self.share_the_gap()
+            final, verdict = null, "unknown"
+        elif stack and verdict in ("partial", "explained"):
             beside = self.unnamed.law_beside(null, final, found.held)
             if beside is not None and self.unnamed.law_instead(beside, final):
-                names = ", ".join(effect.name for effect in final.effects)
                 self.withdraw(INSTEAD.format(names=names))
                 self.share_the_gap()
                 beside = replace(beside, held=replace(found.held, law=beside.held.law))

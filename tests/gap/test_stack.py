@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
+from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
@@ -82,3 +84,25 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
     assert OdeUnnamed.law_instead(unnamed, SimpleNamespace(law=law), final) is instead
     law.curve = True
     assert not OdeUnnamed.law_instead(unnamed, SimpleNamespace(law=law), final)
+
+
+@pytest.mark.parametrize(
+    ("n", "rule", "withdrawn"), [(3, "law_left", True), (2, "law_left", False), (3, "closed", False)]
+)
+def test_so_many_names_that_leave_a_law_stand_in_for_something_else(n, rule, withdrawn):
+    said, asked = [], []
+    names = [SimpleNamespace(name=f"effect_{i}") for i in range(n)]
+    null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names)
+    stage = SimpleNamespace(
+        found=SimpleNamespace(held=object(), shrink=SimpleNamespace(measurable=True)),
+        decided=lambda: ("explained" if rule == "closed" else "partial", Reasons(rule, "", {})),
+        final=final,
+        null=null,
+        withdraw=said.append,
+        share_the_gap=lambda: None,
+        unnamed=SimpleNamespace(law_beside=lambda base, final, held: asked.append(base)),
+    )
+    LawStage.look_for_a_law(stage)
+    assert bool(said) is withdrawn and (not said or "effect_0, effect_1, effect_2 passed" in said[0])
+    if rule == "law_left":
+        assert asked == [null if withdrawn else final]
