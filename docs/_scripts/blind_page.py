@@ -77,12 +77,12 @@ def targets(result: BlindResult) -> str:
 
 
 def promised(rows: Sequence[Row]) -> str:
-    """What a diagnosis promises, by the cases of one commit."""
+    """What a diagnosis promises, by the stored cases."""
     seen = BlindResult(tuple(rows))
     lines = [
         {"promise": row["question"], "bar": row["bar"], "figure": limits(row), "kept": row["cleared"]} for row in seen.promises()
     ]  # fmt: skip
-    code = ", ".join(commits(seen))
+    code = " and ".join(commits(seen))
     right = sum(bool(row["right"]) for row in seen.rows)
     head = f"{len(seen.rows)} fresh cases answered by commit {code}, {right} right."
     return f"{head}\n\n{table(lines)}"
