@@ -14,7 +14,10 @@ from sksurrogate.gap.search._stopping import STACK
 
 #: Said of names that one law does without, and of so many that leave more than the tolerance.
 INSTEAD = "{names} passed the evidence, but one law without a name explains the gap better than all of them; no name is given."
-STAND_IN = "{names} passed the evidence, but so many names that leave a law of more than the tolerance stand in for something else; no name is given."
+LEAVE_A_LAW = (
+    "{names} passed the evidence, but together they leave a law that is larger than the tolerance: so many names are rather an "
+    "imitation of one missing effect. No name is given."
+)
 
 
 class LawStage(DiagnosisState[C]):
@@ -29,7 +32,7 @@ class LawStage(DiagnosisState[C]):
         beside, stack = None, len(final.effects) >= STACK
         names = ", ".join(effect.name for effect in final.effects)
         if stack and reasons.rule == "law_left":
-            self.withdraw(STAND_IN.format(names=names))
+            self.withdraw(LEAVE_A_LAW.format(names=names))
             self.share_the_gap()
             final, verdict = null, "unknown"
         elif stack and verdict in ("partial", "explained"):

@@ -89,7 +89,7 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
 @pytest.mark.parametrize(
     ("n", "rule", "withdrawn"), [(3, "law_left", True), (2, "law_left", False), (3, "closed", False)]
 )
-def test_so_many_names_that_leave_a_law_stand_in_for_something_else(n, rule, withdrawn):
+def test_three_names_that_leave_a_law_are_withdrawn(n, rule, withdrawn):
     said, asked = [], []
     names = [SimpleNamespace(name=f"effect_{i}") for i in range(n)]
     null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names)

@@ -117,8 +117,7 @@ _PLACE = {name: i for i, name in enumerate(CATALOGUE)}
 
 
 def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, float, bool, int, int, str, str, str]:
-    """What twins are ordered by: fewest parameters, the likeliest before any data, those with no window of time, the order of places and
-    of the catalogue, the names.
+    """What twins are ordered by: the number of parameters, the prior odds, an onset last, the place, the catalogue, the name.
 
     Parameters
     ----------

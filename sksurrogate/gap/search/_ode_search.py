@@ -16,7 +16,7 @@ from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._nested import folded
-from sksurrogate.gap.search._onsets import begun_twins, look_for_onsets
+from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._restart import revived, scanned
 from sksurrogate.gap.search._stopping import is_stack
 
@@ -102,7 +102,7 @@ class OdeSearch(Expander):
             candidates.extend(self.first_round)
         if self.first_screen is not None:
             candidates.extend(
-                self.begun(base, begun_twins(self.first_screen, final.effects[i], named.theta_of(i)), named)
+                self.with_onset(base, twins_with_onset(self.first_screen, final.effects[i], named.theta_of(i)), named)
             )
         if not few and (not single or self.problem.free):
             rest = named.taken_out(i)  # the others and the free parameters, fitted again alone, may have run away
@@ -118,7 +118,7 @@ class OdeSearch(Expander):
         return near if same_numerics else [self.again(fine, candidate) for candidate in near]
 
     @staticmethod
-    def begun(
+    def with_onset(
         base: OdeCandidate, twins: Sequence[tuple[BaseEffect, np.ndarray]], named: OdeCandidate
     ) -> list[OdeCandidate]:
         """A base with each of some effects that begin, fitted from given values along the free run of what is named."""

@@ -82,7 +82,7 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     return list(found.values())
 
 
-def begun_twins(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[tuple[BaseEffect, np.ndarray]]:
+def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[tuple[BaseEffect, np.ndarray]]:
     """Effects that begin when a jump does, and move the outputs as what has jumped: a loss that sets in, for a friction that jumps.
 
     What has jumped is always there in the form that the jump's nests (a wrong parameter, a constant load). Its column in the screen of
