@@ -24,11 +24,13 @@ LARGEST_CSV = 512 * 2**20
 LONGEST_LABEL = 200
 #: A number with a decimal comma and nothing that groups digits; the beginning of a date.
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+#: Cells that say that nothing was measured, in small letters.
+NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "null", "none"})
 ISO_TIME = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d")
 
 
 def read_csv(
-    path: Any, wanted: Sequence[str], run: str | None = None, time: str | None = None
+    path: Any, wanted: Sequence[str], run: str | None = None, time: str | None = None, gaps: Sequence[str] = ()
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """Columns of a CSV by name, as numbers; the run column as whole numbers, else as text.
 
@@ -45,6 +47,8 @@ def read_csv(
         Column of run labels.
     time : str, optional
         Column of the time: numbers, or dates and times of ISO 8601, which become seconds from the first row.
+    gaps : sequence of str, default=()
+        Columns of ``wanted`` where a cell may be empty, or ``nan``, ``NA``, ``null``: nothing was measured, which becomes nan.
 
     Returns
     -------
@@ -56,13 +60,23 @@ def read_csv(
     DataError
         A column is missing, a line is short or long, a value is not a number, a quotation mark is not closed in its line;
         the message names line and column.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "tank.csv"
+    ...     _ = file.write_text("flow,level\\n1,2.5\\n1,\\n")
+    ...     columns, labels = read_csv(file, ["flow", "level"], gaps=["level"])
+    >>> columns["level"].tolist()
+    [2.5, nan]
     """
     file = _text_file(path)
-    plain = _by_pandas(file, wanted, run, time)
+    plain = _by_pandas(file, wanted, run, time, gaps)
     if plain is not None:
         return plain
     with file.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
-        return _read(stream, file.name, wanted, run, time)
+        return _read(stream, file.name, wanted, run, time, gaps)
 
 
 def read_header(path: Any) -> list[str]:
@@ -95,7 +109,7 @@ def _text_file(path: Any) -> Path:
 
 
 def _by_pandas(
-    file: Path, wanted: Sequence[str], run: str | None, time: str | None
+    file: Path, wanted: Sequence[str], run: str | None, time: str | None, gaps: Sequence[str]
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None] | None:
     """As :func:`_read` gives it; None without pandas, and where there are quotation marks or anything is amiss."""
     try:
@@ -119,14 +133,14 @@ def _by_pandas(
         return None  # a line is short, or there is none
     cells = {column: [str(cell).strip() for cell in frame[place]] for column, place in places.items()}
     labels = cells.pop(run) if run else []
-    columns = {column: _plain(texts, column == time, delimiter) for column, texts in cells.items()}
+    columns = {column: _plain(texts, column == time, column in gaps, delimiter) for column, texts in cells.items()}
     if not all(map(len, columns.values())) or max(map(len, labels), default=0) > LONGEST_LABEL:
         return None
     return columns, _labels(labels) if run else None
 
 
-def _plain(cells: list[str], clock: bool, delimiter: str) -> np.ndarray:
-    """Finite numbers of a column, or seconds of its dates and times; empty where a cell is neither."""
+def _plain(cells: list[str], clock: bool, gaps: bool, delimiter: str) -> np.ndarray:
+    """Finite numbers of a column, nan in its gaps, or seconds of its dates and times; empty where a cell is neither."""
     if clock and ISO_TIME.match(cells[0]):
         watch = _Clock()
         seconds = [watch.seconds(text) for text in cells]
@@ -134,14 +148,17 @@ def _plain(cells: list[str], clock: bool, delimiter: str) -> np.ndarray:
     if delimiter != ",":
         cells = [text.replace(",", ".") if DECIMAL_COMMA.fullmatch(text) else text for text in cells]
     try:
-        values = np.array([float("no number" if "_" in text else text) for text in cells])
+        measured = [not gaps or text.lower() not in NOT_MEASURED for text in cells]
+        values = np.array(
+            [float("no number" if "_" in text else text) if m else np.nan for text, m in zip(cells, measured)]
+        )
     except ValueError:
         return np.empty(0)
-    return values if np.all(np.isfinite(values)) else np.empty(0)
+    return values if np.all(np.isfinite(values[measured])) else np.empty(0)
 
 
 def _read(
-    stream: TextIO, name: str, wanted: Sequence[str], run: str | None, time: str | None
+    stream: TextIO, name: str, wanted: Sequence[str], run: str | None, time: str | None, gaps: Sequence[str]
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """Header, then rows."""
     first = stream.readline(2**16)
@@ -165,6 +182,9 @@ def _read(
             text = row[j]
             if delimiter != "," and DECIMAL_COMMA.fullmatch(text.strip()):
                 text = text.replace(",", ".")
+            if column in gaps and text.strip().lower() in NOT_MEASURED:
+                values.append(np.nan)
+                continue
             seconds = clock.seconds(text) if column == time else None
             values.append(_number(text, column, name, line) if seconds is None else seconds)
         if label_at is not None:
@@ -279,7 +299,10 @@ def _number(text: str, column: str, file: str, line: int) -> float:
         value = float("no number" if "_" in text else text)  # Python reads 1_5 as 15
     except ValueError:
         if not text.strip():
-            problem = "the cell is empty: fill it, or delete the row (and start a new run there)."
+            problem = (
+                "the cell is empty: fill it, or delete the row (and start a new run there); only outputs may be empty, where "
+                "nothing was measured."
+            )
         elif re.search(r"\d[-/:.]\d+[-/:.]\d", text):
             problem = (
                 f"{_short(text)} is a date or a clock: give the time as a number, for example seconds from the start."

@@ -328,7 +328,9 @@ def _recording(
     marks = columns_of([name for name in (arguments.run, arguments.time) if name], header, {})
     run, time = marks.get(arguments.run), marks.get(arguments.time)
     wanted = list(dict.fromkeys(column[name] for name in signals))
-    columns, labels = read_csv(arguments.data, wanted, run, time)
+    inputs = {column[name] for name in plant.inputs}
+    gaps = [column[name] for name in plant.outputs if column[name] not in inputs]
+    columns, labels = read_csv(arguments.data, wanted, run, time, gaps)
     n = len(next(iter(columns.values())))
     X = np.stack([columns[column[name]] for name in plant.inputs], axis=1) if plant.inputs else np.zeros((n, 0))
     y = np.stack([columns[column[name]] for name in plant.outputs], axis=1)

@@ -67,6 +67,18 @@ def test_the_report_as_json(folder, capsys):
     assert "--json" in capsys.readouterr().err
 
 
+def test_a_sensor_with_gaps_gets_the_same_name(folder, capsys):
+    lines = (folder / "data.csv").read_text().splitlines()
+    gaps = [line if k % 5 else re.sub(r",[^,]*(,[ab])$", r",\1", line) for k, line in enumerate(lines[1:], start=2)]
+    (folder / "gaps.csv").write_text("\n".join([lines[0], *gaps]) + "\n")
+    assert ",,a" in (folder / "gaps.csv").read_text()
+    command = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "gaps.csv"), "--run", "experiment", "--quiet"]
+    assert main([*command, "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["verdict"] == "explained"
+    assert printed["effects"][0]["name"] in ("sensor_bias", "input_bias", "constant_bias")
+
+
 def test_what_a_simulator_prints_is_no_part_of_the_report(folder, capsys):
     chatty = PLANT.replace("    return", '    print("one step")\n    return').replace(
         "plant = ", 'print("loaded")\nplant = '
@@ -100,6 +112,22 @@ def test_semicolons_are_read(tmp_path):
     (tmp_path / "d.csv").write_text("a;b\n1;2\n3;4\n")
     columns, labels = read_csv(tmp_path / "d.csv", ["b"])
     assert columns["b"].tolist() == [2.0, 4.0] and labels is None
+
+
+@pytest.mark.parametrize("quoted", [False, True])  # pandas does not read a file with quotation marks
+def test_empty_cells_of_an_output_are_not_measured(tmp_path, quoted):
+    first = '"1"' if quoted else "1"
+    (tmp_path / "d.csv").write_text(f"flow,level\n{first},2\n2,\n3,NaN\n4,na\n5,6.5\n")
+    columns, _ = read_csv(tmp_path / "d.csv", ["flow", "level"], gaps=["level"])
+    np.testing.assert_array_equal(columns["level"], [2.0, np.nan, np.nan, np.nan, 6.5])
+    with pytest.raises(DataError, match=r"line 3, column 'level': the cell is empty: .*only outputs may be empty"):
+        read_csv(tmp_path / "d.csv", ["flow", "level"])
+    (tmp_path / "d.csv").write_text(f"flow,level\n{first},2\n2,\n3,open\n")
+    with pytest.raises(DataError, match="line 4, column 'level': 'open' is not a number"):
+        read_csv(tmp_path / "d.csv", ["flow", "level"], gaps=["level"])
+    (tmp_path / "d.csv").write_text(f"flow,level\n{first},2\n,3\n")
+    with pytest.raises(DataError, match="line 3, column 'flow': the cell is empty"):
+        read_csv(tmp_path / "d.csv", ["flow", "level"], gaps=["level"])
 
 
 MISTAKES = {
