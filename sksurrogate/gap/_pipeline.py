@@ -177,14 +177,14 @@ class DiagnosisPipeline(LawStage[C]):
         elif verdict == "unknown":
             law = found.law if found.law is not None and found.law.tells_the_place else None
             location, kind = (law.location, law.kind) if law is not None else self.unnamed.likely_place(final)
-        remains = self.unnamed.remains
-        if found.shrink is None or remains is None or found.held is None:
+        places = self.unnamed.places
+        if found.shrink is None or places is None or found.held is None:
             return Where(location, kind)
         return Where(
             location,
             kind,
             _where.by_output(found.shrink),
-            _where.by_location(remains.places, named),
+            _where.by_location(places, named),
             *self.unnamed.where_and_when(location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
@@ -232,11 +232,7 @@ class DiagnosisPipeline(LawStage[C]):
             with time_until(self.started_at + (self.time_limit or np.inf)):
                 if time_left() > 0.0:
                     place = self.where(verdict, effects)
-                if (
-                    verdict in ("partial", "unknown")
-                    and self.unnamed.remains is not None
-                    and place.location is not None
-                ):
+                if verdict in ("partial", "unknown") and self.unnamed.places is not None and place.location is not None:
                     term = replace(
                         self.unnamed.channels.missing_term(place.location, str(place.kind)), law=self.found.law
                     )
@@ -252,12 +248,12 @@ class DiagnosisPipeline(LawStage[C]):
         if shrink is None or not shrink.measurable:
             return EMPTY
         names = [name_of(effect) for effect in self.final.effects]
-        return budget_of(names, found.shares, found.retuning, shrink, self.unnamed.law_in_the_budget(shrink), found.law)
+        return budget_of(names, found.shares, found.retuning, shrink, self.unnamed.beside, found.law)
 
     def remainder(self) -> Remainder:
         """What is left beside everything that is named."""
         found, shrink = self.found, self.found.shrink
-        if shrink is None or self.unnamed.remains is None:
+        if shrink is None or self.unnamed.places is None:
             return NOTHING_KNOWN
         over_noise = self.unnamed.over_noise(self.final, found.retuned)
         return remainder_of(shrink, share_left(shrink), over_noise, self.unnamed.beside)

@@ -86,13 +86,8 @@ class DiagnosisState(Generic[C]):
         self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
 
     def floor(self) -> np.ndarray:
-        """Sensor noise: of the final fit and of the latent force the larger, and no more than the outputs' differences show.
-
-        A wrong fit leaves its coloured noise to take the white one's part; the force of the latent fit does so rarely.
-        """
-        remains = self.unnamed.remains
-        fits = [self.final.noise.sigma, *([remains.latent.noise.sigma] if remains is not None else [])]
-        return np.max([np.minimum(sigma, self.unnamed.most_noise) for sigma in fits], axis=0)
+        """Sensor noise of what stands."""
+        return self.unnamed.sensor_noise(self.final)
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""
@@ -124,19 +119,22 @@ class DiagnosisState(Generic[C]):
 
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
-        found, final, shrink, remains = self.found, self.final, self.found.shrink, self.unnamed.remains
-        if shrink is None or remains is None or (final.effects and not found.probabilities):
+        found, final, shrink, unnamed = self.found, self.final, self.found.shrink, self.unnamed
+        if shrink is None or unnamed.places is None or (final.effects and not found.probabilities):
             return "unknown", UNDECIDED
-        common = DecisionFeatures(
+        law, rounding = unnamed.beside, unnamed.rounding(final)
+        features = DecisionFeatures(
             names=len(final.effects),
             probability=min(found.probabilities, default=1.0),
             retuned=found.retuned,
             share_left=share_left(shrink),
-            left=self.unnamed.over_noise(final, found.retuned),
+            left=unnamed.over_noise(final, found.retuned),
+            lawful=law.size if law is not None else 0.0,
             after=shrink.after,
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
-            law=float(np.max(remains.law, initial=0.0)),
-            n_samples=self.problem.record.n_samples,
+            curve=law.gain if law is not None else -np.inf,
+            curve_moved=law.deviation if law is not None else 0.0,
+            rounding=rounding.share if rounding is not None else 0.0,
             tolerance=self.search.tolerance,
         )
-        return decide(self.unnamed.features(common, final, shrink))
+        return decide(features)

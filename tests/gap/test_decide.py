@@ -63,10 +63,11 @@ def test_a_grid_that_nothing_names_is_not_explained():
 @pytest.mark.parametrize(
     ("features", "rule"),
     [
-        (DecisionFeatures(error=0.004, left=9.0, law=0.9), "below_practical"),
-        (DecisionFeatures(error=0.015, left=3.0), "small_and_lawless"),
-        (DecisionFeatures(error=0.05, left=3.0, curve=40.0, curve_moved=0.02), "unnamed_curve"),
-        (DecisionFeatures(error=0.05, left=1.3, law=0.3), "unnamed_law"),
+        (DecisionFeatures(error=0.004, left=9.0, curve=90.0, curve_moved=0.004), "below_practical"),
+        (DecisionFeatures(error=0.015, left=3.0), "small_and_near"),
+        (DecisionFeatures(error=0.015, left=5.1), "unnamed_and_far"),
+        (DecisionFeatures(error=0.05, left=1.3, curve=40.0, curve_moved=0.02), "unnamed_law"),
+        (DecisionFeatures(error=0.05, left=1.3, curve=40.0, curve_moved=0.002), "none"),
         (DecisionFeatures(error=0.05, left=5.1), "unnamed_and_far"),
         (DecisionFeatures(error=0.2, left=2.1), "unnamed_and_large"),
         (DecisionFeatures(error=0.05, left=1.3), "none"),
@@ -76,10 +77,10 @@ def test_without_a_name_the_size_and_the_law_of_the_gap_decide(features, rule):
     assert rule_of(features) == rule
 
 
-def test_a_law_in_few_samples_may_be_chance():
-    gap = DecisionFeatures(error=0.05, left=1.3, law=0.15, n_samples=100)
+def test_a_law_that_is_not_certain_may_be_chance():
+    gap = DecisionFeatures(error=0.05, left=1.3, curve=9.0, curve_moved=0.02)
     assert rule_of(gap) == "none"
-    assert rule_of(replace(gap, n_samples=1000)) == "unnamed_law"
+    assert rule_of(replace(gap, curve=11.0)) == "unnamed_law"
 
 
 def test_the_reasons_hold_the_rule_and_every_feature():

@@ -61,14 +61,14 @@ def law(found, x):
     """The likeliest law beside a set, along a path; its size over the gap of what the set leaves."""
     problem = found.candidate.problem
     unit = np.sqrt(max(found.fit.cost / found.candidate.problem.record.n_values - 1.0, 1e-2))
-    return law_beside(found.candidate, unit, 0.1, (found.noise, problem.quiet(found.noise)), x[:2])
+    return law_beside(found.candidate, unit, 0.1, (found.noise, problem.quiet(found.noise)), x[:2]).left
 
 
 @pytest.mark.parametrize("free", [(), ("k",)])
 def test_a_law_is_found_in_its_balance_and_signal(free):
     problem, smoothed = problem_of(quintic, free)
     found = law(fitted(problem, smoothed.x), smoothed.x)
-    assert found.gain > 100.0 and found.lawful > 0.999
+    assert found.gain > 100.0 and found.probability > 0.999
     assert (found.location, found.kind, found.variable) == ("v", "state", "q")
 
 
@@ -78,7 +78,7 @@ def test_beside_true_names_is_no_law(linear):
     true = [effect("cubic_stiffness", 0.2), *([effect("linear_loss", 0.1)] if linear else [])]
     names = fitted(problem, smoothed.x, *true)
     found = law(names, names.fit.x)
-    assert found.gain < 5.0 and found.lawful < 0.5
+    assert found.gain < 5.0 and found.probability < 0.5
 
 
 def test_a_law_of_two_signals_is_told_in_its_balance():

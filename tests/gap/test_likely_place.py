@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from sksurrogate.gap.unnamed._channel import Place
-from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._likely_place import likely_place, place_of_law
 
 #: Log likelihoods of the balance and the input; which of them is likely.
@@ -45,6 +45,6 @@ PLACES = [Place("x", "state", 0.0), Place("u", "input", 0.0), Place("v", "state"
     ],
 )
 def test_a_law_that_tells_the_gap_tells_its_place(location, kind, variable, place):
-    law = LawBeside(0.0, 20.0, location, kind, variable, 1.0, 0.1, (0, 0, None), gain=50.0)
+    law = LawLeft(location, kind, variable, 1.0, 0.1, gain=50.0)
     assert place_of_law(law, PLACES, ["u"]) == place
     assert place_of_law(replace(law, gain=5.0), PLACES, ["u"]) is None

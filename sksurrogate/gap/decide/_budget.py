@@ -11,7 +11,7 @@ from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._remainder import Remainder
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import EMPTY, Table
-from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_left import LawLeft
 
 
 def budget_of(
@@ -19,7 +19,7 @@ def budget_of(
     shares: Sequence[float],
     retuning: float,
     shrink: Shrink,
-    law: LawBeside | None,
+    law: LawLeft | None,
     formula: Law | None = None,
 ) -> Table:
     """Shares of the gap's power on runs left out, which add up to one; no rows where there is no gap.
@@ -35,7 +35,7 @@ def budget_of(
         Their shares of the gap's power.
     retuning : float
         That of the re-tuned parameters.
-    law : LawBeside or None
+    law : LawLeft or None
         The law beside what is named.
     formula : Law, optional
         Where it is certified, what it closes on runs left out is a row of its own, a part of the unnamed law.
@@ -88,7 +88,7 @@ def _row(part: str, kind: str, share: float, below: float, above: float) -> dict
     return {"part": part, "kind": kind, "share": float(share), "low": float(low), "high": float(high)}
 
 
-def remainder_of(shrink: Shrink, share: float, over_noise: float, law: LawBeside | None) -> Remainder:
+def remainder_of(shrink: Shrink, share: float, over_noise: float, law: LawLeft | None) -> Remainder:
     """What is left beside everything that is named."""
     if law is None:
         return Remainder(share, shrink.after, over_noise)
@@ -98,7 +98,7 @@ def remainder_of(shrink: Shrink, share: float, over_noise: float, law: LawBeside
         over_noise,
         law.size,
         law.spread,
-        law.lawful,
+        law.probability,
         law.location,
         law.kind,
         law.variable,

@@ -238,7 +238,7 @@ def _judged(
     Far from the data, also beside the gap, they are linear about the measured path, not about the free run.
     """
     problem = candidate.problem
-    far = final.left > max(FAR, tolerance * gap_over_noise(search))
+    far = final.left > max(FAR, tolerance * search.gap_over_noise)
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
     noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
     found = [_law(search, candidate, tolerance, noises, path, seeds=seeds, instead=instead)]
@@ -258,17 +258,12 @@ def _law(
     instead: np.ndarray | None = None,
 ) -> LawBeside | None:
     """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
-    fit, unit = candidate.fit, gap_over_noise(search)
+    fit, unit = candidate.fit, search.gap_over_noise
     path = fit.x if x is None else x
     own = None if instead is None else instead.tobytes()
     key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, tolerance, own
     with np.errstate(all="ignore"):
         return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}), instead)
-
-
-def gap_over_noise(search: OdeSearch) -> float:
-    """RMS of the gap of the simulator over the noise."""
-    return float(np.sqrt(max(search.gap_cost / search.n_values - 1.0, 1e-6)))
 
 
 def law_beside_set(search: OdeSearch, final: Evidence, tolerance: float) -> LawBeside | None:

@@ -34,14 +34,11 @@ class DecisionFeatures:
     #: deviation
     after: float = np.inf
     error: float = np.inf
-    #: R2 on runs left out of the force that is left, by states and inputs; the largest of all balances
-    law: float = 0.0
     #: curve, curve_moved: Gain of the likeliest law beside what is named, and what it moves an output by, over its
     #: deviation
     curve: float = -np.inf
     curve_moved: float = 0.0
     rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
-    n_samples: int = 1000
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 
 
@@ -76,9 +73,7 @@ def left_over(final: Evidence, latent: LatentForce, most_noise: np.ndarray, retu
 
 #: A reading's grid counts from this share of the output's deviation on.
 GRID_SHARE = 0.01
-#: R2 of a law of states and inputs in what is left, and its least value over the number of samples: less may be chance.
-LAW, LEAST_LAW_PER_SAMPLE = 0.10, 20.0
-#: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where no law is in it.
+#: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where it is near the noise.
 PRACTICAL = 0.005
 
 
@@ -95,11 +90,6 @@ class Rule:
 def certain(f: DecisionFeatures) -> bool:
     """Every name is probable, or re-tuning alone moved the parameters."""
     return bool(f.probability >= CERTAIN_NAME if f.names else f.retuned)
-
-
-def lawful(f: DecisionFeatures) -> bool:
-    """States and inputs repeat what is left on runs left out, more than chance does."""
-    return bool(f.law > max(LAW, LEAST_LAW_PER_SAMPLE / f.n_samples))
 
 
 RULES: tuple[Rule, ...] = (
@@ -152,22 +142,16 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule("below_practical", lambda f: f.error < PRACTICAL, "none", "The gap is too small to matter."),
     Rule(
-        "small_and_lawless",
-        lambda f: f.error < SMALL_GAP and not lawful(f),
+        "small_and_near",
+        lambda f: f.error < SMALL_GAP and f.left <= FAR,
         "none",
-        "The gap is small, and it follows no law of states and inputs.",
-    ),
-    Rule(
-        "unnamed_curve",
-        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL,
-        "unknown",
-        "A curve of one signal is certain, and no effect has its form.",
+        "The gap is small, and it is near the noise.",
     ),
     Rule(
         "unnamed_law",
-        lambda f: lawful(f) and f.left > SETTLED,
+        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL,
         "unknown",
-        "The gap follows a law of states and inputs, and no effect has its form.",
+        "The gap follows a law of the signals for certain, and no effect has its form.",
     ),
     Rule(
         "unnamed_and_far",

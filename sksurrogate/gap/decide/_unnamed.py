@@ -12,15 +12,14 @@ from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.decide._posterior import Posterior
-from sksurrogate.gap.decide._rules import DecisionFeatures
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import C, Evidence
-from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.fit._rounding import Rounding
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._channels import Channels
-from sksurrogate.gap.unnamed._latent_force import Remains
-from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_left import LawLeft
 
 
 class BaseUnnamed(ABC, Generic[C]):
@@ -47,16 +46,17 @@ class BaseUnnamed(ABC, Generic[C]):
     separations: ClassVar[Callable[..., Separations]]
     _channels: Channels[C] | None = None
     scale: np.ndarray | None = None
-    beside: LawBeside | None = None
+    #: The law beside what stands, where one was looked for.
+    beside: LawLeft | None = None
+    #: The places of the gap, the most likely first; None before what is left was looked at.
+    places: list[Place] | None = None
 
     def __init__(self, search: BaseSearch[C], seed: int):
         self.search, self.seed, self.complete = search, seed, True
-        self.remains: Remains | None = None
 
-    @property
-    @abstractmethod
-    def most_noise(self) -> np.ndarray:
-        """Largest white noise of the sensors."""
+    def sensor_noise(self, final: Evidence[C]) -> np.ndarray:
+        """Of every output (n_outputs,), as far as a wrong fit cannot make it larger."""
+        return final.noise.sigma
 
     @abstractmethod
     def correction(self, correction: Any) -> Correction | None:
@@ -81,7 +81,7 @@ class BaseUnnamed(ABC, Generic[C]):
 
     @abstractmethod
     def look_at_what_is_left(self, final: Evidence[C]) -> None:
-        """The force on top of what stands, whether it is a law, and the places of the gap."""
+        """What stands above the noise: the law in it, and the places of the gap."""
 
     @abstractmethod
     def withdraw(self, null: Evidence[C]) -> None:
@@ -92,13 +92,9 @@ class BaseUnnamed(ABC, Generic[C]):
         """Free-run error that is left, in units of the noise."""
         return final.left
 
-    @abstractmethod
-    def features(self, common: DecisionFeatures, final: Evidence[C], shrink: Shrink) -> DecisionFeatures:
-        """What the verdict is decided on, with what is left of it lawful."""
-
-    @abstractmethod
-    def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
-        """The law beside what stands."""
+    def rounding(self, final: Evidence[C]) -> Rounding | None:
+        """A grid of readings that nothing named explains, where it is coarse enough to matter."""
+        return None
 
     # ---- where ------------------------------------------------------------------------------------------------------
     @abstractmethod

@@ -15,24 +15,23 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, law_beside_set, stands
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
-from sksurrogate.gap.decide._rules import GRID_SHARE, DecisionFeatures, left_over
+from sksurrogate.gap.decide._rules import GRID_SHARE, left_over
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.fit._closeness import NEAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import FAR, NEAR, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
-from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
-from sksurrogate.gap.unnamed._latent_force import LatentForce, Remains, features, law_left
-from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._latent_force import LatentForce, features, latent_force
+from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._likely_place import gap_and_places, likely_place, place_of_law
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.gap.unnamed._where import regions, times
@@ -89,16 +88,24 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         self.whole, self.excluded = whole, frozenset(excluded)
         self.scale = search.problem.scale
         self.gap_asked: PendingAnswer[tuple[LatentForce, list[Place]]] | None = None
-        self.instead: LawBeside | None = None
+        self.instead: LawLeft | None = None
+        self.latent: LatentForce | None = None  # on top of what stands
+        self.gap: LatentForce | None = None  # on top of the simulator alone
         self.clock = ""
 
     @property
     def most_noise(self) -> np.ndarray:
+        """Largest white noise of the sensors."""
         return MOST_NOISE * self.search.problem.sd
+
+    def sensor_noise(self, final: Evidence[OdeCandidate]) -> np.ndarray:
+        """Of the fit and of the force that it leaves the larger: a wrong fit leaves its coloured noise to take the white one's part."""
+        noises = [final.noise, *([] if self.latent is None else [self.latent.noise])]
+        return np.max([np.minimum(noise.sigma, self.most_noise) for noise in noises], axis=0)
 
     def law_gain(self, final: Evidence[OdeCandidate]) -> float:
         law = law_beside_set(self.search, final, self.search.tolerance)
-        return law.gain if law is not None else 0.0
+        return law.left.gain if law is not None else 0.0
 
     def begin(self) -> None:
         """Whether the record fits in another unit of time."""
@@ -126,17 +133,21 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
             return Posterior((), None)
         self.search.report("whether a law without a name does as well")
         _, posterior = stands(self.search, final, self.search.tolerance)
-        self.beside = posterior.law
+        self.beside = posterior.law.left if posterior.law is not None else None
         return posterior
 
     def weigh_none(self) -> None:
-        self.beside = self.instead = law_beside_none(self.search, self.search.tolerance)
+        self.beside = self.instead = self.law_alone()
+
+    def law_alone(self) -> LawLeft | None:
+        """The law beside no effect at all."""
+        law = law_beside_none(self.search, self.search.tolerance)
+        return law.left if law is not None else None
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
         asked = self.gap_asked or self.ask_for_the_gap(final)
-        latent, law = law_left(final, self.seed)
-        gap, places = asked.answer()
-        self.remains = Remains(latent, law, places, gap)
+        self.latent = latent_force(final, quiet_sensors=final.left > FAR)
+        self.gap, self.places = asked.answer()
 
     def ask_for_the_gap(self, final: Evidence[OdeCandidate]) -> PendingAnswer[tuple[LatentForce, list[Place]]]:
         """The force on top of the simulator alone and its places, worked out while other questions are asked."""
@@ -146,52 +157,34 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return self.gap_asked
 
     def withdraw(self, null: Evidence[OdeCandidate]) -> None:
-        assert self.remains is not None
-        latent, law = law_left(null, self.seed)
-        self.remains = replace(self.remains, latent=latent, law=law)
-        self.beside = None
+        self.latent, self.beside = latent_force(null, quiet_sensors=null.left > FAR), None
 
     # ---- the verdict ------------------------------------------------------------------------------------------------
     def over_noise(self, final: Evidence[OdeCandidate], retuned: bool) -> float:
-        assert self.remains is not None
-        return left_over(final, self.remains.latent, self.most_noise, retuned)
-
-    def features(self, common: DecisionFeatures, final: Evidence[OdeCandidate], shrink: Shrink) -> DecisionFeatures:
-        """What the verdict is decided on, with the law beside the names and the grid of readings."""
-        rounding, law = self.rounding(final), self.beside
-        return replace(
-            common,
-            lawful=law.size if law is not None else 0.0,
-            curve=law.gain if law is not None else -np.inf,
-            curve_moved=law.deviation if law is not None else 0.0,
-            rounding=rounding.share if rounding is not None else 0.0,
-        )
-
-    def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
-        return self.beside
+        assert self.latent is not None
+        return left_over(final, self.latent, self.most_noise, retuned)
 
     def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
-        """A grid of readings that nothing named explains, where it is coarse enough to matter."""
         found = unnamed_rounding(final.candidate)
         return found if found is not None and found.share > GRID_SHARE else None
 
     # ---- where ------------------------------------------------------------------------------------------------------
     def likely_place(self, final: Evidence[OdeCandidate]) -> tuple[str | None, str | None]:
         """A sensor that rounds, the place of a certain law, the place of a free force."""
-        problem, rounding, remains = self.search.problem, self.rounding(final), self.remains
+        problem, rounding, places = self.search.problem, self.rounding(final), self.places or []
         if rounding is not None and final.left < NEARLY_WHITE:
             return rounding.sensor, "output"
         if self.instead is None and self.complete:
-            self.instead = law_beside_none(self.search, self.search.tolerance)
-        place = place_of_law(self.instead, remains.places if remains else [], problem.plant.inputs)
+            self.instead = self.law_alone()
+        place = place_of_law(self.instead, places, problem.plant.inputs)
         if place:
             return place
-        return likely_place(remains.places) if remains is not None and remains.places else (None, None)
+        return likely_place(places) if places else (None, None)
 
     def anywhere(self) -> tuple[Table, Table]:
         """Of the largest force that the simulator alone leaves."""
-        assert self.remains is not None
-        problem, gap = self.search.problem, self.remains.gap
+        assert self.gap is not None
+        problem, gap = self.search.problem, self.gap
         w = gap.force[int(np.argmax(gap.size))]
         return regions(problem.record, *features(problem, gap.x), w), times(problem.record, w)
 
@@ -217,9 +210,9 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
 
     def places_of_law(self, final: Evidence[OdeCandidate], named: bool) -> list[tuple[str, str]]:
         """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""
-        remains, beside = self.remains, self.beside
+        beside = self.beside
         first = (beside.location, beside.kind) if named and beside is not None else self.likely_place(final)
-        found = [first, *((place.location, place.kind) for place in (remains.places if remains else []))]
+        found = [first, *((place.location, place.kind) for place in self.places or [])]
         plant = self.search.problem.plant
         named_by_kind = {"state": self.search.problem.balances, "input": plant.inputs, "output": plant.outputs}
         allowed = [(n, k) for n, k in found if n in named_by_kind.get(str(k), ()) and n not in self.excluded]

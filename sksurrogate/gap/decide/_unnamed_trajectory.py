@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
 from sksurrogate.gap.decide._posterior import Posterior
-from sksurrogate.gap.decide._rules import DecisionFeatures, share_left
 from sksurrogate.gap.decide._separations import of_trajectories
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
+from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
-from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.gap.unnamed._channel import Place
-from sksurrogate.gap.unnamed._latent_force import Remains
-from sksurrogate.gap.unnamed._law_evidence import LawBeside
-from sksurrogate.gap.unnamed._trajectory_channels import TrajectoryChannels, equivalent_places, force_left
+from sksurrogate.gap.unnamed._law_left import LawLeft
+from sksurrogate.gap.unnamed._trajectory_channels import TrajectoryChannels, equivalent_places, law_left
 from sksurrogate.kernels.record import Record
 
 ACCESS = (
@@ -53,10 +50,6 @@ class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
         super().__init__(search, seed)
         self.only_given = only_given
 
-    @property
-    def most_noise(self) -> np.ndarray:
-        return np.full(len(self.search.problem.sd), np.inf)
-
     def correction(self, correction: Any) -> Correction | None:
         """None for a table of outputs, which has no answer to blocks of its runs."""
         return None if self.only_given else quietly(generic_correction(self.search.problem.plant.simulator, correction))
@@ -69,28 +62,18 @@ class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
         return Posterior((chance,) * len(final.effects), None)
 
     def look_at_what_is_left(self, final: Evidence[TrajectoryCandidate]) -> None:
-        """A force on the states of the surrogate, whether inputs and outputs repeat it, and the places it may come from."""
-        latent, law = force_left(final, self.seed)
-        self.remains = Remains(latent, law, equivalent_places(self.channels), latent)
+        """The places of the gap, and the likeliest formula where what stands leaves something."""
+        self.places, search = equivalent_places(self.channels), self.search
+        channels = self.channels if final.candidate is self.channels.null else TrajectoryChannels(final.candidate)
+        found = self.places if channels is self.channels or final.left < SETTLED else equivalent_places(channels)
+        self.beside = None
+        if found and final.left < SETTLED:
+            self.beside = LawLeft(found[0].location, found[0].kind, "")
+        elif found:
+            self.beside = law_left(channels, found[0], search.gap_over_noise, search.tolerance)
 
     def withdraw(self, null: Evidence[TrajectoryCandidate]) -> None:
         self.look_at_what_is_left(null)
-
-    def features(
-        self, common: DecisionFeatures, final: Evidence[TrajectoryCandidate], shrink: Shrink
-    ) -> DecisionFeatures:
-        """What the verdict is decided on, with what inputs and outputs repeat of what is left."""
-        return replace(common, lawful=self.lawful(shrink))
-
-    def lawful(self, shrink: Shrink) -> float:
-        """Share of the gap (amplitude) that inputs and outputs repeat of what is left."""
-        law = 0.0 if self.remains is None else float(np.max(self.remains.law, initial=0.0))
-        return share_left(shrink) * float(np.sqrt(max(law, 0.0)))
-
-    def law_in_the_budget(self, shrink: Shrink) -> LawBeside | None:
-        place, size = self.likeliest, self.lawful(shrink)
-        nothing = (0, 0, self.search.problem.first_noise())
-        return LawBeside(0.0, 0.0, place.location, place.kind, "", size, size, nothing) if place is not None else None
 
     def likely_place(self, final: Evidence[TrajectoryCandidate]) -> tuple[str | None, str | None]:
         return (place.location, place.kind) if (place := self.likeliest) else (None, None)
@@ -98,7 +81,7 @@ class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
     @property
     def likeliest(self) -> Place | None:
         """The place of the likeliest equivalent disturbance."""
-        return self.remains.places[0] if self.remains is not None and self.remains.places else None
+        return self.places[0] if self.places else None
 
     def anywhere(self) -> tuple[Table, Table]:
         """Of the signal at the likeliest place."""

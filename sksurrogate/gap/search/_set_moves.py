@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
+import numpy as np
+
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
@@ -39,6 +41,11 @@ class SetMoves(BaseSearch[C]):
             given = null.at_nominal()
             self.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
         return self.nominal_costs[null]
+
+    @property
+    def gap_over_noise(self) -> float:
+        """RMS of the gap of the simulator over the noise."""
+        return float(np.sqrt(max(self.gap_cost / self.n_values - 1.0, 1e-6)))
 
     # ---- what a kind of access adds ---------------------------------------------------------------------------------
     @abstractmethod

@@ -25,6 +25,7 @@ from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots, small_and_large
+from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_places import Curve, in_all_places
 from sksurrogate.gap.unnamed._law_shapes import Law
 from sksurrogate.kernels.clock import check_time
@@ -49,38 +50,21 @@ class LawBeside:
     small, large : float
         Log evidence of the set beside a law of at most about the tolerance, and of a larger one; the choice of the law
         among all is paid.
-    location, kind, variable : str
-        Place and signal of the likeliest law.
-    size, spread : float
-        Posterior mean and standard deviation of the RMS that it moves the outputs by, over the gap's.
     seed : (int, int, Noise)
         Which law and form it is among all, and the noise beside it.
-    gain : float
-        Twice the nats by which the set is likelier beside a law of any size than without one; its choice is paid.
-    deviation : float
-        RMS that the law moves an output by over the deviation of that output, the largest; initial states and parameters follow.
+    left : LawLeft
+        Its place and its size.
     """
 
     small: float
     large: float
-    location: str
-    kind: str
-    variable: str
-    size: float
-    spread: float
     seed: tuple[int, int, Noise]
-    gain: float = 0.0
-    deviation: float = 0.0
+    left: LawLeft
 
     @property
     def total(self) -> float:
         """Log evidence of the set beside a law of any size."""
         return float(np.logaddexp(self.small, self.large))
-
-    @property
-    def lawful(self) -> float:
-        """Posterior probability that the law is larger than the tolerance."""
-        return float(np.exp(self.large - self.total))
 
 
 def law_beside(
@@ -339,9 +323,10 @@ class _Fit:
             self.linear.problem.record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * self.linear.problem.sd
         )
         deviation = float(np.max(moved / self.linear.problem.record.spread))
-        return LawBeside(
-            small, float(one.large), curve.location, kind, curve.variable, size, spread, seed, gain, deviation
-        )
+        large = float(one.large)
+        probability = float(np.exp(large - np.logaddexp(small, large)))
+        left = LawLeft(curve.location, kind, curve.variable, size, spread, gain, deviation, probability)
+        return LawBeside(small, large, seed, left)
 
 
 def _of_any_size(one: _Found) -> float:

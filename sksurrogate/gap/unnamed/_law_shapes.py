@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.unnamed._latent_force import past_of
+from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold, play, rate_limit
 
@@ -94,6 +94,16 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Conta
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
         yield Law(name + AND_ITS_PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown]))
+
+
+def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
+    """Direction and moving averages over 5 and 25 samples of signals, (3, n_signals, n_samples)."""
+    found = [np.sign(first_order_scan(0.8, np.diff(signals, axis=1, prepend=signals[:, :1]), record.starts))]
+    for tau in (5.0, 25.0):
+        a = np.exp(-1.0 / tau)
+        level = signals[:, record.starts][:, record.run_of_row]
+        found.append(level + (1 - a) * first_order_scan(a, signals - level, record.starts))
+    return np.stack(found)
 
 
 def pairs(f: np.ndarray) -> list[np.ndarray]:

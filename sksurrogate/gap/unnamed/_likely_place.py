@@ -14,7 +14,7 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._latent_force import LatentForce, latent_force, paths
-from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.kernels.disturbance import Disturbance
@@ -43,7 +43,7 @@ def likely_place(found: Sequence[Place]) -> tuple[str, str]:
     return state.location, state.kind
 
 
-def place_of_law(law: LawBeside | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
+def place_of_law(law: LawLeft | None, found: Sequence[Place], inputs: Sequence[str]) -> tuple[str, str] | None:
     """Location and kind of a law that is certain; of one of an input in the balance that it pushes, the input."""
     if law is None or law.gain < CERTAIN:
         return None

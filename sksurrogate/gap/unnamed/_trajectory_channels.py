@@ -1,17 +1,17 @@
-"""Channels of a simulator that only gives trajectories: an equivalent disturbance at an input, an output, or anywhere."""
+"""Channels of a simulator that only gives trajectories: an equivalent disturbance at an input, an output, or anywhere, and the law in it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import expit, ndtr
 
-from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
 from sksurrogate.gap.unnamed._channel import Channel, Place, fit_signal, nothing_follows
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._latent_force import LatentForce, repeatable
+from sksurrogate.gap.unnamed._law_left import LawLeft
 
 
 def variables(problem: TrajectoryBackend, y: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -19,8 +19,8 @@ def variables(problem: TrajectoryBackend, y: np.ndarray) -> tuple[np.ndarray, li
     return np.concatenate([y, problem.record.u]).T, [*problem.plant.outputs, *problem.plant.inputs]
 
 
-def channel_of(candidate: TrajectoryCandidate, location: str | None) -> Channel:
-    """One latent signal at an input or output on top of a candidate; where no place is named, on every state of the surrogate.
+def channel_of(candidate: TrajectoryCandidate, location: str) -> Channel:
+    """One latent signal at an input or output on top of a candidate, elsewhere on every state of the surrogate.
 
     Signals at an input or output are in its units.
     """
@@ -31,7 +31,7 @@ def channel_of(candidate: TrajectoryCandidate, location: str | None) -> Channel:
     if sensor is not None:
         push = surrogate.scale[:, None]
     elif location in plant.inputs:
-        i = plant.inputs.index(str(location))
+        i = plant.inputs.index(location)
         push, unit = surrogate.B[:, i : i + 1], max(float(np.std(record.u[i])), 1e-12)
         if not np.any(push):
             push = np.ones((len(surrogate.A), 1))
@@ -62,14 +62,29 @@ def equivalent_places(channels: Channels[TrajectoryCandidate]) -> list[Place]:
     return sorted(found, key=lambda place: -place.log_likelihood)
 
 
-def force_left(found: Evidence[TrajectoryCandidate], seed: int) -> tuple[LatentForce, np.ndarray]:
-    """Latent forces on the states of the surrogate on top of a candidate, and whether inputs and outputs repeat each (R2)."""
-    problem, y = found.candidate.problem, found.fit.y
-    channel = channel_of(found.candidate, None)
-    w = channel.D.states(channel.r, channel.noise)[1]
-    size = np.std(w, axis=1)
-    Z, _ = variables(problem, y)
-    law = repeatable(problem.record, w, size, Z, y, seed)
-    rate = np.std(np.diff(problem.nominal, axis=1), axis=1) / np.maximum(np.std(problem.nominal, axis=1), 1e-300)
-    size = size / max(float(np.max(rate)), 1e-3)
-    return LatentForce(y, w, found.noise, size, np.zeros(len(w))), law
+def law_left(channels: Channels[TrajectoryCandidate], place: Place, unit: float, tolerance: float) -> LawLeft:
+    """The likeliest formula at a place on top of what the channels lead from.
+
+    Parameters
+    ----------
+    channels : Channels
+    place : Place
+    unit : float
+        RMS of the gap over the noise: the size that counts as one.
+    tolerance : float
+        Size of a law that is small.
+    """
+    channel, drafts = channels.at(place.location, place.kind), channels.drafts(place.location, place.kind)
+    if channel is None or not drafts:
+        return LawLeft(place.location, place.kind, "")
+    best, candidate = drafts[0], channels.null
+    problem, drivers = candidate.problem, channels.drivers(channel, place.location, place.kind)
+    signal = best.coefficients @ drivers.values(best.terms, channel.record)
+    over_noise = candidate.without_starts(channel.respond(signal[None]).transpose(1, 0, 2))[0]
+    chance = float(expit(best.worth))
+    size = chance * float(np.sqrt(np.sum(over_noise**2) / problem.record.n_values)) / unit
+    spread = size / np.sqrt(2.0 * max(best.nats, 0.5))  # nats are half the square of a weight over its deviation
+    deviation = float(np.max(problem.record.rms(over_noise) * problem.sd / problem.record.spread))
+    probability = chance * float(ndtr((size - tolerance) / max(spread, 1e-300)))
+    variable = "*".join(dict.fromkeys(name for term in best.terms for name in term.variables))
+    return LawLeft(place.location, place.kind, variable, size, spread, 2.0 * best.worth, deviation, probability)
