@@ -6,7 +6,9 @@ from dataclasses import replace
 
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
-from sksurrogate.gap.decide._law_certificate import law_of
+from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of
+from sksurrogate.gap.decide._rules import first_rule
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
@@ -25,30 +27,35 @@ class LawStage(DiagnosisState[C]):
 
     def look_for_a_law(self) -> None:
         """What no name explains as a formula, fitted and certified on runs left out."""
-        found, (verdict, reasons) = self.found, self.decided()
-        if found.held is None or found.shrink is None or not found.shrink.measurable:
+        found, features = self.found, self.features()
+        if features is None or found.held is None or found.shrink is None or not found.shrink.measurable:
             return
-        final, null = self.final, self.null
-        beside, stack = None, len(final.effects) >= STACK
-        names = ", ".join(effect.name for effect in final.effects)
-        if stack and reasons.rule == "law_left":
-            self.withdraw(LEAVE_A_LAW.format(names=names))
-            self.share_the_gap()
-            final, verdict = null, "unknown"
-        elif stack and verdict in ("partial", "explained"):
-            beside = self.unnamed.law_beside(null, final, found.held)
-            if beside is not None and self.unnamed.law_instead(beside, final):
-                self.withdraw(INSTEAD.format(names=names))
-                self.share_the_gap()
-                beside = replace(beside, held=replace(found.held, law=beside.held.law))
-            else:
-                beside = None
-        if beside is None and verdict in ("partial", "unknown"):
-            beside = self.unnamed.law_beside(final if verdict == "partial" else null, final, found.held)
+        rule, beside = first_rule(features), None
+        if rule.withdraws:
+            self.withdraw_names(LEAVE_A_LAW)
+        elif len(self.final.effects) >= STACK and rule.verdict in ("partial", "explained"):
+            beside = self.law_in_place_of_names(found.held)
+        if beside is None and rule.verdict in ("partial", "unknown"):
+            base = self.final if rule.verdict == "partial" else self.null
+            beside = self.unnamed.law_beside(base, self.final, found.held)
         if beside is not None:
             found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
             self.measure()
             found.law = law_of(beside, self.problem.plant, found.shrink)
+
+    def law_in_place_of_names(self, held: HeldOut) -> CertifiedLaw | None:
+        """One formula that is clearly likelier than all names: these are withdrawn. None where they stand."""
+        beside = self.unnamed.law_beside(self.null, self.final, held)
+        if beside is None or not self.unnamed.law_instead(beside, self.final):
+            return None
+        after = self.withdraw_names(INSTEAD)
+        return replace(beside, held=replace(after, law=beside.held.law))
+
+    def withdraw_names(self, why: str) -> HeldOut:
+        """The null stands, measured again on runs left out."""
+        after = self.withdraw(why.format(names=", ".join(effect.name for effect in self.final.effects)))
+        self.share_the_gap()
+        return after
 
     @property
     def carried_law(self) -> Law | None:

@@ -105,8 +105,8 @@ class DiagnosisState(Generic[C]):
             found.fitted = self.unnamed.larger(final)
             found.bounds = intervals(found.fitted)
 
-    def withdraw(self, why: str) -> None:
-        """The names are withdrawn: the null stands."""
+    def withdraw(self, why: str) -> HeldOut:
+        """The names are withdrawn: the null stands. Its free runs on runs left out."""
         found, null, held = self.found, self.null, self.found.held
         assert held is not None
         found.uncertified = why
@@ -116,14 +116,20 @@ class DiagnosisState(Generic[C]):
         after = held.retuned if self.problem.free else held.before
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
         self.measure()
+        return found.held
 
     def decided(self) -> tuple[str, Reasons]:
         """The verdict, and the rule that gave it."""
+        features = self.features()
+        return ("unknown", UNDECIDED) if features is None else decide(features)
+
+    def features(self) -> DecisionFeatures | None:
+        """What the verdict is decided on; None where not all of it is known."""
         found, final, shrink, unnamed = self.found, self.final, self.found.shrink, self.unnamed
         if shrink is None or unnamed.places is None or (final.effects and not found.probabilities):
-            return "unknown", UNDECIDED
+            return None
         law, rounding = unnamed.beside, unnamed.rounding(final)
-        features = DecisionFeatures(
+        return DecisionFeatures(
             names=len(final.effects),
             probability=min(found.probabilities, default=1.0),
             retuned=found.retuned,
@@ -137,4 +143,3 @@ class DiagnosisState(Generic[C]):
             rounding=rounding.share if rounding is not None else 0.0,
             tolerance=self.search.tolerance,
         )
-        return decide(features)

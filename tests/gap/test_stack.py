@@ -7,10 +7,10 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._law_stage import LawStage
+from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
 from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
-from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
@@ -87,22 +87,23 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
 
 
 @pytest.mark.parametrize(
-    ("n", "rule", "withdrawn"), [(3, "law_left", True), (2, "law_left", False), (3, "closed", False)]
+    ("n", "share_left", "rule", "base"),
+    [(3, 0.3, "imitations", "null"), (2, 0.3, "law_left", "final"), (3, 0.05, "closed", "null")],
 )
-def test_three_names_that_leave_a_law_are_withdrawn(n, rule, withdrawn):
+def test_three_names_that_leave_a_law_are_withdrawn(n, share_left, rule, base):
     said, asked = [], []
     names = [SimpleNamespace(name=f"effect_{i}") for i in range(n)]
+    stage = LawStage.__new__(LawStage)
     null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names)
-    stage = SimpleNamespace(
-        found=SimpleNamespace(held=object(), shrink=SimpleNamespace(measurable=True)),
-        decided=lambda: ("explained" if rule == "closed" else "partial", Reasons(rule, "", {})),
-        final=final,
-        null=null,
-        withdraw=said.append,
-        share_the_gap=lambda: None,
-        unnamed=SimpleNamespace(law_beside=lambda base, final, held: asked.append(base)),
-    )
-    LawStage.look_for_a_law(stage)
-    assert bool(said) is withdrawn and (not said or "effect_0, effect_1, effect_2 passed" in said[0])
-    if rule == "law_left":
-        assert asked == [null if withdrawn else final]
+    stage.search = SimpleNamespace(final=final, fitted_null=null)
+    stage.found = SimpleNamespace(held=object(), shrink=SimpleNamespace(measurable=True))
+    features = DecisionFeatures(names=n, share_left=share_left, left=3.0, lawful=share_left, error=0.5, after=0.2)
+    stage.features = lambda: features
+    stage.share_the_gap = lambda: None
+    stage.withdraw = lambda why: said.append(why) or setattr(stage.search, "final", null)
+    stage.unnamed = SimpleNamespace(law_beside=lambda base, final, held: asked.append(base))
+    stage.look_for_a_law()
+    assert first_rule(features).name == rule
+    assert bool(said) is (rule == "imitations")
+    assert not said or "effect_0, effect_1, effect_2 passed" in said[0]
+    assert asked == [null if base == "null" else final]

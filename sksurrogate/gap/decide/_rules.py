@@ -13,6 +13,7 @@ from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._latent_force import LatentForce
 
 #: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.
@@ -85,6 +86,7 @@ class Rule:
     applies: Callable[[DecisionFeatures], bool]  #: ``applies(features) -> bool``
     verdict: str  #: {"none", "explained", "partial", "unknown"}
     sentence: str  #: What it means
+    withdraws: bool = False  #: Whether the names do not stand
 
 
 def certain(f: DecisionFeatures) -> bool:
@@ -127,6 +129,13 @@ RULES: tuple[Rule, ...] = (
         ),
         "explained",
         "The correction leaves a disturbance: it follows no law, and it is small beside the outputs.",
+    ),
+    Rule(
+        "imitations",
+        lambda f: f.names >= STACK,
+        "unknown",
+        "So many effects leave more than the tolerance. They imitate one that is missing, and are withdrawn.",
+        withdraws=True,
     ),
     Rule(
         "law_left",
