@@ -1,256 +1,165 @@
-"""Would the tests notice? Small faults are put into the package one at a time, and the tests that name the module are run.
+"""Would the tests notice? Small faults are put into the package one at a time, and the tests that run the line are run.
 
-    python tests/benchmarks/mutate.py [--faults 20] [--seed 0] [--folders kernels effects] [--limit 120] [--minutes 5]
-                                      [--out rows.jsonl] [--again survivors.jsonl]
+    python tests/benchmarks/mutate.py --map folder [--minutes 5]    # which test runs which lines; goes on where it stopped
+    python tests/benchmarks/mutate.py --use folder --out rows.jsonl [--faults 200] [--seed 0] [--folders kernels effects]
+                                      [--limit 60] [--minutes 5] [--again survivors.jsonl]
 
-A fault is a changed operator, comparison, constant, connective or a dropped term, drawn evenly over the folders. The tests of a
-module are the files that name it or one of its public names, those named as it is and those of its own folder first; where
-they notice nothing, those of the modules that import it. A fault is *caught* when a test fails that passes without it, or a
-file takes more than the limit and does not without it; a *survivor* when all pass; *undecided* otherwise. With `--out` a draw
-goes on where it stopped; `--again` tries what was not caught once more.
+A fault is a changed operator, comparison, constant, connective or a dropped term, drawn evenly over the folders. One process
+imports everything and collects the tests that are not slow. A fork of it gets the fault and runs those that run the line,
+quickest and nearest first. A fault is *caught* when a test fails, or takes ten times its time, and passes without the fault;
+a *survivor* when all pass; *undecided* when the limit left some out. With `--out` a draw goes on where it stopped; `--again`
+tries what was not caught once more, with the tests that are newer than the map.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
 import json
 import os
-import random
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
-ROOT = Path(__file__).parents[2]
-PACKAGE = ROOT / "sksurrogate"
-#: Test files that are run for one fault.
-MOST_FILES = 3
-#: Where faults are drawn, in turn; "." is the package's top.
-FOLDERS = ["kernels", "effects", "gap", "physics", "linear", "features", "compose", "gap", "export", "neural", "."]
-FOLDERS += ["gap", "model_selection", "datasets", "blind", "gap"]
-_ARITHMETIC = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
-_COMPARISONS = {
-    ast.Lt: ast.GtE,
-    ast.LtE: ast.Gt,
-    ast.Gt: ast.LtE,
-    ast.GtE: ast.Lt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-}
+import pytest
+from fault_draw import FOLDERS, PACKAGE, ROOT, Fault, drawn, listed_again
+from forked_tests import Forks
+from line_map import LineMap, MapMaker
+
+#: Seconds of tests in one fork: a first look at the likeliest ones, then more.
+STAGES = (1.0, 5.0, 20.0, 60.0, 240.0)
+#: Seconds of tests in a fresh process, for faults that act on import.
+FRESH = 10.0
 
 
-class Fault(NamedTuple):
-    """One changed place of one file."""
+class Trial:
+    """Plugin of pytest: tries faults with the tests that were collected."""
 
-    path: Path
-    line: int
-    start: int
-    stop: int
-    before: str
-    after: str
-    kind: str
+    def __init__(self, faults: list[Fault], given: argparse.Namespace) -> None:
+        self.faults, self.given = faults, given
+        self.told = os.fdopen(os.dup(1), "w", buffering=1)
 
-
-def changed(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
-    """Kinds of faults that a node can have, and the node with each."""
-    if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC and not _is_text(node):
-        yield "operator", ast.BinOp(node.left, _ARITHMETIC[type(node.op)](), node.right)
-        if isinstance(node.op, (ast.Add, ast.Sub)):
-            yield "dropped term", node.left
-    if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in _COMPARISONS:
-        yield "comparison", ast.Compare(node.left, [_COMPARISONS[type(node.ops[0])]()], node.comparators)
-    if isinstance(node, ast.BoolOp):
-        yield "connective", ast.BoolOp(ast.Or() if isinstance(node.op, ast.And) else ast.And(), node.values)
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
-        yield "sign", node.operand
-    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
-        yield "constant", ast.Constant(node.value * 2 if node.value else 1)
-
-
-def _is_text(node: ast.BinOp) -> bool:
-    """Whether texts are joined, or types are."""
-    return any(isinstance(n, (ast.JoinedStr, ast.Constant)) and not isinstance(getattr(n, "value", 0), (int, float))
-               for n in ast.walk(node))  # fmt: skip
-
-
-def body_nodes(tree: ast.Module) -> Iterator[ast.AST]:
-    """Expressions that are computed: no annotations, errors, defaults of parameters, decorators or lists of names."""
-    waiting: list[ast.AST] = list(tree.body)
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, (ast.Raise, ast.Assert, ast.Import, ast.ImportFrom)):
-            continue
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            waiting += node.body
-            continue
-        if isinstance(node, ast.AnnAssign):
-            waiting += [node.value] if node.value is not None else []
-            continue
-        if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets):
-            continue
-        if isinstance(node, ast.JoinedStr):
-            continue
-        yield node
-        waiting += list(ast.iter_child_nodes(node))
-
-
-def faults_of(path: Path) -> list[Fault]:
-    """All faults that a file can have."""
-    text = path.read_text(encoding="utf-8")
-    starts = [0]
-    for line in text.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    out = []
-    for node in body_nodes(ast.parse(text)):
-        for kind, other in changed(node):
-            if "\n" not in text and not text.isascii():
-                continue
-            a = starts[node.lineno - 1] + len(text.splitlines()[node.lineno - 1].encode()[: node.col_offset].decode())
-            last = text.splitlines()[node.end_lineno - 1]
-            b = starts[node.end_lineno - 1] + len(last.encode()[: node.end_col_offset].decode())
-            out.append(Fault(path, node.lineno, a, b, text[a:b], f"({ast.unparse(other)})", kind))
-    return out
-
-
-def drawn(n: int, seed: int, folders: list[str]) -> list[Fault]:
-    """So many faults, the folders in turn, a file and one of its faults at random."""
-    rng = random.Random(seed)
-    groups = {
-        folder: [p for p in sorted((PACKAGE / folder).rglob("*.py")) if p.name != "__init__.py"] for folder in folders
-    }
-    groups["."] = [p for p in sorted(PACKAGE.glob("*.py")) if p.name != "__init__.py"]
-    out: list[Fault] = []
-    while len(out) < n:
-        folder = folders[len(out) % len(folders)]
-        found = faults_of(rng.choice(groups[folder]))
-        if found:
-            out.append(rng.choice(found))
-    return out
-
-
-def listed_again(path: Path) -> list[Fault]:
-    """Faults of a file of rows that were not caught, where the code still holds them."""
-    out = []
-    for row in map(json.loads, path.read_text(encoding="utf-8").splitlines()):
-        if row["said"] != "caught":
-            same = [f for f in faults_of(ROOT / row["file"]) if (f.before, f.after) == (row["before"], row["after"])]
-            out += sorted(same, key=lambda fault: abs(fault.line - row["line"]))[:1]
-    return out
-
-
-def module_of(path: Path) -> str:
-    """Dotted name of a module."""
-    return ".".join(("sksurrogate", *path.relative_to(PACKAGE).with_suffix("").parts))
-
-
-def tests_of(path: Path) -> tuple[list[Path], list[Path]]:
-    """Test files that name a module or its public names, most mentions first; then those of the modules that import it."""
-    own, naming = path.relative_to(PACKAGE).parts[0], tests_naming(path)
-    importing = re.compile(rf"^(from|import) {re.escape(module_of(path))}\b", re.M)
-    further: dict[Path, int] = {}
-    for other in sorted(PACKAGE.rglob("*.py")):
-        if other.name != "__init__.py" and importing.search(other.read_text(encoding="utf-8")):
-            for test, mentions in tests_naming(other).items():
-                further[test] = further.get(test, 0) + mentions
-
-    def first(found: dict[Path, int]) -> list[Path]:
-        about = path.stem.strip("_")
-        order = sorted(
-            found, key=lambda test: (about in test.stem, test.parent.name == own, found[test], test.name), reverse=True
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """One fault after the other."""
+        self.lines, self.forks, ends = (
+            LineMap(self.given.use),
+            Forks(session),
+            time.monotonic() + 60 * self.given.minutes,
         )
-        return order[:MOST_FILES]
-
-    named = first(naming)
-    return named, [test for test in first(further) if test not in named]
-
-
-def tests_naming(path: Path) -> dict[Path, int]:
-    """How often each test file names a module or its public names."""
-    names = re.findall(r"^(?:class|def) ([A-Za-z]\w*)", path.read_text(encoding="utf-8"), re.M)
-    out = {}
-    for test in sorted((ROOT / "tests").rglob("test_*.py")):
-        text = test.read_text(encoding="utf-8")
-        mentions = 10 * text.count(module_of(path)) + sum(len(re.findall(rf"\b{name}\b", text)) for name in names)
-        if mentions or (path.stem.strip("_") in test.stem and test.parent.name == path.parent.name):
-            out[test] = mentions
-    return out
-
-
-def run_tests(folder: Path, tests: list[str], limit: float) -> tuple[int | None, list[str]]:
-    """Return code of the fast tests with the package of a folder (None: longer than the limit), and those that failed."""
-    env = {**os.environ, "PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", "-m", "not slow"]
-    command += ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), *tests]
-    try:
-        done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=limit)
-    except subprocess.TimeoutExpired:
-        return None, []
-    failed = [
-        str(folder / one) for one in re.findall(r"^(?:FAILED|ERROR) (\S+(?:\[.*?\])?)(?: - .*)?$", done.stdout, re.M)
-    ]
-    return done.returncode, failed
-
-
-def decided(folder: Path, fault: Fault, tests: list[Path], limit: float) -> str:
-    """Whether the tests notice a fault, one file after the other."""
-    place, text = folder / fault.path.relative_to(ROOT), fault.path.read_text(encoding="utf-8")
-    said = "survivor" if tests else "undecided"
-    for test in map(str, tests):
-        place.write_text(text[: fault.start] + fault.after + text[fault.stop :], encoding="utf-8")
-        code, failed = run_tests(folder, [test], limit)
-        place.write_text(text, encoding="utf-8")
-        if code in (None, 1, 2) and run_tests(folder, failed[:1] or [test], limit)[0] == 0:
-            return "caught"
-        if code != 0:
-            said = "undecided"
-    return said
-
-
-def main() -> None:
-    """Draw, try, tell."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--faults", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--folders", nargs="+", default=FOLDERS)
-    parser.add_argument("--limit", type=float, default=120.0, help="seconds for the tests of one fault")
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="no further fault is begun after this time")
-    parser.add_argument("--out", type=Path, help="file of rows (JSON lines); its faults are not tried again")
-    parser.add_argument("--again", type=Path, help="file of rows: what was not caught is tried once more")
-    given = parser.parse_args()
-    faults = listed_again(given.again) if given.again else drawn(given.faults, given.seed, given.folders)
-    begun, counts = time.monotonic(), {"caught": 0, "survivor": 0, "undecided": 0}
-    done = len(given.out.read_text(encoding="utf-8").splitlines()) if given.out and given.out.exists() else 0
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        shutil.copytree(PACKAGE, folder / "sksurrogate", ignore=shutil.ignore_patterns("__pycache__"))
-        for fault in faults[done:]:
-            started, (tests, further) = time.monotonic(), tests_of(fault.path)
-            if started - begun > 60 * given.minutes:
+        session.config.pluginmanager.register(self.forks)
+        known = set(self.lines.names)
+        self.newer = [(name, 1.0) for name in self.forks.items if name not in known]
+        for fault in self.faults:
+            if time.monotonic() > ends:
                 break
-            said = decided(folder, fault, tests + further, given.limit)
-            counts[said] += 1
+            started = time.monotonic()
+            said, by, n = self.decided(fault)
             row = {
                 "file": fault.path.relative_to(ROOT).as_posix(),
                 "line": fault.line,
                 "kind": fault.kind,
                 "before": fault.before,
                 "after": fault.after,
-                "tests": [test.relative_to(ROOT).as_posix() for test in tests + further],
+                "tests": n,
                 "said": said,
+                "by": by,
                 "seconds": round(time.monotonic() - started, 1),
             }
-            print(f"{said:9} {row['file']}:{fault.line} {fault.kind}: {fault.before!r} -> {fault.after!r}", flush=True)
-            if given.out is not None:
-                with given.out.open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps(row) + "\n")
-    total = counts["caught"] + counts["survivor"]
-    print(f"{counts['caught']} of {total} decided were caught, {counts['undecided']} undecided")
+            print(
+                f"{said:9} {row['file']}:{fault.line} {fault.kind}: {fault.before!r} -> {fault.after!r}", file=self.told
+            )
+            with self.given.out.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(row) + "\n")
+        return True
+
+    def decided(self, fault: Fault) -> tuple[str, str | None, int]:
+        """What the tests say, the one that noticed it, and how many run the line."""
+        line = fault.path.read_text(encoding="utf-8").splitlines()[fault.line - 1]
+        found = self.lines.tests_of(fault.path, fault.line, re.findall(r"\w+(?= *(?::[^:]*)?=)", line)[:1])
+        tests = self.newer + [(self.lines.names[k], float(self.lines.seconds[k])) for k in found]
+        warm, spent, waiting = self.forks.functions.can_take(fault), 0.0, list(tests)
+        for stage in STAGES if warm else (FRESH,):
+            part: list[tuple[str, float]] = []
+            while waiting and spent + waiting[0][1] <= min(stage, self.given.limit):
+                spent += waiting[0][1] + 0.01
+                part.append(waiting.pop(0))
+            files = list(dict.fromkeys(name.split("::")[0] for name, _ in part))
+            part.sort(key=lambda test: files.index(test[0].split("::")[0]))
+            while part:
+                try:
+                    by = self.forks.first_failure(fault, part) if warm else in_fresh_process(fault, part)
+                except RuntimeError:
+                    return "undecided", None, len(tests)
+                if by is None:
+                    break
+                again = [test for test in part if test[0] == by]
+                if self.forks.first_failure(None, again) is None:
+                    return "caught", by, len(tests)
+                part = [test for test in part if test[0] != by]
+        return "undecided" if waiting else "survivor", None, len(tests)
+
+
+def in_fresh_process(fault: Fault, tests: list[tuple[str, float]]) -> str | None:
+    """The first test that fails with a copy of the package that has the fault, in a process of its own."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        shutil.copytree(PACKAGE, folder / "sksurrogate", ignore=shutil.ignore_patterns("__pycache__"))
+        (folder / fault.path.relative_to(ROOT)).write_text(fault.faulty(), encoding="utf-8")
+        shutil.copytree(ROOT / "tests", folder / "tests", ignore=shutil.ignore_patterns("__pycache__", "benchmarks"))
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-rfE", "-p", "no:xdist"]
+        command += ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(folder), *(test for test, _ in tests)]
+        limit = 30 + 10 * sum(seconds for _, seconds in tests)
+        env = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+        try:
+            done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=limit)
+        except subprocess.TimeoutExpired:
+            return tests[0][0]
+        found = re.findall(r"^(?:FAILED|ERROR) (\S+(?:\[.*?\])?)(?: - .*)?$", done.stdout, re.M)
+        if done.returncode == 0:
+            return None
+        names = [test for test, _ in tests if found and test.startswith(found[0])]
+        return names[0] if names else tests[0][0]
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """How many were caught."""
+    counts = {said: sum(row["said"] == said for row in rows) for said in ("caught", "survivor", "undecided")}
+    return (
+        f"{counts['caught']} of {len(rows)} were caught, {counts['survivor']} survived, {counts['undecided']} undecided"
+    )
+
+
+def main() -> None:
+    """Make a map, or draw, try, tell."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--map", type=Path, help="make or complete a map of the lines that each test runs")
+    parser.add_argument("--use", type=Path, help="the map to use")
+    parser.add_argument("--faults", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folders", nargs="+", default=FOLDERS)
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds that the tests of one fault take without it")
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), help="no fault or test file is begun after this time"
+    )
+    parser.add_argument("--out", type=Path, help="file of rows (JSON lines); its faults are not tried again")
+    parser.add_argument("--again", type=Path, help="file of rows: what was not caught is tried once more")
+    given = parser.parse_args()
+    sys.path.insert(0, str(ROOT))
+    os.chdir(ROOT)
+    if given.map:
+        plugin: Any = MapMaker(given.map.absolute(), given.minutes)
+    else:
+        done = len(given.out.read_text(encoding="utf-8").splitlines()) if given.out.exists() else 0
+        faults = listed_again(given.again) if given.again else drawn(given.faults, given.seed, given.folders)
+        plugin = Trial(faults[done:], given)
+    options = ["-q", "--tb=no", "-m", "not slow", "-p", "no:xdist", "-c", str(ROOT / "pyproject.toml")]
+    pytest.main([*options, "tests", "sksurrogate"], plugins=[plugin])
+    if given.out:
+        print(summary([json.loads(row) for row in given.out.read_text(encoding="utf-8").splitlines()]))
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.faults._corrections import Gains, Hum, Offsets, Shifts, smoothings
+from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, Offsets, Shifts
 from sksurrogate.gap.faults._proposals import tone
-from sksurrogate.gap.faults._wrong_readings import outlying_rows
+from sksurrogate.gap.faults._wrong_readings import outlying_rows, wrong_readings
 from sksurrogate.kernels.record import Record
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -164,8 +164,8 @@ def test_a_tone_is_found_at_its_frequency(w):
 def test_smoothed_inputs_keep_their_edges():
     u = np.repeat([0.0, 1.0, -2.0], 60)
     noisy = u + 0.05 * np.random.default_rng(2).normal(size=180)
-    best = min(np.std(v - u) for v in smoothings(noisy))
-    assert best < 0.03
+    best = min(np.std(way(noisy) - u) for way in SMOOTHINGS)
+    assert best < 0.05 / np.sqrt(60) * 1.5  # the mean of every level
 
 
 def test_outliers_of_a_residual_are_not_its_waves():
@@ -177,3 +177,16 @@ def test_outliers_of_a_residual_are_not_its_waves():
     assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]
     r[400:460] += 20.0  # long: the plant's, not a reading's
     assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]
+
+
+def test_a_sensor_that_stands_still_is_not_excused_by_a_small_move_of_the_simulator():
+    # It leaves its value at a moment at which the simulator moves too, but the simulator moved on in between.
+    rng, rows = np.random.default_rng(0), np.arange(240)
+    model = np.sin(0.08 * rows)[None]
+    y = model + 0.007 * rng.normal(size=(1, 240))
+    y[0, 62:107] = y[0, 62]
+    still = Record(np.zeros((1, 240)), y, 0.05 * rows, np.array([0]), 0.05)
+    assert [(f.kind, f.rows[0], f.rows[-1]) for f in wrong_readings(still, lambda: model)] == [("stuck", 62, 106)]
+    # A simulator that stands still and jumps itself: so may the plant.
+    held = np.where((rows < 62) | (rows > 106), model, model[0, 62])
+    assert wrong_readings(still, lambda: held) == []

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import median_filter
 
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.results._data_faults import DataFault
+from sksurrogate.kernels.noisy_signals import held_levels, smooth_path
 from sksurrogate.kernels.record import Record, bridged
 
 
@@ -99,8 +100,13 @@ def masked(record: Record, wrong: np.ndarray) -> Record:
     return replace(record, y=bridged(record.y, known, record.starts), known=known)
 
 
-#: Rows of the running medians (inputs held for some samples) and means (inputs that move smoothly) that are tried.
-MEDIANS, MEANS = (5, 9, 15), (3, 5, 9)
+def _without_single_readings(u: np.ndarray) -> np.ndarray:
+    """A running median of five rows."""
+    return np.asarray(median_filter(u, 5, mode="nearest"))
+
+
+#: What an input without its noise may be: (n_samples,) of one run to the same.
+SMOOTHINGS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (held_levels, smooth_path, _without_single_readings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +114,7 @@ class NoisyInput(BaseFault):
     """The measurement of an input is noisy; the plant got a smoother one."""
 
     input: int
-    way: int  #: Of :func:`smoothings`
+    way: int  #: Of :data:`SMOOTHINGS`
     removed: float = 0.0  #: Share of the gap that it removes
     #: Whether the record is corrected: noise that is slow beside the plant cannot be distinguished from the input
     taken_out: bool = True
@@ -129,7 +135,7 @@ class NoisyInput(BaseFault):
         """The record with the smoother input."""
         u = record.u.copy()
         for a, b in record.spans:
-            u[self.input, a:b] = smoothings(record.u[self.input, a:b])[self.way]
+            u[self.input, a:b] = SMOOTHINGS[self.way](record.u[self.input, a:b])
         return replace(record, u=u)
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:
@@ -141,36 +147,11 @@ class NoisyInput(BaseFault):
         return DataFault("input_noise", *where, size, share, remedy=remedy, taken_out=self.taken_out)
 
 
-def smoothings(u: np.ndarray) -> list[np.ndarray]:
-    """An input (n_samples,) of one run without its noise, in several ways.
-
-    Examples
-    --------
-    >>> smoothings(np.array([0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0]))[0]
-    array([0., 0., 0., 0., 0., 0., 0.])
-    """
-    medians = [median_filter(u, rows, mode="nearest") for rows in MEDIANS]
-    means = [uniform_filter1d(u, rows, mode="nearest") for rows in MEANS]
-    # A median keeps the edges; a mean between them is the quieter estimate.
-    return [*medians, *(_between_edges(u, median) for median in medians[1:]), *means]
-
-
-def _between_edges(u: np.ndarray, median: np.ndarray) -> np.ndarray:
-    """Means over the stretches between the edges of a running median."""
-    noise = 1.4826 * float(np.median(np.abs(u - median)))
-    edges = np.flatnonzero(np.abs(np.diff(median)) > 1.5 * noise) + 1
-    out = np.empty_like(u)
-    for part in np.split(np.arange(len(u)), edges):
-        if len(part):
-            out[part] = u[part].mean()
-    return out
-
-
 def smoother_inputs(model: BaseCandidate) -> list[tuple[NoisyInput, np.ndarray]]:
     """Every input smoothed in several ways, and what that moves the readings of a model by (n_outputs, n_samples)."""
     record, found = model.problem.record, []
     for i, u in enumerate(record.u):
-        for way in range(len(smoothings(u[:9])) if np.ptp(u) > 0 else 0):
+        for way in range(len(SMOOTHINGS) if np.ptp(u) > 0 else 0):
             fault = NoisyInput(i, way)
             other = model.refitted(fault.corrected(record))
             if other is not None:

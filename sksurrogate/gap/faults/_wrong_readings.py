@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.gap.faults._corrections import WrongReadings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
-from sksurrogate.kernels.readings import Stretch, flat_stretches, spikes
+from sksurrogate.kernels.readings import SHORTEST_FLAT, Stretch, flat_stretches, spikes
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 
@@ -60,7 +60,13 @@ def _without(y: np.ndarray, flat: list[Stretch]) -> np.ndarray:
 
 
 def _is_expected(y: np.ndarray, model: np.ndarray, s: Stretch) -> bool:
-    """Whether the simulator alone moves as the readings do at the ends of a stretch."""
+    """Whether the simulator alone moves as the readings do at the ends of a stretch.
+
+    Equal readings while the simulator moves by more than they jump are of a sensor that stands still.
+    """
+    within = slice(s.start, s.stop)
+    if np.ptp(y[within]) == 0.0 and s.stop - s.start >= SHORTEST_FLAT and np.ptp(model[within]) > s.size:
+        return False
     for row in (s.start, s.stop):
         if 0 < row < len(y):
             moved, own = y[row] - y[row - 1], model[row] - model[row - 1]
