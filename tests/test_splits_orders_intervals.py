@@ -153,3 +153,9 @@ def test_filters_and_steps_give_one_free_run():
     steps = scan_orders(X, np.column_stack([y, y]), groups, max_output_lags=2, max_input_lags=1, alpha=1e-6)
     np.testing.assert_allclose(steps.free_run, filtered.free_run, rtol=1e-4)
     np.testing.assert_allclose(steps.one_step, filtered.one_step, rtol=1e-4)
+
+
+@pytest.mark.parametrize("wrong", [{"n_splits": 1}, {"gap": -1}, {"blocks_per_split": 0}])
+def test_each_argument_of_a_split_is_refused_alone(wrong):
+    with pytest.raises(ValueError, match=f"{next(iter(wrong))}={next(iter(wrong.values()))}.*at least 2 folds"):
+        list(BlockedSplit(**({"n_splits": 3} | wrong)).split(np.zeros((40, 1))))

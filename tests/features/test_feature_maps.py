@@ -225,3 +225,10 @@ def test_the_sparse_basis_needs_a_third_of_scikit_learns_memory():
     result = 100_000 * 16 * (8 + 4)  # values and columns: nothing else may be of that size
     assert ours < peer / 3 + 2e6
     assert ours < 1.15 * result
+
+
+def test_the_fewest_thresholds_and_fewer():
+    x = np.linspace(0, 1, 9)[:, None]
+    assert HeavisideFeatures(1).fit_transform(x).tolist() == [[1.0]] * 9  # one step at the least value
+    with pytest.raises(ValueError, match="thresholds"):
+        HeavisideFeatures(0).fit(x)

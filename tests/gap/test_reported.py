@@ -6,6 +6,7 @@ import pytest
 from sksurrogate.effects._disturbance import PeriodicDisturbance
 from sksurrogate.gap.decide._estimates import reported
 from sksurrogate.gap.results._data_faults import DataFault
+from sksurrogate.gap.results._table import Table
 
 
 @pytest.mark.parametrize("amplitude", [1.5, -1.5])
@@ -26,3 +27,9 @@ def test_every_value_lies_in_its_interval_and_is_the_same_effect(amplitude, phas
 def test_a_fault_of_an_unlabelled_record_names_no_run(runs, said):
     fault = DataFault("spikes", "y", "output", runs, (3,), 0.5)
     assert fault.what == f"1 spike of up to 0.5 {said}"
+
+
+def test_a_table_is_printed_in_columns():
+    table = Table(({"name": "friction", "size": 0.12345678, "seen": None}, {"name": "lag", "size": 2.0, "seen": (1, 2)}))
+    assert str(table).splitlines() == ["name      size    seen", "friction  0.1235  -", "lag       2       (1, 2)"]
+    assert str(Table()) == "(empty)"

@@ -144,3 +144,10 @@ def test_equations_say_what_they_need():
     tree = DerivativeRegressor(DecisionTreeRegressor(max_depth=1)).fit(X, Y[:, 0], groups=groups)
     with pytest.raises(DataError, match="DecisionTreeRegressor has no coef_"):
         tree.equations()
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 4, 7])
+def test_as_many_terms_as_are_allowed_and_no_more(most):
+    X, Y, _ = planted()
+    three = SparseRegressor(max_terms=most).fit(X, Y[:, 0])
+    assert three.support_.sum() == min(most, 3)
