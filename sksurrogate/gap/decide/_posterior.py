@@ -147,15 +147,17 @@ def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidenc
     """A set without effects that the practical bar does not need, the least needed first.
 
     A set that leaves more than the noise is not exact. There an effect counts if the set without it, fitted again, leaves more
-    of the gap by at least the tolerance (in power: its square); a smaller one may only correct the form of the others.
+    of the gap by at least the tolerance (in power: its square), or leaves more than the tolerance where the whole set does not;
+    a smaller one may only correct the form of the others.
     """
+    bar = tolerance**2 * search.gap_cost
     while len(final.effects) > 1 and final.left > SETTLED:
         sets = [search.without(final.candidate, i) for i in range(len(final.effects))]
         known = [one for one in sets if one is not None and one.effects]
         if not known:
             break
         fewer = min(known, key=lambda one: one.fit.cost)
-        if fewer.fit.cost - final.fit.cost > tolerance**2 * search.gap_cost:
+        if fewer.fit.cost - final.fit.cost > bar or final.fit.cost < bar < fewer.fit.cost:
             break
         final = _taken(search, fewer, final)
     return final

@@ -33,14 +33,16 @@ class SetMoves(BaseSearch[C]):
 
     @property
     def gap_cost(self) -> float:
-        """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values."""
-        null = self.fitted_null.candidate
-        if not self.problem.free:
-            return null.fit.cost
+        """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values.
+
+        No gap counts as larger than what the outputs do.
+        """
+        null, record = self.fitted_null.candidate, self.problem.record
         if null not in self.nominal_costs:
-            given = null.at_nominal()
+            given = null.at_nominal() if self.problem.free else None
             self.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
-        return self.nominal_costs[null]
+        moved = float(np.sum(record.counts * (record.spread / self.problem.sd) ** 2))
+        return min(self.nominal_costs[null], moved)
 
     @property
     def gap_over_noise(self) -> float:
