@@ -97,7 +97,7 @@ class DiagnosisState(Generic[C]):
         if final.effects:
             found.shares, found.retuning = shares(final.candidate, found.shrink.fraction_power)
             slots = found.slots or [Slot[C](i, [], []) for i in range(len(final.effects))]
-            found.probabilities = probabilities(self.search, final.candidate, slots, self.posterior.probabilities)
+            found.probabilities = probabilities(self.search, final.candidate, slots, self.posterior)
         else:
             found.retuning = found.shrink.fraction_power if found.retuned else 0.0
             self.unnamed.weigh_none()

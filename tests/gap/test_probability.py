@@ -5,8 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sksurrogate.blind import draw
 from sksurrogate.effects._balance import ConstantBias, LinearLoss
+from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._equivalence import probabilities
+from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.search._ode_search import EQUAL
 
 
@@ -15,12 +18,13 @@ def candidate(*effects, value):
     return SimpleNamespace(effects=effects, keys=keys, n_parameters=len(effects), value=value)
 
 
-def chance(twins=(), rejected=(), null=-500.0, posterior=1.0):
+def chance(twins=(), rejected=(), null=-500.0, posterior=1.0, elsewhere=()):
     final = candidate(ConstantBias("speed"), value=0.0)
     fitted = {frozenset(one.keys): one for one in (final, *twins, *rejected)}
     null = SimpleNamespace(candidate=candidate(value=null))
     search = SimpleNamespace(score=lambda one: one.value, own=lambda one: one, null=null, fitted=fitted, n_values=100)
-    (found,) = probabilities(search, final, [SimpleNamespace(index=0, twins=list(twins))], [posterior])
+    asked = Posterior((posterior,), None, elsewhere=tuple(elsewhere))
+    (found,) = probabilities(search, final, [SimpleNamespace(index=0, twins=list(twins))], asked)
     return found
 
 
@@ -40,3 +44,29 @@ def test_a_rejected_candidate_counts_as_little_as_its_finer_fit_said():
     assert chance(rejected=[other]) == pytest.approx(1.0 / (1.0 + np.exp(-EQUAL)))
     two = candidate(LinearLoss("speed", "speed"), LinearLoss("speed", "load"), value=100.0)
     assert chance(rejected=[two]) == pytest.approx(1.0)
+
+
+def test_sets_of_other_effects_count_by_their_evidence():
+    others = frozenset({("linear_loss", "load", "load"), ("sensor_gain", "speed", None)})
+    assert chance(elsewhere=[(others, 0.0)]) == pytest.approx(0.5)
+    assert chance(elsewhere=[(others, np.log(3.0))]) == pytest.approx(0.25)
+    assert chance(elsewhere=[(others, -1.0), (others, -2.0)]) == pytest.approx(1.0 / (1.0 + np.exp(-1) + np.exp(-2)))
+
+
+def test_sets_that_hold_the_effect_or_one_of_its_class_do_not_count_against_it():
+    twin = candidate(LinearLoss("speed", "speed"), value=0.0)
+    own, of_class = ConstantBias("speed").key, LinearLoss("speed", "speed").key
+    load = ("linear_loss", "load", "load")
+    assert chance(elsewhere=[(frozenset({own, load}), 5.0)]) == pytest.approx(1.0)
+    assert chance([twin], elsewhere=[(frozenset({of_class, load}), 5.0)]) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_of_three_effects_that_others_imitate_only_the_one_in_all_sets_is_certain():
+    case = draw("three", 10744914760864393896)
+    asked = case.question
+    diagnoser = GapDiagnoser(asked.simulator, effects=asked.effects, free_params=asked.free_params, random_state=0)
+    report = diagnoser.fit(asked.X, asked.y, groups=asked.groups).report_
+    chances = {effect.name: effect.probability for effect in report.effects}
+    assert chances.pop("input_delay") > 0.99
+    assert len(chances) == 2 and max(chances.values()) < 0.5  # two losses, or a friction, leave as little

@@ -205,19 +205,22 @@ def _seen_from(slot: Slot[C], twin: C) -> Slot[C]:
     )
 
 
-def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Sequence[float]) -> list[float]:
+def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Posterior) -> list[float]:
     """Probability that each effect, or one of its class, acts in the plant, whatever else acts.
 
     Parameters
     ----------
-    posterior : sequence of float
-        Of each effect against none and against a law without a name in its place (:func:`weigh`).
+    posterior : Posterior
+        Of each effect against none and against a law without a name in its place (:func:`weigh`), and sets that differ in
+        several effects.
     """
     own = search.score(final)
     out = []
-    for slot, chance in zip(slots, posterior):
+    for slot, chance in zip(slots, posterior.probabilities):
         ours = [own, *(_score(search, candidate, final) for candidate in slot.twins)]
+        named = {final.effects[slot.index].key, *(candidate.effects[-1].key for candidate in slot.twins)}
         against = _others(search, final, slot)
+        against += [own + more for keys, more in posterior.elsewhere if not keys & named]
         top = max([*ours, *against])
         for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
         out.append(chance * for_it / in_all)

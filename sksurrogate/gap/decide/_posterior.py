@@ -47,6 +47,7 @@ class Posterior:
     as_likely: tuple[OdeCandidate, ...] = ()
     #: Names of a set that leaves too much of the gap to be weighed
     too_far: tuple[str, ...] = ()
+    elsewhere: tuple[tuple[frozenset, float], ...] = ()  #: Keys of other sets, and nats by which they are likelier
 
 
 class _Contender(NamedTuple):
@@ -109,13 +110,15 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
             if posterior.law is None:
                 return final, posterior
             own, others = contenders(search, final, posterior.law, tolerance)
-            best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
+            best = preferred(own, [one for one in others if _keys(one) not in stood])
             if best is not own:
                 best = preferred(own, _contender_of(search, search.polish(best.candidate), tolerance, [own.law.seed]))
             if best is own:
-                return final, _of_classes(
-                    posterior, own, [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
-                )
+                apart = elsewhere(search, final, own, tolerance)
+                best = max([own, *(one for one in apart if _keys(one) not in stood)], key=lambda one: one.net)
+                if best.net < own.net + NATS_THAT_SETTLE:
+                    near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
+                    return final, replace(_of_classes(posterior, own, near), elsewhere=_seen_from(own, apart))
             final = search.judged[search.stand(best.candidate)]
             continue
         fewer = search.without(final.candidate, least)
@@ -166,31 +169,60 @@ def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidenc
 def contenders(
     search: OdeSearch, final: Evidence, law: LawBeside, tolerance: float
 ) -> tuple[_Contender, list[_Contender]]:
-    """What stands beside its law, and other sets of as many effects beside theirs.
+    """What stands beside its law, and the sets with another effect in the place of one, beside theirs."""
+    own, keys = _contender(search, final.candidate, law), frozenset(final.candidate.keys)
+    swapped = [names for names in search.fitted if len(names) == len(keys) and len(names & keys) == len(keys) - 1]
+    return own, _in_reach(search, final, own, swapped, tolerance)
+
+
+def elsewhere(search: OdeSearch, final: Evidence, own: _Contender, tolerance: float) -> list[_Contender]:
+    """Sets that neither hold what stands nor are a part of it, and differ by more than one effect in the place of one.
+
+    Data that show the sum of several effects may be explained as well by others.
+    """
+    keys = frozenset(final.candidate.keys)
+    apart = [
+        names
+        for names in search.fitted
+        if not names <= keys
+        and not names >= keys
+        and not (len(names) == len(keys) and len(names & keys) == len(keys) - 1)
+    ]
+    return _in_reach(search, final, own, apart, tolerance)
+
+
+def _in_reach(
+    search: OdeSearch, final: Evidence, own: _Contender, sets: Sequence[frozenset], tolerance: float
+) -> list[_Contender]:
+    """Sets beside their laws that may be as likely as what stands.
 
     Sets compete that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit.
     They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
     corrects the form in one direction.
     """
-    own = _contender(search, final.candidate, law)
-    keys, level = frozenset(final.candidate.keys), search.evidence(final.candidate)
-    most = final.fit.cost + tolerance**2 * search.gap_cost
+    level, most = search.evidence(final.candidate), final.fit.cost + tolerance**2 * search.gap_cost
 
     def reach(candidate: OdeCandidate) -> float:
         corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0))
         likelihood = max(search.evidence(candidate) - level, corrected)
         return own.net + likelihood + _before(search, candidate) - own.before
 
-    near = [
-        candidate
-        for names, candidate in search.fitted.items()
-        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and candidate.fit.cost < most
-    ]
-    others: list[_Contender] = []
+    near = [search.fitted[names] for names in sets if search.fitted[names].fit.cost < most]
+    found: list[_Contender] = []
     for candidate in sorted(near, key=reach, reverse=True)[:MOST_OTHERS]:
-        if reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
-            others.extend(_contender_of(search, candidate, tolerance, [law.seed]))
-    return own, others
+        if reach(candidate) > max([own.net, *(one.net for one in found)]) - NATS_THAT_SETTLE:
+            found.extend(_contender_of(search, candidate, tolerance, [own.law.seed]))
+    return found
+
+
+def _keys(one: _Contender) -> frozenset:
+    """What a contender names."""
+    return frozenset(one.candidate.keys)
+
+
+def _seen_from(own: _Contender, others: Sequence[_Contender]) -> tuple[tuple[frozenset, float], ...]:
+    """Names of other sets, and by how many nats they are likelier than what stands."""
+    return tuple((_keys(one), one.net - own.net) for one in others)
 
 
 def preferred(own: _Contender, others: Sequence[_Contender]) -> _Contender:
