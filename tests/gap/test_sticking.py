@@ -7,8 +7,6 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._screen import screen
-from sksurrogate.gap.search._nested import together
-from sksurrogate.kernels.output_error import Fit, free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -55,15 +53,6 @@ def problem(runs):
     return build_problem(plant, PlantModel(plant), record, (), ("v",))
 
 
-def at(problem, effects, theta):
-    """A candidate at given values, not fitted."""
-    found, smoothed = problem
-    model, theta = found.augmented(effects), np.asarray(theta, dtype=float)
-    x = free_run(model, theta, smoothed.x[:, found.record.starts])
-    y = model.bind(theta[:, None]).outputs(x[:, None])[:, 0]
-    return found.candidate(effects, Fit(theta, x, y, 0.0, 0, True, None), model)
-
-
 def test_the_screen_knows_what_stops(problem):
     found, smoothed = problem
     null = found.fit((), np.zeros(0), smoothed.x)
@@ -74,18 +63,6 @@ def test_the_screen_knows_what_stops(problem):
     assert best.effect.name == "coulomb_friction"
     assert LEVEL < best.theta[0] < STATIC
     assert best.left < 0.5 * min(start.left for start in starts if start.effect.name != "coulomb_friction")
-
-
-def test_two_parts_of_one_law_are_one(problem):
-    parts = CATALOGUE["coulomb_friction"]("v", "v"), CATALOGUE["stribeck_friction"]("v", "v")
-    candidate = at(problem, parts, [0.8, LEVEL - 0.8, STATIC - 0.8, VELOCITY])
-    assert together(candidate, 1, 0) == pytest.approx([LEVEL, STATIC, VELOCITY], rel=1e-4)
-
-
-def test_what_is_no_sum_stays_two(problem):
-    parts = CATALOGUE["linear_loss"]("v", "v"), CATALOGUE["power_law"]("v", "v")
-    candidate = at(problem, parts, [0.5, 0.8, 3.0])
-    assert together(candidate, 1, 0) is None
 
 
 def test_it_is_named(runs):

@@ -19,7 +19,7 @@ from sksurrogate.gap.decide._rules import GRID_SHARE, left_over
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.fit._closeness import FAR, NEAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import FAR, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
@@ -27,7 +27,6 @@ from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._latent_force import LatentForce, features, latent_force
@@ -118,14 +117,8 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return generic_correction(problem.plant.simulator, correction, known_runs(problem))
 
     def look(self, final: Evidence[OdeCandidate]) -> None:
-        """A law is certain on top of what is named: an effect more, however small, where none is left on top of that."""
-        search = self.search
+        """The force on top of the simulator alone is worked out while other questions are asked."""
         self.ask_for_the_gap(final)
-        if not (0 < len(final.effects) < STACK and final.left < NEAR and self.law_gain(final) > CERTAIN):
-            return
-        other = search.one_more(final.candidate, True, least=0.0)
-        if other is not None and self.law_gain(search.judged[other]) < CERTAIN:
-            search.stand(other)
 
     def weigh(self, final: Evidence[OdeCandidate]) -> Posterior:
         """What stands beside a law without a name, and how probable each of its effects is against one in its place."""

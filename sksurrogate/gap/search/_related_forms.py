@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import C, arrived
@@ -21,9 +19,6 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
 
     Far from the data the search goes on with the richer form and ends with this question. Two forms of one law are one.
     """
-    one = search.folded(candidate)
-    if one is not None:
-        return simplify(search, search.polish(one), far)
     if search.is_far(candidate) and not far:
         return candidate
     for i, effect in enumerate(candidate.effects):
@@ -71,31 +66,9 @@ def with_relatives(search: SetMoves[C], candidate: C, i: int) -> list[C]:
     return [one for one in known if one is not None and search.plausible(one)]
 
 
-def merge(search: SetMoves[C], candidate: C) -> C:
-    """One effect fewer where a relative of another takes over its part (friction and an offset are one friction)."""
-    if len(candidate.effects) < 3:
-        return candidate
-    for j in range(len(candidate.effects)):
-        fewer = search.without(candidate, j)
-        if fewer is None:
-            continue
-        for i, effect in enumerate(fewer.effects):
-            kin = relatives(search, effect, candidate)
-            fitted = best_of(search, search.without(fewer, i) if kin else None, kin, 3)
-            if fitted is not None and search.score(fitted) > search.score(candidate):
-                return merge(search, fitted)
-    return candidate
-
-
 def relatives(search: SetMoves[C], effect: BaseEffect, candidate: C) -> list[BaseEffect]:
     """Effects of the library that nest one, or a form in common with it, and are not in a set."""
     return [e for e in search.library if related(e, effect) and e.key not in candidate.keys]
-
-
-def best_of(search: SetMoves[C], base: C | None, effects: Sequence[BaseEffect], n: int) -> C | None:
-    """The best of the first n of some effects added to a base, polished; None where there is no base or no fit."""
-    found = [] if base is None else search.ranked(search.expand(base, Wanted(n, 1, effects)), base)
-    return search.polish(found[0]) if found else None
 
 
 def most_left(search: SetMoves[C], rich: C) -> float:

@@ -74,10 +74,6 @@ class SetMoves(BaseSearch[C]):
         """Effects of one form, added to a base."""
         return self.expand(base, Wanted(2, 0, effects, best=best))
 
-    def folded(self, candidate: C) -> C | None:
-        """A candidate with two of its effects as one, where they are one law."""
-        return None
-
     def plausible(self, candidate: C) -> bool:
         """Whether the path of a candidate shows what makes each of its effects what it is."""
         return True

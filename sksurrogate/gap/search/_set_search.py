@@ -16,7 +16,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, NEARLY_WHITE, SETT
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import CORRELATED, Wanted
-from sksurrogate.gap.search._related_forms import merge, reformed, simplify
+from sksurrogate.gap.search._related_forms import reformed, simplify
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, leads_on
 
@@ -75,7 +75,7 @@ class SetSearch(SetMoves[C]):
             if given_up:
                 break
         stood = (self.final or self.fitted_null).candidate
-        self.stand(simplify(self, stood, far=True) if self.is_far(stood) else merge(self, stood))
+        self.stand(simplify(self, stood, far=True) if self.is_far(stood) else stood)
         return self.final or self.fitted_null
 
     def singles(self, null: C) -> list[C]:
@@ -91,24 +91,24 @@ class SetSearch(SetMoves[C]):
                 best[candidate.keys] = worth, candidate
         return [candidate for _, candidate in best.values()]
 
-    def one_more(self, best: C, passed: bool, least: float = SMALLEST_SHARE) -> C | None:
+    def one_more(self, best: C, passed: bool) -> C | None:
         """The best candidate with one effect more, or with two at once; None where none passes.
 
-        ``passed`` says whether the set is better than no effect, ``least`` what share of the gap an effect more must remove.
+        ``passed`` says whether the set is better than no effect.
         """
         self.report(f"{len(best.effects)} effect(s): {', '.join(e.name for e in best.effects)}; looking for another")
-        trial = self.larger_sets(best, passed, least)
+        trial = self.larger_sets(best, passed)
         if not trial:
             return None
         trial.sort(key=self.order(trial), reverse=True)
         top = self.best_polished(trial)
         self.runners = unlike(trial, [top], RUNNERS)
-        if not self.passes(top, best, passed, least):
+        if not self.passes(top, best, passed):
             return None
         top = simplify(self, self.swap(top))
-        return self.needed(top, best, least) if self.passes(top, best, passed, least) else None
+        return self.needed(top, best) if self.passes(top, best, passed) else None
 
-    def larger_sets(self, best: C, passed: bool, least: float) -> list[C]:
+    def larger_sets(self, best: C, passed: bool) -> list[C]:
         """The set with one effect more, where that is not near the noise with two, and other sets of its size with as many more.
 
         None where none can pass.
@@ -116,7 +116,7 @@ class SetSearch(SetMoves[C]):
         left = self.judged[best].left
         hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
         trial = self.ranked(self.expand(best, Wanted(8, 4, siblings=True, least=hopeless)), best)
-        settled = bool(trial) and passed and left < NEARLY_WHITE and not self.passes(trial[0], best, passed, least)
+        settled = bool(trial) and passed and left < NEARLY_WHITE and not self.passes(trial[0], best, passed)
         if (settled and left < SETTLED) or (hopeless and not trial):
             return []
         if len(best.effects) == 1:
@@ -133,7 +133,7 @@ class SetSearch(SetMoves[C]):
             trial += self.ranked(self.expand(base, Wanted(6, 3)), base)
         return trial
 
-    def needed(self, candidate: C, best: C, least: float) -> C:
+    def needed(self, candidate: C, best: C) -> C:
         """The candidate, or what is left without an effect that only repaired a wrong first choice."""
         for i in range(len(candidate.effects)):
             smaller = self.without(candidate, i)
@@ -144,11 +144,11 @@ class SetSearch(SetMoves[C]):
             better = self.score(smaller) > self.score(best) + 1.0 and self.gain(smaller) > self.bar(
                 smaller.n_parameters
             )
-            if better and not self.passes(candidate, smaller, True, least):
-                return self.needed(smaller, best, least)
+            if better and not self.passes(candidate, smaller, True):
+                return self.needed(smaller, best)
         return candidate
 
-    def passes(self, candidate: C, best: C, passed: bool, least: float) -> bool:
+    def passes(self, candidate: C, best: C, passed: bool) -> bool:
         """Whether an effect more is worth it: over the best smaller set, or over nothing where none passed alone."""
         if may_follow_noise(candidate, best):
             return False
@@ -156,7 +156,7 @@ class SetSearch(SetMoves[C]):
             return self.gain(candidate) > self.bar(candidate.n_parameters) + 2.0 * np.log(len(self.library))
         removed = best.fit.cost - candidate.fit.cost
         gap = self.fitted_null.fit.cost - self.n_values
-        if removed < least * gap and not arrived(self.own(candidate), best):
+        if removed < SMALLEST_SHARE * gap and not arrived(self.own(candidate), best):
             return False
         extra = 2.0 * (self.evidence(candidate) - self.evidence(best))
         if self.is_far(candidate):
