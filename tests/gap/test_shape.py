@@ -13,7 +13,8 @@ from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._grammar import Library, terms_of
 from sksurrogate.gap.unnamed._missing_term import shape_of
-from sksurrogate.gap.unnamed._where import regions, times
+from sksurrogate.gap.unnamed._regions import regions
+from sksurrogate.gap.unnamed._when import times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 

@@ -33,7 +33,8 @@ from sksurrogate.gap.unnamed._latent_force import LatentForce, features, latent_
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._likely_place import gap_and_places, likely_place, place_of_law
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
-from sksurrogate.gap.unnamed._where import regions, times
+from sksurrogate.gap.unnamed._regions import regions
+from sksurrogate.gap.unnamed._when import times
 from sksurrogate.kernels.record import Record
 
 #: White noise is at most so many times what differences of the outputs show.

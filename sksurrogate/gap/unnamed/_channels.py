@@ -15,7 +15,8 @@ from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import Draft, drafts_at
 from sksurrogate.gap.unnamed._missing_term import shape_of
-from sksurrogate.gap.unnamed._where import regions, times
+from sksurrogate.gap.unnamed._regions import regions
+from sksurrogate.gap.unnamed._when import times
 
 
 class Channels(ABC, Generic[C]):

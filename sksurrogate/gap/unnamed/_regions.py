@@ -1,0 +1,83 @@
+"""Regions of states and inputs in which a force is large: a few rules that hold on the other half of the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from sklearn.tree import DecisionTreeRegressor
+
+from sksurrogate.gap.fit._record_parts import row_folds
+from sksurrogate.gap.results._table import Table
+from sksurrogate.kernels.record import Record
+
+#: Share of the size of the force that a tree must explain on the other half of the runs before regions are named, and
+#: what a further split must add.
+LEAST_GAIN, FURTHER_GAIN = 0.10, 0.03
+#: Numbers of regions that are tried: more are no sentence any longer.
+LEAVES = (2, 3, 4)
+#: Samples of the smallest region, and what share of all it must hold, as one over a number.
+FEWEST_IN_REGION, MOST_REGIONS = 20, 25
+
+
+def regions(record: Record, Z: np.ndarray, names: Sequence[str], w: np.ndarray) -> Table:
+    """A few rules over states and inputs with the share of the latent force's power there; an honest tree.
+
+    Grown on half of the runs, judged on the other half: a split stays only where it tells there how strong the force is.
+
+    Parameters
+    ----------
+    Z : ndarray (n_samples, n_variables)
+        States and inputs, named by ``names``.
+    w : ndarray (n_samples,)
+        Latent force.
+    """
+    size = np.abs(w)
+    if not np.any(size > 0):
+        return Table()
+    grow = row_folds(record, 2) == 0
+    if grow.all() or not grow.any():
+        grow = np.arange(len(w)) % 2 == 0
+    best: tuple[float, DecisionTreeRegressor | None] = (LEAST_GAIN, None)
+    for leaves in LEAVES:
+        tree = DecisionTreeRegressor(
+            max_leaf_nodes=leaves, min_samples_leaf=max(FEWEST_IN_REGION, len(w) // MOST_REGIONS), random_state=0
+        ).fit(Z[grow], size[grow])
+        total = float(np.sum((size[~grow] - size[grow].mean()) ** 2))
+        explained = 1.0 - float(np.sum((size[~grow] - tree.predict(Z[~grow])) ** 2)) / max(total, 1e-300)
+        if explained > best[0] + (FURTHER_GAIN if best[1] is not None else 0.0):
+            best = (explained, tree)
+    power = w**2 / np.sum(w**2)
+    if best[1] is None:
+        return Table(({"rule": "everywhere", "share": 1.0, "samples": 1.0},))
+    leaf = best[1].apply(Z)
+    rows = [
+        {"rule": rule, "share": float(power[leaf == node].sum()), "samples": float(np.mean(leaf == node))}
+        for node, rule in _rules(best[1], names).items()
+    ]
+    rows.sort(key=lambda row: -float(str(row["share"])) / max(float(str(row["samples"])), 1e-9))
+    return Table(tuple(rows))
+
+
+def _rules(tree: DecisionTreeRegressor, names: Sequence[str]) -> dict[int, str]:
+    """Readable rule of every leaf: one condition below and one above for each variable."""
+    t, out = tree.tree_, {}
+
+    def walk(node: int, below: dict[str, float], above: dict[str, float]) -> None:
+        if t.children_left[node] < 0:
+            both = [
+                part
+                for name in dict.fromkeys([*above, *below])
+                for part in (
+                    *([f"{name} > {above[name]:.4g}"] if name in above else []),
+                    *([f"{name} <= {below[name]:.4g}"] if name in below else []),
+                )
+            ]
+            out[node] = " and ".join(both) or "everywhere"
+            return
+        name, cut = names[t.feature[node]], float(t.threshold[node])
+        walk(t.children_left[node], {**below, name: min(cut, below.get(name, cut))}, above)
+        walk(t.children_right[node], below, {**above, name: max(cut, above.get(name, cut))})
+
+    walk(0, {}, {})
+    return out
