@@ -134,7 +134,7 @@ def run_blind_check(
     complete = True
     try:
         for row in _answered(jobs, n_jobs):
-            row["abreast"] = effective_n_jobs(n_jobs)
+            row["cases_at_once"] = effective_n_jobs(n_jobs)
             row |= {} if own is None else {"simulator": own}
             rows.append(row)
             _store(resume, row)

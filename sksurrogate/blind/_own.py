@@ -101,7 +101,7 @@ def plant_of(
         raise SimulatorError(
             f"x0_spread has {spread.size} values, expected one for each of states={list(known.states)}."
         )
-    rhs, output = _abreast(Copied(simulator.rhs), known), getattr(simulator, "output", None)
+    rhs, output = _side_by_side(Copied(simulator.rhs), known), getattr(simulator, "output", None)
     positive = bool(len(known.x0) and np.all(known.x0 > 0) and np.all(known.x0 - np.abs(spread) > 0))
     plant = PlantSpec(
         "yours", "yours", rhs, known.states, drives, known.outputs, dict(known.params), known.dt,
@@ -122,7 +122,7 @@ def _try(rhs: Callable[..., Any], known: Any, width: int, seed: int = 0) -> tupl
     return x, u, np.stack([np.broadcast_to(np.asarray(d, dtype=float), (width,)) for d in found])
 
 
-def _abreast(rhs: Callable[..., Any], known: Any) -> Callable[..., Any]:
+def _side_by_side(rhs: Callable[..., Any], known: Any) -> Callable[..., Any]:
     """The right-hand side itself where it takes columns, else one that loops."""
     try:
         _, _, together = _try(rhs, known, 5)

@@ -123,7 +123,7 @@ def time_taken(rows: Rows, partial_catalogue: bool, key: str = "seconds") -> lis
     """Seconds of cases of 6 runs; of those that had the machine alone where there are any."""
     timed = [row for row in answered(rows) if row["n_runs"] == 6 and row.get("n_states", 2) >= 2]
     timed = [
-        row for row in timed if row.get("abreast") == 1
+        row for row in timed if row.get("cases_at_once") == 1
     ] or timed  # one diagnosis at a time has the machine's cores
     some = [row for row in timed if (row["arm"] in PARTIAL_CATALOGUE_ARMS) == partial_catalogue]
     return [row[key] for row in some if row["seconds"] is not None and row.get(key) is not None]

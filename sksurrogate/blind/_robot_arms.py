@@ -179,7 +179,7 @@ def score_robot_case(case: RobotCase, answer: Mapping[str, Any]) -> dict[str, An
         "verdict": answer["verdict"], "effects": [{k: e.get(k) for k in kept} for e in answer["effects"]],
         "named": int(any(right)), "false_names": right.count(False), "classes": [len(group) for group in groups],
         "exact": int(any((e["name"], e["location"]) in case.answers for e in answer["effects"])),
-        "accused": likely_place, "place": likely_place in places if places else likely_place is None, "covered": [],
+        "likely_place": likely_place, "place": likely_place in places if places else likely_place is None, "covered": [],
         "noted": bool(answer.get("notes")), "sentence": answer.get("sentence"), "reasons": answer.get("reasons"),
         "seconds": answer.get("seconds"), "processor_seconds": answer.get("processor_seconds"), "calls": None,
         "curve": None,

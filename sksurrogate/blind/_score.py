@@ -59,7 +59,7 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         "exact": sum(any(truth == group[0] for group in classes) for truth in truths),
         "false_names": false,
         "classes": [len(group) for group in classes],
-        "accused": answer.get("where", {}).get("location"),
+        "likely_place": answer.get("where", {}).get("location"),
         "noted": bool(answer.get("notes")),
         "predicted_shrink": _number(answer.get("shrink", {}).get("fraction")),
         "predicted_retuning": _number(answer.get("shrink", {}).get("retuning")),
@@ -70,7 +70,7 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         "processor_seconds": _number(answer.get("processor_seconds")),
     }  # fmt: skip
     places = [truth[1] for truth in truths]
-    row["place"] = row["accused"] in places if places else row["accused"] is None
+    row["place"] = row["likely_place"] in places if places else row["likely_place"] is None
     row["covered"] = _covered(case.truths, answer["effects"]) if truths else []
     row |= _shrinks(case, answer, oracle)
     row |= _regions(case, answer)

@@ -41,7 +41,7 @@ def place_up_to_twins(row: Row) -> bool:
             places |= {place for _, place, _ in group}
     joined = PLANTS[row["plant"]].twin_places if row["plant"] in PLANTS else {}
     places |= {b for a, b in joined.items() if a in places} | {a for a, b in joined.items() if b in places}
-    return row["accused"] in places
+    return row["likely_place"] in places
 
 
 def answered(rows: Iterable[Row]) -> list[Row]:
@@ -179,7 +179,7 @@ def _miss(kind: str, row: Row) -> dict[str, Any]:
     """A missed case."""
     if "error" in row:
         empty = dict.fromkeys(("plant", "runs", "truth"), "")
-        return {"kind": kind, "arm": row["arm"], "seed": str(row["seed"]), **empty, "said": row["error"], "accused": "",
+        return {"kind": kind, "arm": row["arm"], "seed": str(row["seed"]), **empty, "said": row["error"], "likely_place": "",
                 "gap": math.nan, "share": math.nan, "oracle": math.nan, "left": math.nan}  # fmt: skip
     none = math.nan
     return {
@@ -190,7 +190,7 @@ def _miss(kind: str, row: Row) -> dict[str, Any]:
         "runs": f"{row['n_runs']} x {row['n_samples']} {row['excitation']}",
         "truth": " + ".join(_name(t) for t in row["truths"]) or "nothing",
         "said": f"{row['verdict']}: " + (" + ".join(_name(e) for e in row["effects"]) or "-"),
-        "accused": row["accused"] or "-",
+        "likely_place": row["likely_place"] or "-",
         "gap": row["gap_over_noise"],
         "share": none if row["shrink"] is None else row["shrink"],
         "oracle": none if row["oracle"] is None else row["oracle"],

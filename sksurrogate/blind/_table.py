@@ -186,6 +186,10 @@ class BlindResult:
         return _html_table(self.scores())
 
 
+#: Keys of rows that were stored earlier, and what they are called now.
+FORMER_KEYS = {"accused": "likely_place", "abreast": "cases_at_once"}
+
+
 def stored_rows(path: Any) -> list[dict[str, Any]]:
     """Rows of a file; a line that was broken off is left out, and a case that two processes have answered counts once."""
     rows, seen = [], set()
@@ -198,7 +202,7 @@ def stored_rows(path: Any) -> list[dict[str, Any]]:
             if isinstance(row, dict) and "arm" in row:
                 case = tuple(row.get(key) for key in ("arm", "seed", "diagnosis", "simulator", "record"))
                 if case not in seen or row.get("seed") is None:
-                    rows.append(row)
+                    rows.append({FORMER_KEYS.get(key, key): value for key, value in row.items()})
                 seen.add(case)
     return rows
 

@@ -30,7 +30,7 @@ def made(arm, right=True, *, seed=0, gap=10.0, **more):
         "truths": [] if expected == "none" else [as_dict(TRUE)],
         "effects": [as_dict(TRUE, equivalents=[], probability=0.9)] if summary else [],
         "named": int(summary), "false_names": 0, "classes": [1] if summary else [], "covered": [True] * 9 + [False] if summary else [],
-        "accused": "speed" if right and expected != "none" else None, "place": right, "shrink": 0.99 if summary else 0.0,
+        "likely_place": "speed" if right and expected != "none" else None, "place": right, "shrink": 0.99 if summary else 0.0,
         "oracle": 0.995, "region_f1": None, "shape": None, "seconds": 2.0, "processor_seconds": 1.0, "calls": 100.0,
         "right": right, **more,
     }  # fmt: skip
@@ -106,7 +106,7 @@ def test_rows_that_failed_count_as_misses_and_cases_not_drawn_do_not():
 
 def test_the_place_counts_up_to_twins_of_the_true_effect_only():
     twin = ("parameter_error", "friction", None)
-    row = made("effect", accused="friction")
+    row = made("effect", likely_place="friction")
     assert not place_up_to_twins(row)
     row["effects"] = [as_dict(twin, equivalents=[list(TRUE)])]
     assert place_up_to_twins(row)
@@ -155,7 +155,7 @@ def test_the_experiment_against_the_same_run_again():
 
 
 def test_misses_are_listed_by_kind_with_right_names_at_other_places_last():
-    rows = (made("novel", False, seed=5), made("effect", accused="current"), made("none"))
+    rows = (made("novel", False, seed=5), made("effect", likely_place="current"), made("none"))
     listed = BlindResult(rows).misses()
     assert [line["kind"] for line in listed] == ["none where it should be unknown", "right, but another likely place"]
     assert listed[0]["seed"] == "5" and listed[0]["truth"] == "coulomb_friction at speed in speed"
@@ -189,8 +189,8 @@ def test_figures_are_drawn_from_rows(tmp_path):
 
 def test_seconds_are_those_of_diagnoses_that_had_the_machine_alone_where_there_are_any():
     question = "seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue"
-    together = [made("effect", seed=k, seconds=5.0, abreast=2) for k in range(5)]
-    alone = [made("effect", seed=9 + k, seconds=2.5, abreast=1) for k in range(3)]
+    together = [made("effect", seed=k, seconds=5.0, cases_at_once=2) for k in range(5)]
+    alone = [made("effect", seed=9 + k, seconds=2.5, cases_at_once=1) for k in range(3)]
     figures = [
         {line["question"]: line for line in BlindResult(tuple(rows)).bars()}[question]
         for rows in (together, together + alone)

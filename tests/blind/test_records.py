@@ -78,3 +78,9 @@ def test_rows_say_how_they_were_recorded_and_count_for_that_record_alone(tmp_pat
     file = tmp_path / "rows.jsonl"
     file.write_text("".join(json.dumps(row) + "\n" for row in [*rows, *rows]))
     assert [row.get("record") for row in stored_rows(file)] == [None, "missing", "two_rate", "jitter"]
+
+
+def test_rows_that_were_stored_earlier_have_the_keys_of_today(tmp_path):
+    file = tmp_path / "rows.jsonl"
+    file.write_text('{"arm": "effect", "seed": 1, "accused": "speed", "abreast": 2}\n', encoding="utf-8")
+    assert stored_rows(file) == [{"arm": "effect", "seed": 1, "likely_place": "speed", "cases_at_once": 2}]
