@@ -202,7 +202,7 @@ def stored_rows(path: Any) -> list[dict[str, Any]]:
             if isinstance(row, dict) and "arm" in row:
                 case = tuple(row.get(key) for key in ("arm", "seed", "diagnosis", "simulator", "record"))
                 if case not in seen or row.get("seed") is None:
-                    rows.append({FORMER_KEYS.get(key, key): value for key, value in row.items()})
+                    rows.append({FORMER_KEYS.get(str(key), str(key)): value for key, value in row.items()})
                 seen.add(case)
     return rows
 

@@ -39,7 +39,7 @@ class LawStage(DiagnosisState[C]):
             base = self.final if rule.verdict == "partial" else self.null
             beside = self.unnamed.law_beside(base, self.final, found.held)
         if beside is not None:
-            found.held, found.lawful, found.lawful_fitted = beside.held, beside.on_record, beside.fitted
+            found.held, found.beside = beside.held, beside
             self.measure()
             found.law = law_of(beside, self.problem.plant, found.shrink)
 
@@ -65,13 +65,14 @@ class LawStage(DiagnosisState[C]):
 
     def carried(self) -> Evidence:
         """What the augmented simulator carries, on the record of the search."""
-        lawful = self.found.lawful if self.carried_law else None
-        return lawful or self.final
+        beside = self.found.beside
+        return beside.on_record if self.carried_law and beside is not None else self.final
 
     def augmented(self) -> AugmentedSimulator:
         """The simulator with what was found, and with a certified law."""
-        found = self.found
-        final = (found.lawful_fitted if self.carried_law else found.fitted) or self.final
+        beside, known = self.found.beside, self.found.values
+        final = self.final if known is None else known.fitted
+        final = beside.fitted if self.carried_law and beside is not None else final
         named, scale = final.candidate, self.unnamed.scale
         problem, plant = named.problem, named.problem.plant
         values = [

@@ -159,8 +159,9 @@ class DiagnosisPipeline(LawStage[C]):
 
     def retuned(self) -> Table:
         """Free parameters with their intervals."""
-        final = self.found.fitted or self.final
-        low, high = self.found.bounds or (final.fit.theta, final.fit.theta)
+        values, theta = self.found.values, self.final.fit.theta
+        final = self.final if values is None else values.fitted
+        low, high = (theta, theta) if values is None else (values.low, values.high)
         own = slice(final.candidate.n_parameters, None)
         least, most = self.problem.bounds(final.effects)
         ends = final.fit.theta[own], low[own], high[own], (least[own], most[own])
@@ -248,7 +249,7 @@ class DiagnosisPipeline(LawStage[C]):
         if shrink is None or not shrink.measurable:
             return EMPTY
         names = [name_of(effect) for effect in self.final.effects]
-        return budget_of(names, found.shares, found.retuning, shrink, self.unnamed.beside, found.law)
+        return budget_of(names, found.parts.shares, found.parts.retuning, shrink, self.unnamed.beside, found.law)
 
     def remainder(self) -> Remainder:
         """What is left beside everything that is named."""

@@ -12,7 +12,7 @@ from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.gap.decide._equivalence import Slot, probabilities
 from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
 from sksurrogate.gap.decide._intervals import intervals
-from sksurrogate.gap.decide._partial_results import PartialResults
+from sksurrogate.gap.decide._partial_results import PartialResults, Parts, WithIntervals
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._rules import DecisionFeatures, decide, share_left
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
@@ -95,15 +95,16 @@ class DiagnosisState(Generic[C]):
         if found.shrink is None:
             return
         if final.effects:
-            found.shares, found.retuning = shares(final.candidate, found.shrink.fraction_power)
+            own, retuning = shares(final.candidate, found.shrink.fraction_power)
             slots = found.slots or [Slot[C](i, [], []) for i in range(len(final.effects))]
-            found.probabilities = probabilities(self.search, final.candidate, slots, self.posterior)
+            chances = probabilities(self.search, final.candidate, slots, self.posterior)
+            found.parts = Parts(tuple(own), retuning, tuple(chances))
         else:
-            found.retuning = found.shrink.fraction_power if found.retuned else 0.0
+            found.parts = Parts(retuning=found.shrink.fraction_power if found.retuned else 0.0)
             self.unnamed.weigh_none()
         if final.effects or self.problem.free:
-            found.fitted = self.unnamed.larger(final)
-            found.bounds = intervals(found.fitted)
+            larger = self.unnamed.larger(final)
+            found.values = WithIntervals(larger, *intervals(larger))
 
     def withdraw(self, why: str) -> HeldOut:
         """The names are withdrawn: the null stands. Its free runs on runs left out."""
@@ -111,7 +112,7 @@ class DiagnosisState(Generic[C]):
         assert held is not None
         found.uncertified = why
         self.search.final, found.slots, found.finals = null, [], []
-        found.shares, found.probabilities, found.fitted, found.bounds, found.experiment = [], [], None, None, None
+        found.parts, found.values, found.experiment = Parts(), None, None
         self.unnamed.withdraw(null)
         after = held.retuned if self.problem.free else held.before
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
@@ -126,12 +127,12 @@ class DiagnosisState(Generic[C]):
     def features(self) -> DecisionFeatures | None:
         """What the verdict is decided on; None where not all of it is known."""
         found, final, shrink, unnamed = self.found, self.final, self.found.shrink, self.unnamed
-        if shrink is None or unnamed.places is None or (final.effects and not found.probabilities):
+        if shrink is None or unnamed.places is None or (final.effects and not found.parts.probabilities):
             return None
         law, rounding = unnamed.beside, unnamed.rounding(final)
         return DecisionFeatures(
             names=len(final.effects),
-            probability=min(found.probabilities, default=1.0),
+            probability=min(found.parts.probabilities, default=1.0),
             retuned=found.retuned,
             share_left=share_left(shrink),
             left=unnamed.over_noise(final, found.retuned),

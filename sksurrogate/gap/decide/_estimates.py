@@ -22,8 +22,9 @@ from sksurrogate.gap.search._nested import richer as richer_form
 
 def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, among: str) -> list[EffectEstimate]:
     """The effects of what stands, in the order of the search; nan for what is not known yet."""
-    best = found.fitted or final
-    low, high = found.bounds or (final.fit.theta * np.nan, final.fit.theta * np.nan)
+    values, nothing = found.values, final.fit.theta * np.nan
+    best = final if values is None else values.fitted
+    low, high = (nothing, nothing) if values is None else (values.low, values.high)
     out = []
     for i, effect in enumerate(final.effects):
         rows = final.candidate.slice_of(i)
@@ -40,10 +41,10 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 effect.name,
                 str(effect.location),
                 effect.variable,
-                float(found.shares[i]) if found.shares else float("nan"),
+                float(found.parts.shares[i]) if found.parts.shares else float("nan"),
                 params,
                 ends,
-                found.probabilities[i] if found.probabilities else float("nan"),
+                found.parts.probabilities[i] if found.parts.probabilities else float("nan"),
                 [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
                 when_they_part(
                     name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer}), among

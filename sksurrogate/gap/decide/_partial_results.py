@@ -9,28 +9,43 @@ import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._shrink import Shrink
 
 
+@dataclass(frozen=True)
+class Parts:
+    """What of the gap each effect closes, and how probable it is."""
+
+    shares: tuple[float, ...] = ()
+    retuning: float = 0.0  #: Share of the re-tuned parameters
+    probabilities: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class WithIntervals:
+    """What stands, fitted on as much of a long record as is fitted, and the 90 % intervals of its parameters."""
+
+    fitted: Evidence
+    low: np.ndarray  #: (n_theta,)
+    high: np.ndarray
+
+
 @dataclass
 class PartialResults:
     """Answers as they come in."""
 
-    retuned: bool = False
-    slots: list[Slot] = field(default_factory=list)
+    retuned: bool = False  #: Whether the free parameters are worth their number
+    slots: list[Slot] = field(default_factory=list)  #: Classes of the effects
     experiment: NextExperiment | None = None
-    finals: list[Any] = field(default_factory=list)
+    finals: list[Any] = field(default_factory=list)  #: What the runs outside each fold choose
     held: HeldOut | None = None
     shrink: Shrink | None = None
-    uncertified: str = ""
-    shares: list[float] = field(default_factory=list)
-    retuning: float = 0.0
-    probabilities: list[float] = field(default_factory=list)
-    fitted: Evidence | None = None
-    bounds: tuple[np.ndarray, np.ndarray] | None = None
-    law: Law | None = None
-    lawful: Evidence | None = None
-    lawful_fitted: Evidence | None = None
+    uncertified: str = ""  #: Why names were withdrawn
+    parts: Parts = Parts()
+    values: WithIntervals | None = None
+    beside: CertifiedLaw | None = None  #: The law on top of what stands
+    law: Law | None = None  #: The same as a result
