@@ -6,9 +6,10 @@ import pytest
 from sksurrogate.effects import LawEffect
 from sksurrogate.effects._formula import SHAPES, Term, _spline
 from sksurrogate.gap.fit._closed_loop import closed_loop
+from sksurrogate.gap.fit._linear_model import LinearModel
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.unnamed import _grammar
-from sksurrogate.gap.unnamed._channel import Channel, nothing_follows
+from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._grammar import Library, terms_of
@@ -41,12 +42,13 @@ def channel(record, term, seed=1):
     D = Disturbance(POLE * ones, 0.1 * ones, ones, record.starts, np.array([3.0]), np.array([1e-5]))
     noise = Noise(np.array([SIGMA]), np.array([float(np.std(w)) + 0.05]), 5.0, np.array([1e-4]), 10.0)
     held = np.array([False, False, False, True, True])
-    return Channel(record, D, noise, r, 0.1 * ones[0], None, 1.0, held, z.T, ["a", "b"], -np.inf, *nothing_follows(r))
+    signals = {"a": z[0], "b": z[1]}
+    return Channel(record, D, noise, LinearModel.of(r), 0.1 * ones[0], None, 1.0, held, signals, -np.inf)
 
 
 def shape(c, changes=()):
     """The term of a channel in the balance of x, and the formulae of its two signals."""
-    drivers = Drivers("x", "state", dict(zip(c.names, c.Z.T)), {}, changes=changes)
+    drivers = Drivers("x", "state", c.signals, {}, changes=changes)
     return shape_of(c, drivers, drafts_at(c, drivers))
 
 
@@ -144,7 +146,7 @@ def test_a_law_is_an_effect_that_a_simulator_takes():
 
 def test_the_same_shape_on_these_data_stands_once(record):
     c = channel(record, lambda z: z[0])
-    positive = np.abs(c.Z[:, 0]) + 0.5  # v |v| is v^2
+    positive = np.abs(c.signals["a"]) + 0.5  # v |v| is v^2
     texts = [term.text for term in Library.of(c, Drivers("x", "state", {"v": positive}, {})).terms]
     assert "v^2" in texts and "v*abs(v)" not in texts
 
@@ -164,7 +166,7 @@ def test_a_region_is_named_by_its_edges(record):
     rng = np.random.default_rng(6)
     z = rng.uniform(0, 3, record.n_samples)
     w = np.where((z > 1) & (z < 2), 1.0, 0.0) + 0.05 * rng.normal(size=z.shape)
-    first = regions(record, np.stack([z, record.u[0]], axis=1), ["z", "u"], w)[0]
+    first = regions(record, {"z": z, "u": record.u[0]}, w)[0]
     low, high = (float(part.split()[-1]) for part in first["rule"].split(" and "))
     assert low == pytest.approx(1, abs=0.05) and high == pytest.approx(2, abs=0.05)
     assert first["share"] > 0.95
@@ -172,7 +174,7 @@ def test_a_region_is_named_by_its_edges(record):
 
 def test_a_force_without_region_is_everywhere(record):
     rng = np.random.default_rng(7)
-    found = regions(record, rng.normal(size=(record.n_samples, 2)), ["a", "b"], rng.normal(size=record.n_samples))
+    found = regions(record, dict(zip("ab", rng.normal(size=(2, record.n_samples)))), rng.normal(size=record.n_samples))
     assert [row["rule"] for row in found] == ["everywhere"]
 
 

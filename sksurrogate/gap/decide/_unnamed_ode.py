@@ -29,7 +29,7 @@ from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
-from sksurrogate.gap.unnamed._latent_force import LatentForce, features, latent_force
+from sksurrogate.gap.unnamed._latent_force import LatentForce, latent_force, signals_along
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._likely_place import gap_and_places, likely_place, place_of_law
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
@@ -180,7 +180,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         assert self.gap is not None
         problem, gap = self.search.problem, self.gap
         w = gap.force[int(np.argmax(gap.size))]
-        return regions(problem.record, *features(problem, gap.x), w), times(problem.record, w)
+        return regions(problem.record, signals_along(problem, gap.x), w), times(problem.record, w)
 
     def law_beside(
         self, base: Evidence[OdeCandidate], final: Evidence[OdeCandidate], held: HeldOut

@@ -14,7 +14,7 @@ from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, bar, estimate_noise
 from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
-from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
+from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 
@@ -135,9 +135,10 @@ class _Fit:
 
     def first_sight(self, proposal: Proposal) -> float:
         """Twice the log likelihood under white noise, less the cost of the parameters."""
-        columns = self.linear.beside(proposal.columns).known.transpose(1, 0, 2)
+        both = self.linear.beside(proposal.columns)
+        columns = both.known.transpose(1, 0, 2)
         flat = self.model.without_starts(columns).reshape(len(columns), -1)
-        theta = weights_beside(flat @ flat.T, self.linear.precision, self.linear.pull)
+        theta = both.weights(flat @ flat.T)
         rest = flat[0] - theta @ flat[1:]
         # The variance is unknown: what is left may be large.
         return -self.n * float(np.log(max(float(rest @ rest), self.n))) - self.cost(proposal, 1)
@@ -152,7 +153,7 @@ class _Fit:
         both = self.linear.beside(columns)
         noise, value, _ = max((both.noise_from(start) for start in self.noises), key=lambda fit: fit[1])
         G, _ = both.gram(noise)
-        theta = weights_beside(G, both.precision, both.pull)
+        theta = both.weights(G)
         variance = np.diag(inverse(G[1:, 1:] + np.diag(both.precision)))
         return float(value), theta, theta**2 / np.maximum(variance, 1e-300)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic
 
 import numpy as np
 
 from sksurrogate.gap.fit._backend import Backend, C
+from sksurrogate.gap.fit._linear_model import LinearModel
 from sksurrogate.gap.fit._normal_equations import UNSEEN, scaled, solve
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -19,7 +20,7 @@ RANK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class LinearSet(Generic[C]):
+class LinearSet(LinearModel, Generic[C]):
     """Residual of a candidate, its sensitivities, and what holds a step of the parameters.
 
     Other columns may explain it beside them: F is what functions move the outputs by, (n_outputs, n_functions, n_samples); G the
@@ -27,11 +28,6 @@ class LinearSet(Generic[C]):
     """
 
     base: C  #: Whose model carries everything to the outputs
-    r: np.ndarray  #: (n_outputs, n_samples)
-    J: np.ndarray  #: (n_outputs, n_theta, n_samples)
-    #: precision, pull: (n_theta,): Gaussian prior of a step
-    precision: np.ndarray
-    pull: np.ndarray
 
     @property
     def problem(self) -> Backend:
@@ -44,20 +40,9 @@ class LinearSet(Generic[C]):
         return self.base.disturbance
 
     @property
-    def known(self) -> np.ndarray:
-        """Residual and sensitivities, (n_outputs, 1 + n_theta, n_samples)."""
-        return np.concatenate([self.r[:, None], self.J], axis=1)
-
-    @property
     def finite(self) -> bool:
         """Whether the path can be followed."""
         return all(np.isfinite(part).all() for part in (self.r, self.J, self.D.A, self.D.C))
-
-    def beside(self, F: np.ndarray) -> LinearSet[C]:
-        """The same with further columns, whose weights nothing holds."""
-        free = np.zeros(F.shape[1])
-        J = np.concatenate([self.J, F], axis=1)
-        return replace(self, J=J, precision=np.r_[self.precision, free], pull=np.r_[self.pull, free])
 
     # ---- likelihood -------------------------------------------------------------------------------------------------
     def gram(self, noise: Noise) -> tuple[np.ndarray, float]:
@@ -137,7 +122,7 @@ class LinearSet(Generic[C]):
 
 def linear_set(candidate: C) -> LinearSet[C]:
     """A candidate about its own free run."""
-    return LinearSet(candidate, *candidate.columns())
+    return LinearSet(*candidate.columns(), candidate)
 
 
 def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

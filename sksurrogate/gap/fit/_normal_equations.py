@@ -38,20 +38,6 @@ def solve(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray:
     return np.linalg.lstsq(normal, g / scale, rcond=UNSEEN)[0] / scale
 
 
-def weights_beside(G: np.ndarray, precision: np.ndarray, pull: np.ndarray) -> np.ndarray:
-    """Weights of columns, from the Gram of a residual (first) and of them; a prior holds the first of these.
-
-    Examples
-    --------
-    >>> weights_beside(np.array([[9.0, 3.0], [3.0, 1.0]]), np.array([0.5]), np.array([0.0]))
-    array([2.])
-    """
-    if len(G) == 1:
-        return np.zeros(0)
-    others = np.zeros(len(G) - 1 - len(precision))
-    return solve(G[1:, 1:] + np.diag(np.r_[precision, others]), G[1:, 0] + np.r_[pull, others])
-
-
 def unexplained(columns: np.ndarray, y: np.ndarray) -> np.ndarray:
     """What columns (n_values, n_columns) leave of y (n_values, ...) by least squares.
 

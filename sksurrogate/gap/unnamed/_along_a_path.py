@@ -36,7 +36,7 @@ def as_regressors(candidate: OdeCandidate, x: np.ndarray) -> LinearSet[OdeCandid
     held = np.r_[np.where(theta[:n] != 0, np.abs(theta[:n]), np.inf) ** -2.0, precision]
     r = problem.record.seen(problem.record.y - none.fit.y - found[:, 0])
     J, pull = np.concatenate([own, J], axis=1), np.r_[np.zeros(n), pull]
-    return LinearSet(none, r, J, held, pull)
+    return LinearSet(r, J, held, pull, none)
 
 
 def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:

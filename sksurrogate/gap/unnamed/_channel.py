@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from sksurrogate.gap.fit._linear_model import LinearModel
 from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -92,20 +94,20 @@ class Channel:
     record: Record
     D: Disturbance  #: With the one force at the place (for a sensor: a force that is held at nothing)
     noise: Noise  #: With the force, or the coloured sensor noise, that explains the gap
-    r: np.ndarray  #: (n_outputs, n_samples): measured less simulated, about the path
+    linear: LinearModel  #: Measured less simulated, about the path, and the parameters that follow
     push: np.ndarray | None  #: (n_states, n_samples): states after one sample of a unit signal; None for a sensor
     sensor: int | None
     unit: float  #: Size of the force that counts as one
     held: np.ndarray  #: Noise parameters that stay
-    Z: np.ndarray  #: (n_samples, n_variables)
-    names: list[str]
+    signals: Mapping[str, np.ndarray]  #: (n_samples,): that a law may depend on
     log_likelihood: float  #: Of the residual with the free signal
-    known: np.ndarray  #: (n_outputs, n_theta, n_samples): sensitivities of the parameters that follow
-    #: precision, pull: (n_theta,): what holds these
-    precision: np.ndarray
-    pull: np.ndarray
     x: np.ndarray | None = None  #: (n_states, n_samples): the path
     n_moved: int = 1  #: Balances that the signal moves
+
+    @property
+    def r(self) -> np.ndarray:
+        """Residual (n_outputs, n_samples)."""
+        return self.linear.r
 
     def respond(self, signal: np.ndarray) -> np.ndarray:
         """Outputs (n_outputs, n_columns, n_samples) that signals (n_columns, n_samples) cause."""
@@ -142,8 +144,3 @@ class Channel:
             )[0]
         except np.linalg.LinAlgError:
             return self.noise
-
-
-def nothing_follows(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sensitivities of no parameters beside a residual (n_outputs, n_samples), and what holds them."""
-    return np.zeros((len(r), 0, r.shape[1])), np.zeros(0), np.zeros(0)

@@ -70,7 +70,7 @@ class Channels(ABC, Generic[C]):
     def regions_and_times(self, channel: Channel) -> tuple[Table, Table]:
         """Where and when the signal at a place is large."""
         w = channel.force()
-        return regions(channel.record, channel.Z, channel.names, w), times(self.null.problem.record, w)
+        return regions(channel.record, channel.signals, w), times(self.null.problem.record, w)
 
     def missing_term(self, location: str, kind: str) -> MissingTerm:
         """The shape of what is missing at a place, on top of the null; no curves where no signal there can be followed."""

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._formula import Term, equation_of
-from sksurrogate.gap.fit._normal_equations import inverse, weights_beside
+from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.fit._ode import REACH
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._channel import Channel
@@ -143,7 +143,7 @@ class _Regression:
 
     def __post_init__(self) -> None:
         channel = self.channel
-        known = np.concatenate([channel.r[:, None], channel.known], axis=1)
+        known = channel.linear.known
         self.factor = channel.D.factor(self.noise)
         self.base = self.weights(known)  # S^-1 [r, J]
         self.K = self.base @ known.transpose(1, 0, 2).reshape(known.shape[1], -1).T
@@ -240,11 +240,11 @@ class _Regression:
         A = np.concatenate([self.rows[1:], own @ F.T])  # of parameters and chosen terms with all terms
         H = np.zeros((len(A), len(A)))
         p = len(self.K) - 1
-        H[:p, :p] = self.K[1:, 1:] + np.diag(self.channel.precision)
+        H[:p, :p] = self.K[1:, 1:] + np.diag(self.channel.linear.precision)
         H[p:, :p] = A[:p, list(chosen)].T
         H[:p, p:] = A[:p, list(chosen)]
         H[p:, p:] = A[p:, list(chosen)]
-        g = np.r_[self.K[1:, 0] + self.channel.pull, self.rows[0, list(chosen)]]
+        g = np.r_[self.K[1:, 0] + self.channel.linear.pull, self.rows[0, list(chosen)]]
         explained, cross = 0.0, np.zeros_like(A)
         rest, left = self.rows[0].copy(), self.diagonal.copy()
         if len(A):
@@ -282,21 +282,20 @@ class _Regression:
 
     def solved(self, J: np.ndarray) -> tuple[float, np.ndarray]:
         """Nats that columns J explain beside the parameters, and their weights, the parameters first."""
-        known = np.concatenate([self.channel.r[:, None], self.channel.known, J], axis=1)
+        both = self.channel.linear.beside(J)
+        known = both.known
         if not np.isfinite(known).all():
             return -np.inf, np.zeros(known.shape[1] - 1)
         G, self.log_det = self.channel.D.gram(known, self.noise, self.factor)
-        theta = weights_beside(G, self.channel.precision, self.channel.pull)
-        p = len(self.channel.precision)
-        g = G[1:, 0] + np.r_[self.channel.pull, np.zeros(len(theta) - p)]
-        return 0.5 * float(g @ theta), theta
+        theta = both.weights(G)
+        return 0.5 * float((G[1:, 0] + both.pull) @ theta), theta
 
     def judged(self, draft: Draft) -> Draft:
         """Coefficients and worth of a formula with its constants as they are."""
         nats, theta = self.solved(self.responses(draft.terms, draft.late))
         k = sum(1 + len(term.constants) for term in draft.terms) + (draft.late is not None)
         price = price_of(draft.terms, self.n_drivers)
-        own = theta[len(self.channel.precision) :]
+        own = theta[len(self.channel.linear.precision) :]
         cost = price + self.half_log * k
         level = nats - cost - 0.5 * (self.K[0, 0] + self.log_det)
         return replace(draft, coefficients=own, nats=nats, worth=nats - cost, price=price, level=float(level))

@@ -83,7 +83,7 @@ def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentF
     return LatentForce(x, force, noise, noise.force / problem.force_unit())
 
 
-def features(problem: OdeBackend, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """States and inputs as columns, with their names."""
-    n = len(problem.plant.states)
-    return np.concatenate([x[:n], problem.record.u]).T, [*problem.plant.states, *problem.plant.inputs]
+def signals_along(problem: OdeBackend, x: np.ndarray) -> dict[str, np.ndarray]:
+    """States along a path (n_states, n_samples), and inputs, by name."""
+    plant = problem.plant
+    return {**dict(zip(plant.states, x)), **dict(zip(plant.inputs, problem.record.u))}

@@ -43,7 +43,7 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
     fold = run % min(len(run), 5)
     whole = channel.force()
     curves = []
-    for name, z in zip(channel.names, channel.Z.T):
+    for name, z in channel.signals.items():
         if np.std(z) > 1e-12 * max(np.abs(z).max(), 1e-300):
             try:
                 curves.append(_curve(channel, name, z, whole, fold))

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
-from sksurrogate.gap.unnamed._latent_force import features, paths
+from sksurrogate.gap.unnamed._latent_force import paths, signals_along
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import state_jacobian
@@ -133,15 +134,14 @@ def _about(
         i = plant.inputs.index(location)
         B, unit = input_push(null, x, i), max(float(np.std(record.u[i])), 1e-12)
     D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
-    r, J, precision, pull = about.columns()
+    linear = linear_set(about)
     sensor = sensor_at(null, location, kind)
-    noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor, near=near)
+    noise, value, held = fit_signal(D, linear.r, problem.sd, record.spread, unit, sensor, near=near)
     if not np.isfinite(value):
         raise np.linalg.LinAlgError("the noise model gives no likelihood along this path")
-    Z, names = features(problem, x)
     push = B[:, 0] if sensor is None else None
-    channel = Channel(record, D, noise, r, push, sensor, unit, held, Z, names, value, J, precision, pull, x, len(soft))
-    return channel, lin.x
+    signals = signals_along(problem, x)
+    return Channel(record, D, noise, linear, push, sensor, unit, held, signals, value, x, len(soft)), lin.x
 
 
 def sensor_at(null: OdeCandidate, location: str, kind: str) -> int | None:

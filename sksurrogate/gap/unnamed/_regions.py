@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from sklearn.tree import DecisionTreeRegressor
@@ -20,19 +20,19 @@ LEAVES = (2, 3, 4)
 FEWEST_IN_REGION, MOST_REGIONS = 20, 25
 
 
-def regions(record: Record, Z: np.ndarray, names: Sequence[str], w: np.ndarray) -> Table:
+def regions(record: Record, signals: Mapping[str, np.ndarray], w: np.ndarray) -> Table:
     """A few rules over states and inputs with the share of the latent force's power there; an honest tree.
 
     Grown on half of the runs, judged on the other half: a split stays only where it tells there how strong the force is.
 
     Parameters
     ----------
-    Z : ndarray (n_samples, n_variables)
-        States and inputs, named by ``names``.
+    signals : mapping of str to ndarray (n_samples,)
+        States and inputs.
     w : ndarray (n_samples,)
         Latent force.
     """
-    size = np.abs(w)
+    Z, size = np.stack(list(signals.values()), axis=1), np.abs(w)
     if not np.any(size > 0):
         return Table()
     grow = row_folds(record, 2) == 0
@@ -53,7 +53,7 @@ def regions(record: Record, Z: np.ndarray, names: Sequence[str], w: np.ndarray) 
     leaf = best[1].apply(Z)
     rows = [
         {"rule": rule, "share": float(power[leaf == node].sum()), "samples": float(np.mean(leaf == node))}
-        for node, rule in _rules(best[1], names).items()
+        for node, rule in _rules(best[1], list(signals)).items()
     ]
     rows.sort(key=lambda row: -float(str(row["share"])) / max(float(str(row["samples"])), 1e-9))
     return Table(tuple(rows))

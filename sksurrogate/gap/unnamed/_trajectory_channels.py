@@ -7,16 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import expit, ndtr
 
-from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
-from sksurrogate.gap.unnamed._channel import Channel, Place, fit_signal, nothing_follows
+from sksurrogate.gap.fit._linear_model import LinearModel
+from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
+from sksurrogate.gap.unnamed._channel import Channel, Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._law_left import LawLeft
-
-
-def variables(problem: TrajectoryBackend, y: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Outputs of the simulator and inputs as columns, with their names."""
-    return np.concatenate([y, problem.record.u]).T, [*problem.plant.outputs, *problem.plant.inputs]
 
 
 def channel_of(candidate: TrajectoryCandidate, location: str) -> Channel:
@@ -37,9 +33,9 @@ def channel_of(candidate: TrajectoryCandidate, location: str) -> Channel:
             push = np.ones((len(surrogate.A), 1))
     D = surrogate.disturbance(problem.free_starts, push, record.known)
     noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor)
-    Z, names = variables(problem, candidate.fit.y)
+    signals = {**dict(zip(plant.outputs, candidate.fit.y)), **dict(zip(plant.inputs, record.u))}
     pushed = None if sensor is not None else np.repeat(push[:, :1], record.n_samples, axis=1)
-    return Channel(record, D, noise, r, pushed, sensor, unit, held, Z, names, value, *nothing_follows(r))
+    return Channel(record, D, noise, LinearModel.of(r), pushed, sensor, unit, held, signals, value)
 
 
 class TrajectoryChannels(Channels[TrajectoryCandidate]):
@@ -49,8 +45,7 @@ class TrajectoryChannels(Channels[TrajectoryCandidate]):
         return channel_of(self.null, location)
 
     def drivers(self, channel: Channel, location: str, kind: str, changes: Sequence[float] = ()) -> Drivers:
-        signals, along = dict(zip(channel.names, channel.Z.T)), self.null.problem.plant.inputs
-        return Drivers(location, kind, signals, {}, along=along, changes=changes)
+        return Drivers(location, kind, channel.signals, {}, along=self.null.problem.plant.inputs, changes=changes)
 
 
 def equivalent_places(channels: Channels[TrajectoryCandidate]) -> list[Place]:
