@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -17,13 +17,16 @@ from sksurrogate.effects._still import driven_effects
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
+from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.decide._unnamed_trajectory import TrajectoryUnnamed
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
+from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.kernels.record import Record
@@ -34,6 +37,19 @@ from sksurrogate.runs import Runs
 
 #: The pipeline, the rows of the whole record that it sees, and its processes.
 Prepared: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[WorkerProcess, WorkerProcess]]
+
+
+class Settings(Protocol):
+    """Parameters of a diagnoser, as :class:`~sksurrogate.gap.GapDiagnoser` describes them."""
+
+    simulator: Any
+    effects: Any
+    exclude: Any
+    tolerance: float
+    correction: Any
+    include_law: bool
+    time_limit: float | None
+    n_jobs: int | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +70,7 @@ class Task:
         return [run.label for run in self.runs]
 
 
-def begin_ode(diagnoser: Any, task: Task) -> Prepared:
+def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     """Of a simulator with a right-hand side or a step."""
     plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
@@ -73,7 +89,7 @@ def begin_ode(diagnoser: Any, task: Task) -> Prepared:
     return _prepared(diagnoser, task, search, unnamed, rows)
 
 
-def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
+def begin_trajectory(diagnoser: Settings, task: Task) -> Prepared:
     """Of a simulator with ``simulate`` alone.
 
     Raises
@@ -94,30 +110,43 @@ def begin_trajectory(diagnoser: Any, task: Task) -> Prepared:
     return _prepared(diagnoser, task, search, unnamed, np.arange(whole.n_samples), left_out(effects, testable))
 
 
-def _asked(diagnoser: Any) -> Any:
+def _asked(diagnoser: Settings) -> Any:
     """Candidates as they were asked for."""
     return list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
 
 
-def _allowed(effects: list[BaseEffect], diagnoser: Any, asked: Any, task: Task) -> list[BaseEffect]:
+def _allowed(effects: list[BaseEffect], diagnoser: Settings, asked: Any, task: Task) -> list[BaseEffect]:
     """Effects that are not ruled out, by the user or by inputs that stand still."""
     library = without_excluded(effects, diagnoser.exclude, task.plant)
     return driven_effects(library, asked, task.plant, task.whole)
 
 
-def _common(diagnoser: Any, task: Task) -> dict[str, Any]:
+def _common(diagnoser: Settings, task: Task) -> dict[str, Any]:
     """Options that every search gets."""
     return {"tolerance": float(diagnoser.tolerance), "n_jobs": diagnoser.n_jobs, "report": task.progress.say}
 
 
 def _prepared(
-    diagnoser: Any, task: Task, search: Any, unnamed: Any, rows: np.ndarray, untestable: Sequence[str] = ()
+    diagnoser: Settings,
+    task: Task,
+    search: BaseSearch[C],
+    unnamed: BaseUnnamed[C],
+    rows: np.ndarray,
+    untestable: Sequence[str] = (),
 ) -> Prepared:
     """All stages of a search."""
     n_samples = search.problem.record.n_samples
     task.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(task.runs)} run(s)")
-    asked = {name: getattr(diagnoser, name) for name in ("correction", "time_limit", "include_law")}
-    pipeline = DiagnosisPipeline(search, unnamed, task.labels, rows, untestable=untestable, **asked)
+    pipeline = DiagnosisPipeline(
+        search,
+        unnamed,
+        task.labels,
+        rows,
+        correction=diagnoser.correction,
+        time_limit=diagnoser.time_limit,
+        include_law=diagnoser.include_law,
+        untestable=untestable,
+    )
     return pipeline, rows, (search.second, search.later)
 
 

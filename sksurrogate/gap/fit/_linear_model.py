@@ -20,7 +20,7 @@ class LinearModel:
     --------
     >>> model = LinearModel.of(np.array([[2.0, 4.0]])).beside(np.array([[[1.0, 2.0]]]))
     >>> flat = model.known.reshape(2, -1)
-    >>> model.weights(flat @ flat.T).tolist()
+    >>> model.weights(flat @ flat.T).round(12).tolist()
     [2.0]
     """
 

@@ -208,6 +208,9 @@ class Expander(SetSearch[OdeCandidate]):
         self.remember(fits := [candidate for candidate in landed if candidate is not None])
         return fits
 
+    def left_beside(self, base: OdeCandidate, n: int) -> float:
+        return float(self.looked_at(base)[2].left_by[n])
+
     def known(self, problem: OdeBackend, base: OdeCandidate, effects: Sequence[BaseEffect]) -> list[OdeCandidate]:
         """A base with each of these effects, where it was fitted before with the same numerics; not far from the data, where
         another start may lead elsewhere."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._pairs import COLLINEAR
 from sksurrogate.gap.screen._screen import Screen, grown, grows
 from sksurrogate.gap.search._base import Wanted
+from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._stopping import grows_in_vain
 
@@ -124,7 +125,7 @@ def _drop(g: np.ndarray, h: np.ndarray, low: np.ndarray) -> np.ndarray:
     return np.asarray(g**2 / np.maximum(h, 1e-12), dtype=float)
 
 
-def look_for_onsets(search: Any) -> None:
+def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
     One effect that is always there and leaves the noise is not asked: no window could earn its price.

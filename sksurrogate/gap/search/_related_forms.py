@@ -38,6 +38,18 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
     return candidate
 
 
+def fewest_parameters(search: SetMoves[C], best: C) -> C:
+    """Of the sets of as many effects that leave hardly more of the gap the nearest with the fewest parameters."""
+    most = hardly_more(best.fit.cost, search.gap_cost)
+    others = [
+        candidate
+        for keys, candidate in search.fitted.items()
+        if len(keys) == len(best.effects) and candidate.fit.cost < most and search.plausible(candidate)
+    ]
+    least = min([best, *others], key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
+    return search.polish(least) if least.n_parameters < best.n_parameters else best
+
+
 def reformed(search: SetMoves[C], candidate: C) -> C | None:
     """The set with a relative in the place of one effect and the others chosen again; None where that is not nearer to the data.
 

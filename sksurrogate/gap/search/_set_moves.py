@@ -70,6 +70,10 @@ class SetMoves(BaseSearch[C]):
         """Two effects at once, added to a base, where the screen sees pairs."""
         return []
 
+    def left_beside(self, base: C, n: int) -> float:
+        """Squares over the noise that n effects more are expected to leave, where the screen sees sets."""
+        return np.inf
+
     def formed(self, base: C, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float) -> list[C]:
         """Effects of one form, added to a base."""
         return self.expand(base, Wanted(2, 0, effects, best=best))

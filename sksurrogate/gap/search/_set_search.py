@@ -12,13 +12,13 @@ import numpy as np
 
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closed_loop import may_follow_noise
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import CORRELATED, Wanted
-from sksurrogate.gap.search._related_forms import reformed, simplify
+from sksurrogate.gap.search._related_forms import fewest_parameters, reformed, simplify
 from sksurrogate.gap.search._set_moves import SetMoves
-from sksurrogate.gap.search._stopping import closes_by_size, fewest_parameters, grows_in_vain, leads_on
+from sksurrogate.gap.search._stopping import closes_by_size, grows_in_vain
 
 #: A further effect must remove this share of the gap's power, or lead to the noise: less is a mismatch of numerics.
 SMALLEST_SHARE = 1e-3
@@ -63,7 +63,7 @@ class SetSearch(SetMoves[C]):
             if far and closes_by_size(self.judged[best], self.gap_cost, self.tolerance):
                 # Of one name a second may show that it was the wrong one.
                 best = self.stand(fewest_parameters(self, best))
-                if not leads_on(self, best, MOST_EFFECTS - len(best.effects)):
+                if not self.leads_on(best, MOST_EFFECTS - len(best.effects)):
                     break
             better = self.one_more(best, passed) or (reformed(self, best) if passed else None)
             left_behind[frozenset(best.keys)] = best.fit.cost
@@ -77,6 +77,13 @@ class SetSearch(SetMoves[C]):
         stood = (self.final or self.fitted_null).candidate
         self.stand(simplify(self, stood, far=True) if self.is_far(stood) else stood)
         return self.final or self.fitted_null
+
+    def leads_on(self, best: C, n: int) -> bool:
+        """Whether the screen expects n names more to close what a set leaves up to the tolerance, or to come near the noise.
+
+        Of a set that closes the gap up to the tolerance further names are named only where they lead to the noise.
+        """
+        return self.left_beside(best, n) < max(self.tolerance**2 * best.fit.cost, FAR_BY_COST * self.n_values)
 
     def singles(self, null: C) -> list[C]:
         """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""

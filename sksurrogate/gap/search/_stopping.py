@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, MOST_LEFT, NEARLY_WHITE
-from sksurrogate.gap.fit._evidence import C, Evidence
-from sksurrogate.gap.search._nested import hardly_more
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, NEARLY_WHITE
+from sksurrogate.gap.fit._evidence import Evidence
 
 #: Sets that leave more than the first share of the gap (amplitude), and of the squared error of one effect less more than the
 #: second, are surrogates for what is not in the catalogue: further names close no gap of which several have closed this little.
@@ -38,27 +36,6 @@ def closes_by_size(candidate: Evidence, gap: float, tolerance: float) -> bool:
 def leaves_most(candidate: Evidence, gap: float) -> bool:
     """Whether a set leaves more than :data:`MOST_LEFT` of a gap (squared error over the noise), and more than any noise."""
     return candidate.left > NEARLY_WHITE and candidate.fit.cost > MOST_LEFT**2 * gap
-
-
-def fewest_parameters(search: Any, best: C) -> C:
-    """Of the sets of as many effects that leave hardly more of the gap the nearest with the fewest parameters."""
-    most = hardly_more(best.fit.cost, search.gap_cost)
-    others = [
-        candidate
-        for keys, candidate in search.fitted.items()
-        if len(keys) == len(best.effects) and candidate.fit.cost < most and search.plausible(candidate)
-    ]
-    least = min([best, *others], key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
-    return search.polish(least) if least.n_parameters < best.n_parameters else best
-
-
-def leads_on(search: Any, best: BaseCandidate, n: int) -> bool:
-    """Whether the screen expects n names more to close what a set leaves up to the tolerance, or to come near the noise.
-
-    Of a set that closes the gap up to the tolerance further names are named only where they lead to the noise.
-    """
-    expected = search.looked_at(best)[2].left_by[n]
-    return bool(expected < max(search.tolerance**2 * best.fit.cost, FAR_BY_COST * search.n_values))
 
 
 def is_stack(candidate: Evidence) -> bool:
