@@ -14,7 +14,6 @@ from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._stopping import STACK
-from sksurrogate.gap.unnamed._latent_force import LatentForce
 
 #: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.
 CERTIFICATE_OF_SMALL, SMALL_GAP = 0.6, 0.02
@@ -62,14 +61,14 @@ def share_left(shrink: Shrink) -> float:
     return float((1.0 - shrink.fraction) * (max(shrink.before, 1.0) if np.isfinite(shrink.before) else 1.0))
 
 
-def left_over(final: Evidence, latent: LatentForce, most_noise: np.ndarray, retuned: bool) -> float:
+def left_over(final: Evidence, noise: np.ndarray, most_noise: np.ndarray, retuned: bool) -> float:
     """Free-run error that is left, in units of the noise (the worst output).
 
     Sensors are at least as noisy as the latent force finds them: a noise fit may call white noise coloured. Where nothing
     is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
     """
     most = np.inf if final.effects or retuned else most_noise
-    return final.left_within(most, np.minimum(latent.noise.sigma, most_noise))
+    return final.left_within(most, np.minimum(noise, most_noise))
 
 
 #: A reading's grid counts from this share of the output's deviation on.

@@ -15,7 +15,7 @@ from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._rounding import Rounding
-from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._channels import Channels
@@ -110,14 +110,12 @@ class BaseUnnamed(ABC, Generic[C]):
         return self._channels
 
     def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
-        """By region and by time, of the signal at a place; of what is left as a whole where no place is likely."""
-        likely = location is not None and kind in ("state", "input", "output")
-        channel = self.channels.at(str(location), str(kind)) if likely else None
-        return self.anywhere() if channel is None else self.channels.regions_and_times(channel)
-
-    @abstractmethod
-    def anywhere(self) -> tuple[Table, Table]:
-        """By region and by time, of what is left as a whole."""
+        """By region and by time, of the signal at a place; at the likeliest place where no signal can be followed there."""
+        tried = [(location, kind)] if location is not None and kind in ("state", "input", "output") else []
+        tried += [(place.location, place.kind) for place in (self.places or [])[:1]]
+        channels = (self.channels.at(str(name), str(of)) for name, of in tried)
+        channel = next((one for one in channels if one is not None), None)
+        return (EMPTY, EMPTY) if channel is None else self.channels.regions_and_times(channel)
 
     def law_beside(self, base: Evidence[C], final: Evidence[C], held: HeldOut) -> CertifiedLaw | None:
         """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""

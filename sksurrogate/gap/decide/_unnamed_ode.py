@@ -19,22 +19,19 @@ from sksurrogate.gap.decide._rules import GRID_SHARE, left_over
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.fit._closeness import FAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
-from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
-from sksurrogate.gap.unnamed._latent_force import LatentForce, latent_force, signals_along
 from sksurrogate.gap.unnamed._law_left import LawLeft
-from sksurrogate.gap.unnamed._likely_place import gap_and_places, likely_place, place_of_law
+from sksurrogate.gap.unnamed._likely_place import likely_place, place_of_law, places_of_gap
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
-from sksurrogate.gap.unnamed._regions import regions
-from sksurrogate.gap.unnamed._when import times
+from sksurrogate.gap.unnamed._smoothed_path import sensor_noise
 from sksurrogate.kernels.record import Record
 
 #: White noise is at most so many times what differences of the outputs show.
@@ -87,10 +84,9 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         super().__init__(search, seed)
         self.whole, self.excluded = whole, frozenset(excluded)
         self.scale = search.problem.scale
-        self.gap_asked: PendingAnswer[tuple[LatentForce, list[Place]]] | None = None
+        self.places_asked: PendingAnswer[list[Place]] | None = None
         self.instead: LawLeft | None = None
-        self.latent: LatentForce | None = None  # on top of what stands
-        self.gap: LatentForce | None = None  # on top of the simulator alone
+        self.beside_forces: np.ndarray | None = None  # sensor noise where every balance may have a force
         self.clock = ""
 
     @property
@@ -100,8 +96,8 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
 
     def sensor_noise(self, final: Evidence[OdeCandidate]) -> np.ndarray:
         """Of the fit and of the force that it leaves the larger: a wrong fit leaves its coloured noise to take the white one's part."""
-        noises = [final.noise, *([] if self.latent is None else [self.latent.noise])]
-        return np.max([np.minimum(noise.sigma, self.most_noise) for noise in noises], axis=0)
+        noises = [final.noise.sigma, *([] if self.beside_forces is None else [self.beside_forces])]
+        return np.max(np.minimum(noises, self.most_noise), axis=0)
 
     def law_gain(self, final: Evidence[OdeCandidate]) -> float:
         law = law_beside_set(self.search, final, self.search.tolerance)
@@ -118,8 +114,8 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return generic_correction(problem.plant.simulator, correction, known_runs(problem))
 
     def look(self, final: Evidence[OdeCandidate]) -> None:
-        """The force on top of the simulator alone is worked out while other questions are asked."""
-        self.ask_for_the_gap(final)
+        """The places of the gap are compared while other questions are asked."""
+        self.ask_for_places(final)
 
     def weigh(self, final: Evidence[OdeCandidate]) -> Posterior:
         """What stands beside a law without a name, and how probable each of its effects is against one in its place."""
@@ -139,24 +135,24 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return law.left if law is not None else None
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
-        asked = self.gap_asked or self.ask_for_the_gap(final)
-        self.latent = latent_force(final, quiet_sensors=final.left > FAR)
-        self.gap, self.places = asked.answer()
+        asked = self.places_asked or self.ask_for_places(final)
+        self.beside_forces = sensor_noise(final)
+        self.places = asked.answer()
 
-    def ask_for_the_gap(self, final: Evidence[OdeCandidate]) -> PendingAnswer[tuple[LatentForce, list[Place]]]:
-        """The force on top of the simulator alone and its places, worked out while other questions are asked."""
+    def ask_for_places(self, final: Evidence[OdeCandidate]) -> PendingAnswer[list[Place]]:
+        """Worked out while other questions are asked."""
         search = self.search
-        question = partial(gap_and_places, search.fitted_null, self.channels, final.left < SETTLED)
-        self.gap_asked = search.later.ask(question)
-        return self.gap_asked
+        question = partial(places_of_gap, search.fitted_null, self.channels, final.left < SETTLED)
+        self.places_asked = search.later.ask(question)
+        return self.places_asked
 
     def withdraw(self, null: Evidence[OdeCandidate]) -> None:
-        self.latent, self.beside = latent_force(null, quiet_sensors=null.left > FAR), None
+        self.beside_forces, self.beside = sensor_noise(null), None
 
     # ---- the verdict ------------------------------------------------------------------------------------------------
     def over_noise(self, final: Evidence[OdeCandidate], retuned: bool) -> float:
-        assert self.latent is not None
-        return left_over(final, self.latent, self.most_noise, retuned)
+        assert self.beside_forces is not None
+        return left_over(final, self.beside_forces, self.most_noise, retuned)
 
     def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
         found = unnamed_rounding(final.candidate)
@@ -174,13 +170,6 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         if place:
             return place
         return likely_place(places) if places else (None, None)
-
-    def anywhere(self) -> tuple[Table, Table]:
-        """Of the largest force that the simulator alone leaves."""
-        assert self.gap is not None
-        problem, gap = self.search.problem, self.gap
-        w = gap.force[int(np.argmax(gap.size))]
-        return regions(problem.record, signals_along(problem, gap.x), w), times(problem.record, w)
 
     def law_beside(
         self, base: Evidence[OdeCandidate], final: Evidence[OdeCandidate], held: HeldOut

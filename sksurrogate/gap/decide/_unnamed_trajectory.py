@@ -14,9 +14,7 @@ from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
-from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
-from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._trajectory_channels import TrajectoryChannels, equivalent_places, law_left
 from sksurrogate.kernels.record import Record
@@ -76,18 +74,8 @@ class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
         self.look_at_what_is_left(null)
 
     def likely_place(self, final: Evidence[TrajectoryCandidate]) -> tuple[str | None, str | None]:
-        return (place.location, place.kind) if (place := self.likeliest) else (None, None)
-
-    @property
-    def likeliest(self) -> Place | None:
-        """The place of the likeliest equivalent disturbance."""
-        return self.places[0] if self.places else None
-
-    def anywhere(self) -> tuple[Table, Table]:
-        """Of the signal at the likeliest place."""
-        place = self.likeliest
-        channel = self.channels.at(place.location, place.kind) if place is not None else None
-        return (EMPTY, EMPTY) if channel is None else self.channels.regions_and_times(channel)
+        """That of the likeliest equivalent disturbance."""
+        return (self.places[0].location, self.places[0].kind) if self.places else (None, None)
 
     def notes(self, final: Evidence[TrajectoryCandidate], verdict: str) -> list[str]:
         problem = self.search.problem

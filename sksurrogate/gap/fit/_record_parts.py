@@ -87,13 +87,3 @@ def blocked(record: Record) -> Record:
         count = max(1, min(pieces, n // SHORTEST_BLOCK))
         starts.extend(a + np.round(np.linspace(0, n, count + 1)[:-1]).astype(int))
     return replace(record, starts=np.array(starts, dtype=int))
-
-
-def row_folds(record: Record, n_folds: int = 3) -> np.ndarray:
-    """Fold of every sample: whole runs, or blocks where there are few runs."""
-    n_runs = len(record.starts)
-    if n_runs >= n_folds:
-        return record.run_of_row % n_folds
-    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
-    length = record.lengths[record.run_of_row]
-    return np.minimum(age * 2 * n_folds // length, 2 * n_folds - 1) % n_folds

@@ -13,10 +13,10 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
-from sksurrogate.gap.unnamed._latent_force import LatentForce, latent_force, paths
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
+from sksurrogate.gap.unnamed._smoothed_path import paths
 from sksurrogate.kernels.disturbance import Disturbance
 
 #: Places that are compared by the law that fits there.
@@ -135,9 +135,7 @@ def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
     return sorted(out, key=lambda place: -place.log_likelihood)
 
 
-def gap_and_places(null: Evidence, channels: Channels, closed: bool) -> tuple[LatentForce, list[Place]]:
-    """The force on top of the simulator, and the places it may come from; a rough look where names have ``closed`` the gap."""
+def places_of_gap(null: Evidence, channels: Channels, closed: bool) -> list[Place]:
+    """The places that the gap may come from; a rough look where names have ``closed`` it."""
     found = places(null.candidate, rough=closed)
-    if not closed and null.left > NEAR:
-        found = places_by_law(channels, found)
-    return latent_force(null, quiet_sensors=True), found
+    return places_by_law(channels, found) if not closed and null.left > NEAR else found

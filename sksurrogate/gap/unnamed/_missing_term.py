@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.gap.fit._normal_equations import solve
+from sksurrogate.gap.fit._record_parts import run_folds
 from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.unnamed._channel import Channel
@@ -39,9 +40,7 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
     drafts : sequence of Draft
         Formulae at the place, the best first.
     """
-    run = np.arange(len(channel.record.starts))
-    fold = run % min(len(run), 5)
-    whole = channel.force()
+    fold, whole = run_folds(channel.record), channel.force()
     curves = []
     for name, z in channel.signals.items():
         if np.std(z) > 1e-12 * max(np.abs(z).max(), 1e-300):

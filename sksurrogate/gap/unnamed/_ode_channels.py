@@ -13,8 +13,8 @@ from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
 from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
-from sksurrogate.gap.unnamed._latent_force import paths, signals_along
 from sksurrogate.gap.unnamed._law_places import input_push
+from sksurrogate.gap.unnamed._smoothed_path import paths, signals_along
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import state_jacobian
 from sksurrogate.kernels.record import Record

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from sklearn.tree import DecisionTreeRegressor
 
-from sksurrogate.gap.fit._record_parts import row_folds
 from sksurrogate.gap.results._table import Table
 from sksurrogate.kernels.record import Record
 
@@ -35,9 +34,7 @@ def regions(record: Record, signals: Mapping[str, np.ndarray], w: np.ndarray) ->
     Z, size = np.stack(list(signals.values()), axis=1), np.abs(w)
     if not np.any(size > 0):
         return Table()
-    grow = row_folds(record, 2) == 0
-    if grow.all() or not grow.any():
-        grow = np.arange(len(w)) % 2 == 0
+    grow = _half(record)
     best: tuple[float, DecisionTreeRegressor | None] = (LEAST_GAIN, None)
     for leaves in LEAVES:
         tree = DecisionTreeRegressor(
@@ -57,6 +54,13 @@ def regions(record: Record, signals: Mapping[str, np.ndarray], w: np.ndarray) ->
     ]
     rows.sort(key=lambda row: -float(str(row["share"])) / max(float(str(row["samples"])), 1e-9))
     return Table(tuple(rows))
+
+
+def _half(record: Record) -> np.ndarray:
+    """Every other run (n_samples,), every other quarter of a single one."""
+    if len(record.starts) > 1:
+        return record.run_of_row % 2 == 0
+    return (np.arange(record.n_samples) * 4 // record.n_samples) % 2 == 0
 
 
 def _rules(tree: DecisionTreeRegressor, names: Sequence[str]) -> dict[int, str]:

@@ -1,13 +1,14 @@
-"""The latent force that is left in every balance on top of a model, along a path near the data."""
+"""Paths near the data, and the sensor noise of a model along one of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from sksurrogate.gap.fit._build import measured_guess
+from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import REMEMBERED
@@ -20,32 +21,18 @@ from sksurrogate.kernels.output_error import settle_hidden
 RUN_AWAY = 10.0
 
 
-@dataclass(frozen=True, eq=False)
-class LatentForce:
-    """The force that a model leaves, along the smoothed path."""
+def sensor_noise(found: Evidence) -> np.ndarray:
+    """White noise of the sensors (n_outputs,) where every balance may have a force, along a path near the data.
 
-    x: np.ndarray  #: (n_states, n_samples): smoothed states
-    force: np.ndarray  #: (n_balances, n_samples)
-    noise: Noise
-    size: np.ndarray  #: (n_balances,): standard deviation of each force over the RMS of its dx/dt
-
-
-def latent_force(found: Evidence, quiet_sensors: bool = False) -> LatentForce:
-    """Smooth the force in every balance on top of a model, linearised about the smoothed path (not the free run).
-
-    With ``quiet_sensors`` coloured sensor noise may not take what a force can explain.
+    Far from the data coloured sensor noise may not take what a force can explain.
     """
-    candidate = found.candidate
-    problem = candidate.problem
     with np.errstate(all="ignore"):
-        for x in paths(candidate, problem):
+        for x in paths(found.candidate, found.candidate.problem):
             try:
-                return _force_along(found, x, quiet_sensors)
+                return _noise_along(found, x).sigma
             except np.linalg.LinAlgError:  # no likelihood along this path: the free run is smoother
                 continue
-    nothing = np.zeros(len(problem.balances))
-    force = np.zeros((len(nothing), problem.record.n_samples))
-    return LatentForce(candidate.fit.x, force, found.noise, nothing)
+    return found.noise.sigma
 
 
 def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray]:
@@ -67,20 +54,16 @@ def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray
     yield fit.x
 
 
-def _force_along(found: Evidence, x: np.ndarray, quiet_sensors: bool) -> LatentForce:
-    """The force about one path; LinAlgError where the linearisation cannot be followed."""
-    about, start = found.candidate.along(x), found.noise
-    problem, D, r, held = about.problem, about.disturbance, about.residual, None
-    if quiet_sensors:
-        m = len(r)
-        start = replace(
-            start, sigma=problem.sd, force=0.1 * problem.force_unit(), coloured=1e-2 * problem.sd, tau_sensor=REMEMBERED
-        )
-        held = np.zeros(2 * m + len(problem.balances) + 2, bool)
-        held[m + len(problem.balances) + 1 :] = True
-    noise, _, _ = fit_noise(D, r, start, problem.force_unit(), curvature=None, held=held, max_iterations=10)
-    _, force, _ = D.states(r, noise)
-    return LatentForce(x, force, noise, noise.force / problem.force_unit())
+def _noise_along(found: Evidence, x: np.ndarray) -> Noise:
+    """The noise about one path; LinAlgError where the linearisation cannot be followed."""
+    about, start, held = found.candidate.along(x), found.noise, None
+    problem, unit = about.problem, about.problem.force_unit()
+    if found.left > FAR:
+        sd, m = problem.sd, len(about.residual)
+        start = replace(start, sigma=sd, force=0.1 * unit, coloured=1e-2 * sd, tau_sensor=REMEMBERED)
+        held = np.zeros(2 * m + len(unit) + 2, bool)
+        held[m + len(unit) + 1 :] = True
+    return fit_noise(about.disturbance, about.residual, start, unit, held=held, max_iterations=10)[0]
 
 
 def signals_along(problem: OdeBackend, x: np.ndarray) -> dict[str, np.ndarray]:
