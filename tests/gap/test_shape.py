@@ -8,13 +8,14 @@ from sksurrogate.effects._formula import SHAPES, Term, _spline
 from sksurrogate.gap.fit._closed_loop import closed_loop
 from sksurrogate.gap.fit._linear_model import LinearModel
 from sksurrogate.gap.fit._linear_surrogate import learn
-from sksurrogate.gap.unnamed import _grammar
+from sksurrogate.gap.unnamed import _term_library
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_search import drafts_at
-from sksurrogate.gap.unnamed._grammar import Library, terms_of
+from sksurrogate.gap.unnamed._grammar import terms_of
 from sksurrogate.gap.unnamed._missing_term import shape_of
 from sksurrogate.gap.unnamed._regions import regions
+from sksurrogate.gap.unnamed._term_library import Library
 from sksurrogate.gap.unnamed._when import times
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -156,8 +157,8 @@ def test_columns_that_repeat_an_earlier_one_are_left_out_in_blocks_of_any_size(a
     rng = np.random.default_rng(0)
     new = rng.normal(size=(40, 50))
     columns = np.concatenate([new[:20], -3.0 * new[5:15], new[20:], new[:3]])
-    monkeypatch.setattr(_grammar, "COMPARED_AT_ONCE", at_once)
-    kept, unit = _grammar._distinct(np.arange(len(columns)), columns)
+    monkeypatch.setattr(_term_library, "COMPARED_AT_ONCE", at_once)
+    kept, unit = _term_library._distinct(np.arange(len(columns)), columns)
     assert kept.tolist() == [*range(20), *range(30, 50)]
     np.testing.assert_array_equal(unit, new)
 

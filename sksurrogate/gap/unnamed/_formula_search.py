@@ -24,7 +24,8 @@ from sksurrogate.gap.fit._ode import REACH
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._grammar import NO_TERMS, Library, price_of, structure
+from sksurrogate.gap.unnamed._grammar import price_of, structure
+from sksurrogate.gap.unnamed._term_library import NO_TERMS, Library
 from sksurrogate.kernels.disturbance import Noise
 
 #: Terms of a formula; formulae kept while it grows; further terms tried for each.
