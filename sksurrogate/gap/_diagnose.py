@@ -232,7 +232,7 @@ class GapDiagnoser(BaseEstimator):
             progress,
         )
         self.n_features_in_ = runs[0].X.shape[1]
-        self.report_ = with_origin(report, self, plant, pipeline.final.candidate, len(runs), whole.n_samples, free)
+        self.report_ = with_origin(report, self, pipeline.final.candidate, len(runs), whole.n_samples)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
         first = rows[pipeline.problem.record.starts]

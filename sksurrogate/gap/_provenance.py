@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
 from importlib import metadata
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.render._headline import sentence_of
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._provenance import Provenance
@@ -19,16 +21,15 @@ from sksurrogate.physics._simulator import Plant, units_of
 LONGEST_LIST = 12
 
 
-def with_origin(
-    report: GapReport, diagnoser: Any, plant: Plant, final: Any, n_runs: int, n_rows: int, free: tuple[str, ...]
-) -> GapReport:
+def with_origin(report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs: int, n_rows: int) -> GapReport:
     """The report with its sentence, its provenance, the nominal parameters, the units and the ranges of the signals."""
+    plant = final.problem.plant
     known = replace(
         report,
         units=units_in(plant),
         nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
-        ranges=_ranges(final, plant),
-        provenance=origin_of(diagnoser, plant, n_runs, n_rows, free),
+        ranges=_ranges(final.signals),
+        provenance=origin_of(diagnoser, plant, n_runs, n_rows, final.problem.free),
     )
     return replace(known, sentence=sentence_of(known))
 
@@ -50,19 +51,10 @@ def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tupl
     )
 
 
-def _ranges(final: Any, plant: Plant) -> dict[str, tuple[float, float]]:
-    """Where the inputs, and the states where they are known, were in the data."""
-    record, x = final.problem.record, getattr(final.fit, "x", None)
-    rows = dict(zip(plant.inputs, record.u))
-    if x is not None:
-        rows.update(zip(plant.states, x))
-    else:
-        rows.update(zip(plant.outputs, record.y))
-    return {
-        name: (float(np.nanmin(values)), float(np.nanmax(values)))
-        for name, values in rows.items()
-        if np.isfinite(values).any()
-    }
+def _ranges(signals: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:
+    """Where the signals were in the data."""
+    known = {name: values for name, values in signals.items() if np.isfinite(values).any()}
+    return {name: (float(np.nanmin(values)), float(np.nanmax(values))) for name, values in known.items()}
 
 
 def units_in(plant: Plant) -> dict[str, str]:

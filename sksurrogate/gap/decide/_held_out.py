@@ -92,8 +92,9 @@ class _Gaps:
     def of(cls, held: HeldOut, floor: np.ndarray) -> _Gaps:
         """Of all kinds of free runs that there are."""
         record, spread = held.record, held.record.spread[:, None]
-        named = ("before", "after", "retuned", "corrected", *(("law",) if held.law is not None else ()))
-        squares = {name: (record.residual(getattr(held, name)) / spread) ** 2 for name in named}
+        runs = {"before": held.before, "after": held.after, "retuned": held.retuned, "corrected": held.corrected}
+        runs |= {} if held.law is None else {"law": held.law}
+        squares = {name: (record.residual(y) / spread) ** 2 for name, y in runs.items()}
         powers = {name: np.add.reduceat(square, record.starts, axis=1).T for name, square in squares.items()}
         return cls(powers, record.counts, (floor / record.spread) ** 2)
 

@@ -152,6 +152,11 @@ class BaseCandidate(ABC):
     def shown_at_once(self, name: str) -> bool:
         """Whether an output of the simulator depends on an input in the same sample."""
 
+    @property
+    @abstractmethod
+    def signals(self) -> dict[str, np.ndarray]:
+        """Inputs, and states where they are known, else measured outputs, by name (n_samples,)."""
+
     @abstractmethod
     def untuned(self) -> BaseCandidate | None:
         """The simulator with its free parameters at their nominal values, initial states fitted; None without a free run."""

@@ -172,6 +172,11 @@ class OdeCandidate(BaseCandidate):
         moved, y = (replace(problem, record=one).augmented(()).bind(nothing).outputs(x) for one in (pushed, record))
         return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 
+    @property
+    def signals(self) -> dict[str, np.ndarray]:
+        plant = self.problem.plant
+        return {**dict(zip(plant.inputs, self.problem.record.u)), **dict(zip(plant.states, self.fit.x))}
+
     def untuned(self) -> OdeCandidate | None:
         return replace(self.problem, free=()).fit((), np.zeros(0), self.fit.x)
 
@@ -222,6 +227,10 @@ class OdeBackend(Backend):
     def on(self, runs: Sequence[int]) -> OdeBackend:
         """The same problem on some of the runs."""
         return replace(self, record=self.record.select(runs))
+
+    def signals_along(self, x: np.ndarray) -> dict[str, np.ndarray]:
+        """States along a path (n_states, n_samples), and inputs, by name."""
+        return {**dict(zip(self.plant.states, x)), **dict(zip(self.plant.inputs, self.record.u))}
 
     def port_rate(self, name: str) -> float:
         """Size of what enters at a port that makes the rates of the states which it moves most: the least of rate over gain."""

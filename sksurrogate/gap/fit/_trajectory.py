@@ -100,6 +100,11 @@ class TrajectoryCandidate(BaseCandidate):
         moved, y = (problem.simulations.run(one, {}, problem.x0)[:, record.starts] for one in (u, record.u))
         return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 
+    @property
+    def signals(self) -> dict[str, np.ndarray]:
+        plant, record = self.problem.plant, self.problem.record
+        return {**dict(zip(plant.inputs, record.u)), **dict(zip(plant.outputs, record.y))}
+
     def untuned(self) -> TrajectoryCandidate:
         """The simulator as it is."""
         problem = replace(self.problem, free=())

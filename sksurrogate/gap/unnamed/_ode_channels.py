@@ -14,7 +14,7 @@ from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
 from sksurrogate.gap.unnamed._law_places import input_push
-from sksurrogate.gap.unnamed._smoothed_path import paths, signals_along
+from sksurrogate.gap.unnamed._smoothed_path import paths
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.integrate import state_jacobian
 from sksurrogate.kernels.record import Record
@@ -140,7 +140,7 @@ def _about(
     if not np.isfinite(value):
         raise np.linalg.LinAlgError("the noise model gives no likelihood along this path")
     push = B[:, 0] if sensor is None else None
-    signals = signals_along(problem, x)
+    signals = problem.signals_along(x)
     return Channel(record, D, noise, linear, push, sensor, unit, held, signals, value, x, len(soft)), lin.x
 
 

@@ -64,9 +64,3 @@ def _noise_along(found: Evidence, x: np.ndarray) -> Noise:
         held = np.zeros(2 * m + len(unit) + 2, bool)
         held[m + len(unit) + 1 :] = True
     return fit_noise(about.disturbance, about.residual, start, unit, held=held, max_iterations=10)[0]
-
-
-def signals_along(problem: OdeBackend, x: np.ndarray) -> dict[str, np.ndarray]:
-    """States along a path (n_states, n_samples), and inputs, by name."""
-    plant = problem.plant
-    return {**dict(zip(plant.states, x)), **dict(zip(plant.inputs, problem.record.u))}
