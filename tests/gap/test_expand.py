@@ -10,7 +10,7 @@ from sksurrogate.gap.fit._ode import Numerics
 from sksurrogate.gap.search._ode_search import OdeSearch
 
 PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1))
-BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0))
+BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0), problem=PROBLEM)
 
 
 def lag(variable):
@@ -49,14 +49,14 @@ def test_every_effect_has_the_cheapest_of_its_starts_and_the_first_is_what_other
     """Of few effects, and of the first of many, every start is fitted apart."""
     asked = []
 
-    def fit_apart(self, problem, base, chosen, best):
+    def fit_apart(self, base, chosen, best):
         asked.extend((len(starts), best) for starts in chosen)
         return [candidate(starts[0].effect, min(start.cost for start in starts)) for starts in chosen]
 
     monkeypatch.setattr(OdeSearch, "fit_apart", fit_apart)
     effects = [lag(f"x{k}") for k in range(n)]
     chosen = [[SimpleNamespace(effect=e, cost=10.0 * k + c) for c in (3, 1, 2)] for k, e in enumerate(effects)]
-    found = OdeSearch(PROBLEM, effects, np.zeros((2, 10))).fit_all(PROBLEM, BASE, chosen)
+    found = OdeSearch(PROBLEM, effects, np.zeros((2, 10))).fit_all(BASE, chosen)
     assert [(r.effects[0], r.fit.cost) for r in found] == [(e, 10.0 * k + 1.0) for k, e in enumerate(effects)]
     apart = 3 * (n if n <= 2 else 1)
     assert asked == [(1, 1000.0)] * apart + [(3, 1.0)] * (n - apart // 3)

@@ -57,7 +57,7 @@ def test_the_column_of_a_start_twice_as_large_is_twice_the_column(name, variable
     null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
     effect = CATALOGUE[name]("v", variable)
     start = np.array({"lugre_friction": (2.0, 0.4, 0.6, 0.5), "hysteresis": (2.0, 0.3), "linear_loss": (0.2,)}[name])
-    columns, _ = Responses(problem, null.candidate, smoothed.x).columns(
+    columns, _ = Responses(null.candidate, smoothed.x).columns(
         effect, np.stack([start, grown(effect, start, 2.0)], axis=1)
     )
     np.testing.assert_allclose(columns[:, 1], 2.0 * columns[:, 0], rtol=1e-3, atol=1e-3 * np.max(np.abs(columns)))

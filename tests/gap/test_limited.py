@@ -55,7 +55,7 @@ def responses():
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     problem, smoothed = build_problem(described, PlantModel(described), record, (), ("hidden", "seen"))
     null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
-    return Responses(problem, null.candidate, smoothed.x)
+    return Responses(null.candidate, smoothed.x)
 
 
 @pytest.mark.parametrize("limit", [0.4, 0.6, 0.9])

@@ -30,7 +30,7 @@ def screener(dt):
     record = Record.from_runs(U, Y, [dt * np.arange(n)] * RUNS, dt)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
     null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
-    return Responses(problem, null.candidate, smoothed.x)
+    return Responses(null.candidate, smoothed.x)
 
 
 def error(dt, effect, theta):

@@ -63,7 +63,7 @@ def test_a_column_beyond_the_arithmetic_leaves_the_order_of_the_others(problem):
     problem, smoothed = problem
     null = problem.fit((), np.zeros(0), smoothed.x)
     others = effects("linear_loss", "quadratic_drag", "cubic_stiffness")
-    starts = screen(problem, [others[0], Burst("x", "x"), *others[1:]], null, smoothed.x, None).starts
+    starts = screen([others[0], Burst("x", "x"), *others[1:]], null, smoothed.x, None).starts
     assert all(np.isfinite([start.white, start.forced, start.left]).all() for start in starts)
     assert [start.effect.name for start in starts] == [effect.name for effect in others]
     assert max(starts, key=lambda start: start.white).effect.name == "quadratic_drag"
@@ -86,7 +86,7 @@ def test_a_base_without_a_linearisation_has_no_screen_however_short_its_list(pro
     """Slopes beyond all squares along the measured path (blind case effect_disturbed:12574145481006727361)."""
     problem, smoothed = problem
     null = problem.fit((), np.zeros(0), smoothed.x)
-    first = screen(problem, effects("linear_loss", "quadratic_drag"), null, smoothed.x, None)
+    first = screen(effects("linear_loss", "quadratic_drag"), null, smoothed.x, None)
     base = problem.fit(effects("linear_loss"), np.array([0.1]), smoothed.x)
 
     def burst(*given):
@@ -94,4 +94,4 @@ def test_a_base_without_a_linearisation_has_no_screen_however_short_its_list(pro
         return replace(lin, J_theta=np.full_like(lin.J_theta, 1e200))
 
     monkeypatch.setattr("sksurrogate.gap.screen._responses.linearise", burst)
-    assert screen(problem, effects("quadratic_drag"), base, smoothed.x, None, first=first).starts == []
+    assert screen(effects("quadratic_drag"), base, smoothed.x, None, first=first).starts == []

@@ -65,7 +65,7 @@ def test_a_slope_times_a_change_is_what_the_screen_expects_of_it(shows):
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, ("gain",), ("v",))
     null = estimate_noise(problem.fit((), np.zeros(1), smoothed.x), problem.first_noise())
-    responses = Responses(problem, null.candidate, smoothed.x)
+    responses = Responses(null.candidate, smoothed.x)
     sd = problem.sd[None, :, None]
     known = np.concatenate([(record.y - responses.lin.y)[None], responses.lin.J_theta.transpose(1, 0, 2)]) / sd
     J_x = responses.lin.J_x / problem.sd[:, None, None]

@@ -63,7 +63,7 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     monkeypatch.setattr(OdeSearch, "guess", lambda self, base: None)
     empty = SimpleNamespace(starts=[])
     monkeypatch.setattr(
-        OdeSearch, "screened", lambda self, problem, candidates, *rest: asked.append(candidates) or empty
+        OdeSearch, "screened", lambda self, candidates, *rest: asked.append(candidates) or empty
     )
     for effects in [(lag,), (lag, mode)]:
         keys = tuple(effect.key for effect in effects)

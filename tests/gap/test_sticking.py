@@ -58,7 +58,7 @@ def test_the_screen_knows_what_stops(problem):
     null = found.fit((), np.zeros(0), smoothed.x)
     names = ("coulomb_friction", "linear_loss", "quadratic_drag", "power_law", "gravity_tilt", "hidden_relaxation")
     candidates = [CATALOGUE[name]("v", "v") for name in names]
-    starts = screen(found, candidates, null, smoothed.x, None).starts
+    starts = screen(candidates, null, smoothed.x, None).starts
     best = min(starts, key=lambda start: start.left)
     assert best.effect.name == "coulomb_friction"
     assert LEVEL < best.theta[0] < STATIC

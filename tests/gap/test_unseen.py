@@ -50,7 +50,7 @@ def test_the_smoothed_path_starts_where_the_guess_does_unless_the_data_say_other
 
 def test_what_an_unseen_angle_does_through_a_spring_is_a_constant_force():
     problem, smoothed = problem_of(0.0, np.zeros(RUNS))
-    s = Responses(problem, null_of(problem, smoothed.x).candidate, smoothed.x)
+    s = Responses(null_of(problem, smoothed.x).candidate, smoothed.x)
     unseen, spring, bias = Unseen(s), CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["constant_bias"]("speed")
     assert len(unseen.free) == 1
     (through,) = unseen.through(spring, np.array([0.2]))
@@ -66,7 +66,7 @@ def test_the_screen_tells_a_spring_whatever_the_angles_at_the_start(angles):
     null = null_of(problem, smoothed.x)
     spring, loss = CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["linear_loss"]("speed", "speed")
     best = max(
-        screen(problem, [spring, loss], null.candidate, smoothed.x, null.noise).starts, key=lambda start: start.white
+        screen([spring, loss], null.candidate, smoothed.x, null.noise).starts, key=lambda start: start.white
     )
     assert best.effect is spring
     assert best.theta[0] == pytest.approx(0.02, rel=0.25)

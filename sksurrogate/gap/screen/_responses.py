@@ -21,7 +21,7 @@ from sksurrogate.effects._effect import (
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parameter import ParameterStep
-from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.screen._hidden_path import hidden_paths
 from sksurrogate.gap.screen._sticking import slowed, sticks
@@ -42,9 +42,9 @@ class Responses:
         Trajectory near the measured one, to start the smoother.
     """
 
-    def __init__(self, problem: OdeBackend, base: OdeCandidate, x: np.ndarray):
-        self.problem, self.base = problem, base
-        theta = base.fit.theta
+    def __init__(self, base: OdeCandidate, x: np.ndarray):
+        self.problem, self.base = base.problem, base
+        problem, theta = base.problem, base.fit.theta
         with np.errstate(all="ignore"):
             self.smoothed = problem.smooth(base.model, theta, x)
             x = self.smoothed.x

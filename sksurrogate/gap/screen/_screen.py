@@ -22,7 +22,7 @@ from sksurrogate.gap.fit._normal_equations import (
     scores,
     start_coordinates,
 )
-from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.screen._candidate_columns import Column, candidate_columns
 from sksurrogate.gap.screen._left_by_several import left_by_several
 from sksurrogate.gap.screen._responses import Responses
@@ -93,7 +93,6 @@ def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def screen(
-    problem: OdeBackend,
     candidates: Sequence[BaseEffect],
     base: OdeCandidate,
     x: np.ndarray,
@@ -120,7 +119,7 @@ def screen(
         Another process.
     """
     with np.errstate(all="ignore"):
-        s = Responses(problem, base, x)
+        s = Responses(base, x)
         if not np.max(np.abs(s.known)) < UNSQUARED:  # a base that cannot be linearised along the measured path
             return _screen(s, [], noise)
         chosen = None

@@ -62,33 +62,33 @@ class Expander(SetSearch[OdeCandidate]):
         n_sub = min(numerics.n_sub, max(SEARCH_SUBSTEPS, least))
         return self.problem.at(Numerics(n_sub, min(numerics.sharpness, SEARCH_SHARPNESS)))
 
+    def as_searched(self, base: OdeCandidate) -> OdeCandidate:
+        """A base with the numerics of the search."""
+        problem = self.searching(base)
+        same = base.problem.numerics == problem.numerics
+        return base if same else problem.candidate(base.effects, base.fit)
+
     def expand(self, base: OdeCandidate, wanted: Wanted) -> list[OdeCandidate]:
-        problem, base, found = self.looked_at(base, wanted.among, wanted.thorough)
+        base, found = self.looked_at(base, wanted.among, wanted.thorough)
         starts = [start for start in found.starts if start.evident or max(start.white, start.forced) >= wanted.least]
         chosen = best_starts(starts, wanted.by_white, wanted.by_forced, self.n_values)
         self.report(f"fitting {len(chosen)} candidates")
-        again = self.known(problem, base, [c[0].effect for c in chosen])
+        again = self.known(base, [c[0].effect for c in chosen])
         have = {candidate.effects[-1].key for candidate in again}
-        candidates = again + self.fit_all(
-            problem, base, [c for c in chosen if c[0].effect.key not in have], wanted.best
-        )
+        candidates = again + self.fit_all(base, [c for c in chosen if c[0].effect.key not in have], wanted.best)
         self.remember(candidates)
         return candidates + self.siblings(candidates, base) if wanted.siblings and candidates else candidates
 
     def looked_at(
         self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True
-    ) -> tuple[OdeBackend, OdeCandidate, Screen]:
-        """The problem and the base with the numerics of the search, and the screen of the base."""
-        problem = self.searching(base)
+    ) -> tuple[OdeCandidate, Screen]:
+        """The base with the numerics of the search, and its screen."""
         taken = set(base.keys)
         library = [e for e in (self.library if among is None else among) if e.key not in taken]
         if remembers_enough(base.effects):
             library = [e for e in library if not isinstance(e, HiddenEffect)]
-        guess = self.guess(base)
-        noise = self.noise_of(base)
-        if base.problem.numerics != problem.numerics:
-            base = problem.candidate(base.effects, base.fit)
-        return problem, base, self.screened(problem, library, base, noise, guess, among is None, thorough)
+        guess, noise, base = self.guess(base), self.noise_of(base), self.as_searched(base)
+        return base, self.screened(library, base, noise, guess, among is None, thorough)
 
     def from_nominal(self, wanted: Wanted) -> list[OdeCandidate]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
@@ -101,9 +101,8 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> list[OdeCandidate]:
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
         library = [e for e in self.library if e.key not in set(base.keys)]
-        problem = base.problem
-        starts = screen(problem, library, base, self.guess(base), noise, second=self.second).starts
-        candidates = self.fit_all(problem, base, best_starts(starts, n_white, n_forced, self.n_values), best)
+        starts = screen(library, base, self.guess(base), noise, second=self.second).starts
+        candidates = self.fit_all(base, best_starts(starts, n_white, n_forced, self.n_values), best)
         self.remember(candidates)
         return candidates
 
@@ -125,7 +124,7 @@ class Expander(SetSearch[OdeCandidate]):
         others = [e for e in alike if e.key not in have]
         if len(theta) < 2 or not others:
             return []
-        again = self.known(self.searching(base), base, others)
+        again = self.known(self.as_searched(base), others)
         new = {e.key for e in others}.difference(candidate.keys[-1] for candidate in again)
         unknown, shape = [e for e in others if e.key in new], tuple(float(v) for v in theta[1:])
         return again + self.shaped(base, unknown, shape, nearest.fit.cost)
@@ -144,15 +143,14 @@ class Expander(SetSearch[OdeCandidate]):
         """Effects of one shape (all parameters but the first), added to a base."""
         if not effects:
             return []
-        problem = self.searching(base)
-        starts = screen(problem, effects, base, self.guess(base), None, shape).starts
-        found = self.fit_all(problem, base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values), best)
+        guess, base = self.guess(base), self.as_searched(base)
+        starts = screen(effects, base, guess, None, shape).starts
+        found = self.fit_all(base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values), best)
         self.remember(found)
         return found
 
     def screened(
         self,
-        problem: OdeBackend,
         library: Sequence[BaseEffect],
         base: OdeCandidate,
         noise: Noise | None,
@@ -162,13 +160,13 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> Screen:
         """The screen of a base; one of all candidates is made once."""
         if not whole:
-            return screen(problem, library, base, guess, noise, second=self.second)
+            return screen(library, base, guess, noise, second=self.second)
         near = bool(base.effects) and (base.fit.cost < OUT_OF_SIGHT * self.n_values or not thorough)
-        key = (base.keys, problem.numerics, noise is None, near)
+        key = (base.keys, base.problem.numerics, noise is None, near)
         cost, known = self.screens.get(key, (np.inf, None))
         if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
             first = self.first_screen if near else None
-            known = screen(problem, library, base, guess, noise, first=first, second=self.second)
+            known = screen(library, base, guess, noise, first=first, second=self.second)
             self.screens[key] = base.fit.cost, known
             for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
                 del self.screens[old]
@@ -190,54 +188,52 @@ class Expander(SetSearch[OdeCandidate]):
         if self.first_screen is None:
             return []
         if base.effects:
-            problem, base, about = self.looked_at(base)
+            base, about = self.looked_at(base)
             found = best_pairs(beside(self.first_screen, about, base.keys), MOST_PAIRS)
             most = max(PROMISING * best, AT_THE_NOISE**2 * self.n_values)
             found = [pair for pair in found if about.left_by[0] - pair.drop < most]
         else:
-            problem, found = self.searching(base), best_pairs(self.first_screen, MOST_PAIRS)
+            base, found = self.as_searched(base), best_pairs(self.first_screen, MOST_PAIRS)
         x, known = self.guess(base), frozenset(base.keys)
         new = [
             pair for pair in found if known.union((pair.first.effect.key, pair.second.effect.key)) not in self.fitted
         ]
         tries = side_by_side(
-            lambda pair: shipped(problem, partial(fit_pair, problem, base, pair, x, best)), new, self.second
+            lambda pair: shipped(base.problem, partial(fit_pair, base, pair, x, best)), new, self.second
         )
         effects = [[pair.first.effect, pair.second.effect] for pair in new]
-        landed = [self.landed(problem, base, added, freight) for added, freight in zip(effects, tries)]
+        landed = [self.landed(base, added, freight) for added, freight in zip(effects, tries)]
         self.remember(fits := [candidate for candidate in landed if candidate is not None])
         return fits
 
     def left_beside(self, base: OdeCandidate, n: int) -> float:
-        return float(self.looked_at(base)[2].left_by[n])
+        return float(self.looked_at(base)[1].left_by[n])
 
-    def known(self, problem: OdeBackend, base: OdeCandidate, effects: Sequence[BaseEffect]) -> list[OdeCandidate]:
+    def known(self, base: OdeCandidate, effects: Sequence[BaseEffect]) -> list[OdeCandidate]:
         """A base with each of these effects, where it was fitted before with the same numerics; not far from the data, where
         another start may lead elsewhere."""
         if base.effects and base.fit.cost > OUT_OF_SIGHT * self.n_values:
             return []
         all_keys = [(*base.keys, effect.key) for effect in effects]
         found = [(keys, self.fitted[frozenset(keys)]) for keys in all_keys if frozenset(keys) in self.fitted]
-        return [r for keys, r in found if r.keys == keys and r.problem.numerics == problem.numerics]
+        return [r for keys, r in found if r.keys == keys and r.problem.numerics == base.problem.numerics]
 
-    def fit_all(
-        self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
-    ) -> list[OdeCandidate]:
+    def fit_all(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf) -> list[OdeCandidate]:
         """Fit candidates, best first; under a time limit in portions, each of which is kept."""
         if not limited():
-            return self.fit_together(problem, base, chosen, best)
+            return self.fit_together(base, chosen, best)
         found: list[OdeCandidate] = []
         portion = PORTION * max(effective_n_jobs(self.n_jobs), 1)
         for a in range(0, len(chosen), portion):
             check_time()
-            new = self.fit_together(problem, base, chosen[a : a + portion], best)
+            new = self.fit_together(base, chosen[a : a + portion], best)
             self.remember(new)
             found += new
             best = min([best, *(candidate.fit.cost for candidate in new)])
         return found
 
     def fit_together(
-        self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
+        self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
     ) -> list[OdeCandidate]:
         """Fit candidates, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
 
@@ -246,41 +242,37 @@ class Expander(SetSearch[OdeCandidate]):
         if effective_n_jobs(self.n_jobs) == 1:
             best = min(base.fit.cost, best)
             n = len(chosen) if len(chosen) <= FITTED_APART else 1
-            tries = iter(self.fit_apart(problem, base, [[one] for starts in chosen[:n] for one in starts], best))
+            tries = iter(self.fit_apart(base, [[one] for starts in chosen[:n] for one in starts], best))
             first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
             best = min([best, *(candidate.fit.cost for candidate in first if candidate is not None)])
-            found = [*first, *self.fit_apart(problem, base, chosen[n:], best)]
+            found = [*first, *self.fit_apart(base, chosen[n:], best)]
             return [candidate for candidate in found if candidate is not None]
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
         near = min(base.fit.cost, best)
-        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(problem, base, chunk, near) for chunk in chunks)
+        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(base, chunk, near) for chunk in chunks)
         freight = [one for part in parts for one in part]
-        landed = [self.landed(problem, base, [starts[0].effect], one) for starts, one in zip(chosen, freight)]
+        landed = [self.landed(base, [starts[0].effect], one) for starts, one in zip(chosen, freight)]
         return [candidate for candidate in landed if candidate is not None]
 
-    def fit_apart(
-        self, problem: OdeBackend, base: OdeCandidate, chosen: Sequence[list[Start]], best: float
-    ) -> list[OdeCandidate | None]:
+    def fit_apart(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
         found = side_by_side(
-            lambda starts: shipped(problem, partial(fit_added, problem, base, starts, best)),
+            lambda starts: shipped(base.problem, partial(fit_added, base, starts, best)),
             chosen,
             self.second,
             effort,
         )
-        return [self.landed(problem, base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
+        return [self.landed(base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
 
-    def landed(
-        self, problem: OdeBackend, base: OdeCandidate, added: Sequence[BaseEffect], freight: Freight
-    ) -> OdeCandidate | None:
+    def landed(self, base: OdeCandidate, added: Sequence[BaseEffect], freight: Freight) -> OdeCandidate | None:
         """A base with these effects added, as it was shipped; None where it has no fit, or the simulator failed."""
         if isinstance(freight, str):
             self.lost[freight] = None
         if freight is None or isinstance(freight, str):
             return None
         fit, numerics = freight
-        return problem.at(numerics).candidate((*base.effects, *added), fit)
+        return base.problem.at(numerics).candidate((*base.effects, *added), fit)
 
 
 def effort(starts: Sequence[Start]) -> float:
@@ -305,6 +297,6 @@ def shipped(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Frei
     return None if candidate is None else (candidate.fit, candidate.problem.numerics)
 
 
-def fit_chunk(problem: OdeBackend, base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Freight]:
+def fit_chunk(base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Freight]:
     """One worker's share."""
-    return [shipped(problem, partial(fit_added, problem, base, starts, best)) for starts in chunk]
+    return [shipped(base.problem, partial(fit_added, base, starts, best)) for starts in chunk]

@@ -36,9 +36,10 @@ SOFT = 4.0
 NEARER = (1.0, 0.3, 0.1)
 
 
-def fit_added(problem: OdeBackend, base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCandidate | None:
+def fit_added(base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCandidate | None:
     """Fit a base with one effect more, from the best of several starts; one that cannot come near to the others is abandoned."""
     found: OdeCandidate | None = None
+    problem = base.problem
     values = [base.theta_of(i) for i in range(len(base.effects))]
     if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
         problem = problem.at(replace(problem.numerics, n_sub=max(problem.numerics.n_sub, STICKING_SUBSTEPS)))
@@ -61,9 +62,9 @@ def fit_added(problem: OdeBackend, base: OdeCandidate, starts: Sequence[Start], 
     return found
 
 
-def fit_pair(problem: OdeBackend, base: OdeCandidate, pair: Pair, x: np.ndarray, best: float) -> OdeCandidate | None:
+def fit_pair(base: OdeCandidate, pair: Pair, x: np.ndarray, best: float) -> OdeCandidate | None:
     """Fit a base with two effects more at once, from a smoothed trajectory ``x`` with the hidden states of the base."""
-    first, second, _ = pair
+    (first, second, _), problem = pair, base.problem
     n, theta = len(problem.plant.states), base.theta_with(np.concatenate([first.theta, second.theta]))
     whole = np.concatenate([x, first.x[n:], second.x[n:]])
     try:
