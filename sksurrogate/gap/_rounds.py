@@ -18,23 +18,10 @@ def diagnosed_in_rounds(
 ) -> Answer:
     """Diagnose, again as long as a fault of the record is found, and some of the runs alone where only they have a gap.
 
-    Parameters
-    ----------
-    begin : callable (runs, record) -> Prepared
-        The diagnosis of some runs.
-    plant : Plant
-    runs : Runs
-    whole : Record
-        As it came.
-    progress : Progress
-
-    Returns
-    -------
-    pipeline : DiagnosisPipeline
-        Of the last round.
-    rows : ndarray of int
-        Rows of the record that it saw.
-    report : GapReport
+    ``begin``: the diagnosis of some runs.
+    ``whole``: as it came.
+    Returns ``pipeline``: of the last round.
+    Returns ``rows``: rows of the record that it saw.
     """
     book = first_look(plant, runs, whole)
     while True:

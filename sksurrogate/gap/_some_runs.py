@@ -34,16 +34,9 @@ def in_some_runs(
     What is named there must be absent from runs that would show it: their likelihood with it, initial states free, is below
     that without it by more than the choice of the runs costs.
 
-    Parameters
-    ----------
-    begin : callable (runs, record) -> Prepared
-        The diagnosis of some runs.
-    runs : Runs
-    record : Record
-        Of all of them.
-    whole : tuple
-        The diagnosis of all runs.
-    progress : Progress
+    ``begin``: the diagnosis of some runs.
+    ``record``: of all of them.
+    ``whole``: the diagnosis of all runs.
     """
     pipeline, rows, report = whole
     late = pipeline.time_limit is not None and time.perf_counter() - progress.started_at > SOON * pipeline.time_limit

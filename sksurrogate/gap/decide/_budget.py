@@ -27,23 +27,12 @@ def budget_of(
     What is named and re-tuned closes ``1 - gap_after^2 / gap_before^2``; of the rest the law without a name makes up its
     posterior mean square, the disturbance the remainder.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of the effects, readable.
-    shares : sequence of float
-        Their shares of the gap's power.
-    retuning : float
-        That of the re-tuned parameters.
-    law : LawLeft or None
-        The law beside what is named.
-    formula : Law, optional
-        Where it is certified, what it closes on runs left out is a row of its own, a part of the unnamed law.
-
-    Returns
-    -------
-    Table
-        part, kind ("effect", "re-tuning", "unnamed law" or "disturbance"), share, low, high (90 %).
+    ``names``: of the effects, readable.
+    ``shares``: their shares of the gap's power.
+    ``retuning``: that of the re-tuned parameters.
+    ``law``: the law beside what is named.
+    ``formula``: where it is certified, what it closes on runs left out is a row of its own, a part of the unnamed law.
+    Returns part, kind ("effect", "re-tuning", "unnamed law" or "disturbance"), share, low, high (90 %).
 
     Examples
     --------

@@ -70,17 +70,11 @@ def chosen_without(
     They reject a name where a candidate gains over it what an effect must gain over none. A simpler candidate gains nothing for that:
     where the effect acts in the runs left out alone, the others need no parameters at all.
 
-    Parameters
-    ----------
-    own : ByRun
-        What is named.
-    fold : ndarray of int (n_runs,)
-    lengths : ndarray of int (n_runs,)
-        Measured values of every run.
-    n_candidates : int
-        Effects that were compared.
-    by_size : bool
-        Far from the data.
+    ``own``: what is named.
+    ``fold`` (n_runs,).
+    ``lengths`` (n_runs,): measured values of every run.
+    ``n_candidates``: effects that were compared.
+    ``by_size``: far from the data.
     """
     out: list[int | None] = []
     for k in np.unique(fold):
@@ -100,12 +94,8 @@ def chosen_without(
 def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slot[C]]) -> list[C]:
     """The candidate that the runs outside each fold choose: the final one, or another set of as many effects.
 
-    Parameters
-    ----------
-    final : Evidence
-        What all runs choose.
-    slots : sequence of Slot
-        Its classes: their members count as the same names.
+    ``final``: what all runs choose.
+    ``slots``: its classes: their members count as the same names.
     """
     named = final.candidate
     others = _others(search, named, slots)

@@ -119,11 +119,7 @@ _PLACE = {name: i for i, name in enumerate(CATALOGUE)}
 def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, float, bool, int, int, str, str, str]:
     """What twins are ordered by: the number of parameters, the prior odds, an onset last, the place, the catalogue, the name.
 
-    Parameters
-    ----------
-    effect : BaseEffect
-    positions : collection of str
-        States that are integrals of others.
+    ``positions``: states that are integrals of others.
 
     Examples
     --------
@@ -144,19 +140,10 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
 
     Which of two twins a search meets first hangs on rounding, and so on the unit of time and on the order of the states.
 
-    Parameters
-    ----------
-    search : BaseSearch
-        Its ``final`` may become another.
-    posterior : Posterior
-        Of what stands.
-
-    Returns
-    -------
-    slots : list of Slot
-        In the order of the effects that stand then.
-    posterior : Posterior
-        In the same order.
+    ``search``: its ``final`` may become another.
+    ``posterior``: of what stands.
+    Returns ``slots``: in the order of the effects that stand then.
+    Returns ``posterior``: in the same order.
     """
     final = search.final or search.fitted_null
     slots, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
@@ -208,11 +195,8 @@ def _seen_from(slot: Slot[C], twin: C) -> Slot[C]:
 def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Posterior) -> list[float]:
     """Probability that each effect, or one of its class, acts in the plant, whatever else acts.
 
-    Parameters
-    ----------
-    posterior : Posterior
-        Of each effect against none and against a law without a name in its place (:func:`weigh`), and sets that differ in
-        several effects.
+    ``posterior``: of each effect against none and against a law without a name in its place (:func:`weigh`), and sets
+        that differ in several effects.
     """
     own = search.score(final)
     out = []

@@ -116,18 +116,11 @@ def when_they_part(
 ) -> str:
     """The sentence beside a name.
 
-    Parameters
-    ----------
-    tied : sequence of str
-        Candidates that these data cannot tell from it.
-    same : bool
-        Whether all of them predict the same.
-    experiment : NextExperiment or None
-        What was computed to part the effect that it is about.
-    richer : sequence of str
-        Forms that contain the named one and fit no better.
-    among : str
-        Which effects were compared.
+    ``tied``: candidates that these data cannot tell from it.
+    ``same``: whether all of them predict the same.
+    ``experiment``: what was computed to part the effect that it is about.
+    ``richer``: forms that contain the named one and fit no better.
+    ``among``: which effects were compared.
     """
     if not tied and richer:
         return f"Only richer forms ({', '.join(richer)}) explain these data as well; nothing in the data needs them."

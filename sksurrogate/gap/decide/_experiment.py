@@ -42,14 +42,10 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
     Twins that none parts are left out where another can be determined. Of experiments that settle it those come first whose inputs
     stay where inputs were recorded.
 
-    Parameters
-    ----------
-    apart : dict of ndarray (n_candidates,)
-        For every experiment the nats that part the named effect from each candidate; nan where they are not known.
-    names : sequence of str
-        The named effect, then its candidates.
-    beyond : collection of str
-        Experiments whose inputs leave the recorded range.
+    ``apart`` (n_candidates,): for every experiment the nats that part the named effect from each candidate; nan where
+        they are not known.
+    ``names``: the named effect, then its candidates.
+    ``beyond``: experiments whose inputs leave the recorded range.
     """
     most = np.nanmax(np.where(np.isfinite(list(apart.values())), list(apart.values()), -1.0), axis=0)
     settled = np.flatnonzero(most >= NATS_THAT_SETTLE) if np.any(most >= NATS_THAT_SETTLE) else np.arange(len(most))

@@ -117,10 +117,7 @@ class _Gaps:
 def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_state: int) -> Shrink:
     """Errors before and after, above the floor, with a bootstrap over runs.
 
-    Parameters
-    ----------
-    floor : ndarray (n_outputs,)
-        Sensor noise.
+    ``floor`` (n_outputs,): sensor noise.
     """
     record, gaps = held.record, _Gaps.of(held, floor)
     spread, n_runs, noise = record.spread, len(record.starts), float(np.mean(gaps.noise))

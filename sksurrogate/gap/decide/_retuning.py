@@ -92,17 +92,9 @@ def imitated_by_retuning(found: Screen, ratios: np.ndarray) -> list[BaseEffect]:
 
     To first order: ``-2 log likelihood`` of the residual, the prior of the parameters included, grows by less than ``ln N``.
 
-    Parameters
-    ----------
-    found : Screen
-        Of the re-tuned simulator alone.
-    ratios : ndarray (n_free,)
-        Its free parameters: logarithms of their ratios to the nominal ones.
-
-    Returns
-    -------
-    list of BaseEffect
-        The least noticed first.
+    ``found``: of the re-tuned simulator alone.
+    ``ratios`` (n_free,): its free parameters: logarithms of their ratios to the nominal ones.
+    Returns the least noticed first.
     """
     if found.columns is None:
         return []

@@ -44,15 +44,10 @@ class Found:
 def fault_left(bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any]) -> Found | None:
     """The likeliest fault of the record on top of one of several models, None where none is the reason of what they leave.
 
-    Parameters
-    ----------
-    bases : sequence of Evidence
-        What was named, the simulator alone, and other sets of effects that the search has fitted: what is named beside a fault
-        that nothing stands for may be a stack of wrong names.
-    run : ndarray of int (n_samples,)
-        Number of the run of every row.
-    search : BaseSearch
-        For scores.
+    ``bases``: what was named, the simulator alone, and other sets of effects that the search has fitted: what is named
+        beside a fault that nothing stands for may be a stack of wrong names.
+    ``run`` (n_samples,): number of the run of every row.
+    ``search``: for scores.
     """
     null = next(base.candidate for base in bases if not base.effects)
     smoother = [Proposal(moved[:, None], _smoother(fault)) for fault, moved in smoother_inputs(null)]

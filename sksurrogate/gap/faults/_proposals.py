@@ -34,16 +34,10 @@ class Proposal:
 def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarray) -> Iterator[Proposal]:
     """All faults of runs, each in one run alone and in every run.
 
-    Parameters
-    ----------
-    record : Record
-        Runs, or pieces of them.
-    run : ndarray of int (n_samples,)
-        Number of the run of every row.
-    y : ndarray (n_outputs, n_samples)
-        Outputs of the model.
-    residual : ndarray (n_outputs, n_samples)
-        Measured less these.
+    ``record``: runs, or pieces of them.
+    ``run`` (n_samples,): number of the run of every row.
+    ``y`` (n_outputs, n_samples): outputs of the model.
+    ``residual`` (n_outputs, n_samples): measured less these.
     """
     n_runs = int(run[-1]) + 1
     if n_runs > 1:

@@ -55,12 +55,8 @@ class RecordBook:
     def described(self, null: BaseCandidate, rows: np.ndarray) -> DataFaults:
         """For the report; shares by what the simulator alone misses in the versions of the record.
 
-        Parameters
-        ----------
-        null : BaseCandidate
-            The simulator alone, fitted to the record without faults.
-        rows : ndarray of int
-            Rows of the record that it was fitted to.
+        ``null``: the simulator alone, fitted to the record without faults.
+        ``rows``: rows of the record that it was fitted to.
         """
         spread, own = self.record.spread, null.problem.record
         fitted = own.y - null.residual
@@ -84,14 +80,9 @@ class RecordBook:
     def looked_at(self, search: BaseSearch[Any], rows: np.ndarray, law_gain: Callable[[Any], float]) -> RecordBook:
         """With the likeliest fault on top of what was named, or of nothing; itself where none is the reason of what is left.
 
-        Parameters
-        ----------
-        search : BaseSearch
-            After it has named effects.
-        rows : ndarray of int
-            Rows of the record that it saw.
-        law_gain : callable (Evidence) -> float
-            What a law gains beside what was named, twice the log likelihood: a fault must gain more.
+        ``search``: after it has named effects.
+        ``rows``: rows of the record that it saw.
+        ``law_gain``: what a law gains beside what was named, twice the log likelihood: a fault must gain more.
         """
         final = search.final or search.fitted_null
         if self.earlier is not None and final.left > self.left:

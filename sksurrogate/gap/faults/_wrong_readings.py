@@ -22,10 +22,8 @@ LEAST_DROPOUTS = 2
 def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) -> list[WrongReadings]:
     """Spikes, dropouts and stretches in which a sensor stood still.
 
-    Parameters
-    ----------
-    expected : callable () -> ndarray (n_outputs, n_samples) or None
-        Outputs of the simulator alone, asked for only where something was found: what it does by itself is not a fault.
+    ``expected`` (n_outputs, n_samples): outputs of the simulator alone, asked for only where something was found: what
+        it does by itself is not a fault.
     """
     sd = noise_of_differences(record.y, record.starts, record.known, record.t)
     found: list[tuple[int, str, Stretch]] = []

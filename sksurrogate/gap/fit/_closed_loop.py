@@ -35,12 +35,8 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
     profile in other runs, and on that with present and past residuals beside it: sensor noise can only get into an input
     through a controller.
 
-    Parameters
-    ----------
-    y : ndarray (n_outputs, n_samples)
-        Outputs of the fitted free run.
-    names : sequence of str
-        Of the inputs.
+    ``y`` (n_outputs, n_samples): outputs of the fitted free run.
+    ``names``: of the inputs.
     """
     age = np.arange(record.n_samples) - record.starts[record.run_of_row]
     lags = max(min(INPUT_LAGS, record.n_samples // SAMPLES_A_LAG, int(record.lengths.max()) // 4), RESIDUAL_LAGS)

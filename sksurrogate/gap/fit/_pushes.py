@@ -47,16 +47,11 @@ def gain_of_forces(
 ) -> np.ndarray:
     """Deviation that a random force of unit size causes, of the output that it moves most, (n_forces,).
 
-    Parameters
-    ----------
-    band : ndarray
-        Of the recursion of the states.
-    push : ndarray (n_states, n_forces)
-        What a unit of each force changes in the next states.
-    C : ndarray (n_outputs, n_states, n_samples)
-    starts : ndarray of int (n_runs,)
-    spread : ndarray (n_outputs,)
-        Deviation of the outputs, the unit of the answer.
+    ``band``: of the recursion of the states.
+    ``push`` (n_states, n_forces): what a unit of each force changes in the next states.
+    ``C`` (n_outputs, n_states, n_samples).
+    ``starts`` (n_runs,).
+    ``spread`` (n_outputs,): deviation of the outputs, the unit of the answer.
     """
     rng, a = np.random.default_rng(0), np.exp(-1 / REMEMBERED)
     gain = np.empty(push.shape[1])

@@ -132,12 +132,8 @@ def divergence(plant: Plant, record: Record, nominal: np.ndarray, labels: Sequen
 
     Runs of one length are simulated at once, and one that raises takes the others with it: each is tried alone.
 
-    Parameters
-    ----------
-    nominal : ndarray (n_outputs, n_samples)
-        Outputs of the simulator, not all finite.
-    labels : sequence
-        One for each run.
+    ``nominal`` (n_outputs, n_samples): outputs of the simulator, not all finite.
+    ``labels``: one for each run.
     """
     for run, (a, b) in enumerate(record.spans):
         Y = nominal[:, a:b]

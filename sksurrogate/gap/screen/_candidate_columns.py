@@ -43,16 +43,10 @@ def candidate_columns(
 ) -> list[Column]:
     """All candidates at all their starting values, those with one shape, or those of a short list.
 
-    Parameters
-    ----------
-    s : Responses
-        The linearisation of the base.
-    shape : tuple of float
-        Second and further parameters, where they are known, instead of those of the starting values.
-    chosen : Shortlist or None
-        Starting values by the effect's key.
-    second : Second, optional
-        Another process.
+    ``s``: the linearisation of the base.
+    ``shape``: second and further parameters, where they are known, instead of those of the starting values.
+    ``chosen``: starting values by the effect's key.
+    ``second``: another process.
     """
     at_starts = _AtStarts(s, shape, chosen, Unseen(s), Slopes(s))
     found = side_by_side(at_starts.of, candidates, second)

@@ -16,17 +16,10 @@ NEWTON_STEPS, DIFFERENCE_OF_STATE, CONVERGED = 5, 1e-6, 1e-6
 def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Hidden states driven by the states ``x``, which are taken as straight between samples: Newton in time.
 
-    Parameters
-    ----------
-    effect : HiddenEffect
-        The last effect of ``model``.
-    theta : ndarray (n_parameters, n_starts)
-        Values of its parameters.
-    x : ndarray (n_nominal_states or more, n_samples)
-
-    Returns
-    -------
-    ndarray (n_hidden, n_starts, n_samples)
+    ``effect``: the last effect of ``model``.
+    ``theta`` (n_parameters, n_starts): values of its parameters.
+    ``x`` (n_nominal_states or more, n_samples).
+    Returns (n_hidden, n_starts, n_samples).
     """
     record, wire, n = model.record, model.wires[-1], effect.n_hidden
     n_starts, n_samples = theta.shape[1], record.n_samples

@@ -15,19 +15,10 @@ def left_by_several(
 ) -> np.ndarray:
     """Squares that a residual leaves beside the best 0, 1, ... ``most`` columns, each chosen after the others (orthogonal matching pursuit).
 
-    Parameters
-    ----------
-    total : float
-        Square of the residual.
-    g, h : ndarray (n_columns,)
-        Products of the residual and every column, and the squares of the columns.
-    row : callable (k) -> ndarray (n_columns,)
-        Products of column k and every column.
-
-    Returns
-    -------
-    ndarray (1 + most,)
-        Never rises.
+    ``total``: square of the residual.
+    ``g, h`` (n_columns,): products of the residual and every column, and the squares of the columns.
+    ``row`` (k): products of column k and every column.
+    Returns (1 + most,): never rises.
 
     Examples
     --------

@@ -28,15 +28,8 @@ class Pair(NamedTuple):
 def best_pairs(screen: Screen, most: int) -> list[Pair]:
     """The pairs of effects whose columns together remove most of the residual, each pair at its best starting values.
 
-    Parameters
-    ----------
-    most : int
-        Number of pairs.
-
-    Returns
-    -------
-    list of Pair
-        Best first; no effect stands in more than :data:`MOST_WITH_ONE` of them.
+    ``most``: number of pairs.
+    Returns best first; no effect stands in more than :data:`MOST_WITH_ONE` of them.
     """
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
     if len(keys) < 2 or screen.columns is None:

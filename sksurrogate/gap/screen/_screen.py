@@ -103,20 +103,13 @@ def screen(
 ) -> Screen:
     """Score every candidate, added to a base, at all its starting values.
 
-    Parameters
-    ----------
-    base : OdeCandidate
-        The model that they are added to.
-    x : ndarray (n_states, n_samples)
-        Trajectory near the measured one, to start the smoother.
-    noise : Noise, optional
-        Noise with forces for the second score.
-    shape : tuple of float, default=()
-        Second and further parameters, where they are known, instead of those of the starting values.
-    first : Screen, optional
-        That of the null: with its columns only the candidates are linearised again that may explain what a base leaves.
-    second : Second, optional
-        Another process.
+    ``base``: the model that they are added to.
+    ``x`` (n_states, n_samples): trajectory near the measured one, to start the smoother.
+    ``noise``: noise with forces for the second score.
+    ``shape``: second and further parameters, where they are known, instead of those of the starting values.
+    ``first``: that of the null: with its columns only the candidates are linearised again that may explain what a base
+        leaves.
+    ``second``: another process.
     """
     with np.errstate(all="ignore"):
         s = Responses(base, x)

@@ -30,17 +30,9 @@ def shortlist(
     Both linearisations follow the measured trajectory, so the columns of the null are near to those of the base: near
     enough to choose, not to score.
 
-    Parameters
-    ----------
-    effects, raw, columns, low, high
-        Of the null's screen, one entry a starting value.
-    s : Responses
-        The linearisation of the base.
-
-    Returns
-    -------
-    dict
-        Starting values by the effect's key.
+    ``effects, raw, columns, low, high``: of the null's screen, one entry a starting value.
+    ``s``: the linearisation of the base.
+    Returns starting values by the effect's key.
     """
     starts, lin = s.problem.record.starts, s.lin
     if not (np.isfinite(lin.J_theta).all() and np.isfinite(lin.J_x).all() and np.isfinite(lin.y).all()):

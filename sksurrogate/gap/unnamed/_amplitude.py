@@ -20,21 +20,12 @@ def amplitude_evidence(
     ``log N(g) = sum_i [a^2 b_i^2 / (1 + a^2 l_i) - log(1 + a^2 l_i)] / 2`` in the eigenbasis of ``R' H R``; no direction
     explains more than the residual holds, ``b_i^2 <= l_i power`` (Cauchy and Schwarz), whatever rounding makes of it.
 
-    Parameters
-    ----------
-    H : ndarray (n, n)
-        Gram of the law's functions under the noise, nuisance parameters projected out.
-    g : ndarray (n,)
-        Their products with the residual.
-    root : ndarray (n, n)
-        R, a root of the prior covariance at size one.
-    sizes : ndarray (n_sizes,)
-    power : float, default=inf
-        Squared residual under the noise, nuisance parameters projected out.
-
-    Returns
-    -------
-    ndarray (n_sizes,)
+    ``H``: Gram of the law's functions under the noise, nuisance parameters projected out.
+    ``g``: their products with the residual.
+    ``root``: R, a root of the prior covariance at size one.
+    ``sizes`` (n_sizes,).
+    ``power``: squared residual under the noise, nuisance parameters projected out.
+    Returns (n_sizes,).
 
     Examples
     --------
@@ -73,12 +64,8 @@ def known_to_rounding(G: np.ndarray) -> bool:
 def prior_roots(metric: np.ndarray, rough: np.ndarray | None) -> list[np.ndarray]:
     """Roots of the prior covariances of a form's weights: its mean square movement is one, more or less smooth.
 
-    Parameters
-    ----------
-    metric : ndarray (n, n)
-        Mean square movement of the outputs by the weights, as a quadratic form.
-    rough : ndarray (n, n), optional
-        Roughness of the weights, as a quadratic form; None: they are as rough as they may be.
+    ``metric``: mean square movement of the outputs by the weights, as a quadratic form.
+    ``rough``: roughness of the weights, as a quadratic form; None: they are as rough as they may be.
 
     Examples
     --------
@@ -106,16 +93,9 @@ def prior_roots(metric: np.ndarray, rough: np.ndarray | None) -> list[np.ndarray
 def small_and_large(sizes: np.ndarray, tolerance: float) -> np.ndarray:
     """Prior weights of sizes, a constant factor apart: half normal as a small law, log-uniform above the tolerance as a large one.
 
-    Parameters
-    ----------
-    sizes : ndarray (n_sizes,)
-    tolerance : float
-        Scale of the half normal.
-
-    Returns
-    -------
-    ndarray (2, n_sizes)
-        Of a small and of a large law.
+    ``sizes`` (n_sizes,).
+    ``tolerance``: scale of the half normal.
+    Returns (2, n_sizes): of a small and of a large law.
 
     Examples
     --------

@@ -43,29 +43,14 @@ def fit_signal(
     In a balance or at an input the signal is the force, at a sensor the coloured noise of the sensor. The white noise is
     fitted with it.
 
-    Parameters
-    ----------
-    D : Disturbance
-        With the force at the place.
-    r : ndarray (n_outputs, n_samples)
-        Measured less simulated.
-    sd, spread : ndarray (n_outputs,)
-        White noise as differences show it, and deviation of the outputs.
-    unit : float
-        Size of the force that counts as one.
-    sensor : int or None
-        At which the signal is.
-    near : Noise, optional
-        A noise to start from, that of a path nearby, instead of several correlation times.
-    rough : bool, default=False
-        From one correlation time, with the white noise as differences show it.
-
-    Returns
-    -------
-    noise : Noise
-    log_likelihood : float
-        -inf where no noise can be followed.
-    held : ndarray of bool
+    ``D``: with the force at the place.
+    ``r`` (n_outputs, n_samples): measured less simulated.
+    ``sd, spread`` (n_outputs,): white noise as differences show it, and deviation of the outputs.
+    ``unit``: size of the force that counts as one.
+    ``sensor``: at which the signal is.
+    ``near``: a noise to start from, that of a path nearby, instead of several correlation times.
+    ``rough``: from one correlation time, with the white noise as differences show it.
+    Returns ``log_likelihood``: -inf where no noise can be followed.
     """
     force, coloured = np.full(D.b, (0.1 if sensor is None else 1e-4) * unit), 1e-2 * sd
     held = np.zeros(2 * D.m + D.b + 2, bool)

@@ -59,14 +59,9 @@ def fitted_laws(
 ) -> list[FittedLaw]:
     """Laws on top of a base at some places, the best first.
 
-    Parameters
-    ----------
-    base : Evidence
-        What is named, or nothing.
-    channels : Channels
-        Of the base.
-    places : sequence of (location, kind)
-        The likeliest first.
+    ``base``: what is named, or nothing.
+    ``channels``: of the base.
+    ``places``: the likeliest first.
     """
     fits: list[FittedLaw] = []
     best = -np.inf

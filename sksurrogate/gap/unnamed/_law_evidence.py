@@ -80,33 +80,20 @@ def law_beside(
 ) -> LawBeside | None:
     """The likeliest law beside a set of effects, along a path.
 
-    Parameters
-    ----------
-    candidate : OdeCandidate
-        The set; its parameters follow to first order.
-    unit : float
-        RMS of the gap over the noise: the size that counts as one.
-    tolerance : float
-        Size of a law that is small.
-    noises : sequence of Noise
-        Under which laws are compared; from each of them the noise is fitted beside the likeliest.
-    x : ndarray (n_states, n_samples), optional
-        Path of the plant's states about which the set is linear; its own free run by default.
-    bare : bool, default=False
-        Whether the simulator without effects carries laws and effects alike to the outputs, as regressors: an effect that is
-        stiff, as a friction at rest, would not let a law correct it.
-    seeds : sequence of (int, int, Noise)
-        Of laws beside other sets about the same path: these are compared too, with a jump at zero where they have none.
-    known : dict, optional
-        What earlier questions about this set, this path and other noises or seeds have computed; new answers are added.
-    instead : ndarray (n_outputs, n_samples), optional
-        What the effect moves the outputs by in whose place the law stands: a form of one function that moves them so is this
-        effect, and no law without a name.
-
-    Returns
-    -------
-    LawBeside or None
-        None where the path cannot be followed.
+    ``candidate``: the set; its parameters follow to first order.
+    ``unit``: RMS of the gap over the noise: the size that counts as one.
+    ``tolerance``: size of a law that is small.
+    ``noises``: under which laws are compared; from each of them the noise is fitted beside the likeliest.
+    ``x`` (n_states, n_samples): path of the plant's states about which the set is linear; its own free run by default.
+    ``bare``: whether the simulator without effects carries laws and effects alike to the outputs, as regressors: an
+        effect that is stiff, as a friction at rest, would not let a law correct it.
+    ``seeds``: of laws beside other sets about the same path: these are compared too, with a jump at zero where they
+        have none.
+    ``known``: what earlier questions about this set, this path and other noises or seeds have computed; new answers
+        are added.
+    ``instead`` (n_outputs, n_samples): what the effect moves the outputs by in whose place the law stands: a form of
+        one function that moves them so is this effect, and no law without a name.
+    Returns None where the path cannot be followed.
     """
     if x is None:
         linear = linear_set(candidate)

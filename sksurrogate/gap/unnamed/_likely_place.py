@@ -26,10 +26,7 @@ COMPARED = 3
 def likely_place(found: Sequence[Place]) -> tuple[str, str]:
     """Location and kind of the place with most evidence; a balance before an input that explains the gap as well.
 
-    Parameters
-    ----------
-    found : sequence of Place
-        Likeliest first.
+    ``found``: likeliest first.
 
     Examples
     --------

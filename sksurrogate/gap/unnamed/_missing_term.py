@@ -33,12 +33,8 @@ LEAST_TERM_EXPLAINED = 0.05
 def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> MissingTerm:
     """The term at a place against each variable with 90 % bands, and the formulae that come close to it.
 
-    Parameters
-    ----------
-    drivers : Drivers
-        Signals that the formulae hold, and the place.
-    drafts : sequence of Draft
-        Formulae at the place, the best first.
+    ``drivers``: signals that the formulae hold, and the place.
+    ``drafts``: formulae at the place, the best first.
     """
     fold, whole = run_folds(channel.record), channel.force()
     curves = []

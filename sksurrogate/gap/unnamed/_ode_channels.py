@@ -23,12 +23,8 @@ from sksurrogate.kernels.record import Record
 def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
     """The null with one free signal at a place, linearised about the path that it gives.
 
-    Parameters
-    ----------
-    null : OdeCandidate
-        The simulator, free parameters re-tuned.
-    location, kind : str
-        State, input or output; a parameter stands for the largest force.
+    ``null``: the simulator, free parameters re-tuned.
+    ``location, kind``: state, input or output; a parameter stands for the largest force.
 
     Raises
     ------
@@ -79,10 +75,7 @@ def largest_growth(sd: np.ndarray, spread: np.ndarray) -> float:
     A path of error e leaves ``e^2 / spread`` of second order in every step; grown by ``exp(g)`` that stays within the noise
     as long as ``exp(g) e^2 / spread < sd``, and e is at most the noise: ``g < log(spread / sd)``.
 
-    Parameters
-    ----------
-    sd, spread : ndarray (n_outputs,)
-        Noise and deviation of every output.
+    ``sd, spread`` (n_outputs,): noise and deviation of every output.
 
     Examples
     --------

@@ -24,12 +24,8 @@ def regions(record: Record, signals: Mapping[str, np.ndarray], w: np.ndarray) ->
 
     Grown on half of the runs, judged on the other half: a split stays only where it tells there how strong the force is.
 
-    Parameters
-    ----------
-    signals : mapping of str to ndarray (n_samples,)
-        States and inputs.
-    w : ndarray (n_samples,)
-        Latent force.
+    ``signals`` (n_samples,): states and inputs.
+    ``w`` (n_samples,): latent force.
     """
     Z, size = np.stack(list(signals.values()), axis=1), np.abs(w)
     if not np.any(size > 0):

@@ -60,14 +60,8 @@ def equivalent_places(channels: Channels[TrajectoryCandidate]) -> list[Place]:
 def law_left(channels: Channels[TrajectoryCandidate], place: Place, unit: float, tolerance: float) -> LawLeft:
     """The likeliest formula at a place on top of what the channels lead from.
 
-    Parameters
-    ----------
-    channels : Channels
-    place : Place
-    unit : float
-        RMS of the gap over the noise: the size that counts as one.
-    tolerance : float
-        Size of a law that is small.
+    ``unit``: RMS of the gap over the noise: the size that counts as one.
+    ``tolerance``: size of a law that is small.
     """
     channel, drafts = channels.at(place.location, place.kind), channels.drafts(place.location, place.kind)
     if channel is None or not drafts:

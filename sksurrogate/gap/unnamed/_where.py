@@ -47,10 +47,7 @@ def by_location(found: Sequence[Place], named: Sequence[tuple[str, str, float]] 
     Where effects are named, the share of the gap that they hold at their places; else how probable a free signal at one
     place alone makes it.
 
-    Parameters
-    ----------
-    named : sequence of (location, kind, share)
-        Of the named effects.
+    ``named``: of the named effects.
     """
     if not found:
         return Table()
