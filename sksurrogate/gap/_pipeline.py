@@ -168,7 +168,7 @@ class DiagnosisPipeline(LawStage[C]):
         return retuned_table(self.problem.plant.params, self.problem.free, *ends)
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
-        """By name where effects explain the gap, by accusation where they do not."""
+        """The place of the named effects where these explain the gap, else the likely one."""
         found, final = self.found, self.final
         explained = effects if verdict in ("explained", "partial") else []
         named = _where.named_places(explained, {e.key[:3]: kind_at(e, self.problem.plant) for e in final.effects})

@@ -178,7 +178,7 @@ class Disturbance:
                 band[:, j, size + i - j] = -q_x[i] * self.G[:, i, j]
         return band
 
-    def begun_at(self, starts: np.ndarray) -> Disturbance:
+    def in_runs_from(self, starts: np.ndarray) -> Disturbance:
         """The same noise along the same trajectory, with runs cut into blocks that begin at ``starts``."""
         if np.array_equal(starts, self.starts):
             return self

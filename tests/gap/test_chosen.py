@@ -69,7 +69,7 @@ def test_blocks_of_a_run_have_the_likelihood_of_runs_of_their_own():
     whole, noise = candidate.disturbance, problem.first_noise()
     cut = np.sort(np.r_[whole.starts, whole.starts + 60])
     r = np.random.default_rng(1).normal(size=(1, 2, problem.record.n_samples))
-    grams, log_dets = whole.begun_at(cut).gram_by_run(r, noise)
+    grams, log_dets = whole.in_runs_from(cut).gram_by_run(r, noise)
     for k, (a, b) in enumerate(zip(cut, np.r_[cut[1:], problem.record.n_samples])):
         A, B, C = (part[a:b].transpose(1, 2, 0) for part in (whole.A, whole.B, whole.C))
         alone = Disturbance(A, B, C, np.array([0]), whole.start_sd, whole.slack)

@@ -53,7 +53,7 @@ def by_run(candidate: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray
         grams, log_dets = np.stack([part @ part.T for part in flat]), np.zeros(len(starts))
     else:
         noise = judged_under(candidate, noises).noise if len(noises) > 1 else noises[0]
-        grams, log_dets = linear.D.begun_at(starts).gram_by_run(linear.known, noise)
+        grams, log_dets = linear.D.in_runs_from(starts).gram_by_run(linear.known, noise)
     return ByRun(grams, log_dets, linear.within_bounds, prior, candidate.n_parameters)
 
 

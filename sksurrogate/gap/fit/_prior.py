@@ -7,7 +7,7 @@ import numpy as np
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._rounding import told_apart
+from sksurrogate.gap.fit._rounding import distinct_steps
 
 #: Initial states lie within so many times the size of a state about where the simulator's own run starts.
 START = 10.0
@@ -49,7 +49,7 @@ def step_cost(candidate: BaseCandidate) -> float:
     """Of a step of quantisation how many can be distinguished down to it, beyond what ``k ln N`` counts."""
     problem, counted = candidate.problem, np.log(candidate.problem.record.n_values)
     apart = [
-        told_apart(problem.plant, problem.record, effect, candidate.theta_of(i))
+        distinct_steps(problem.plant, problem.record, effect, candidate.theta_of(i))
         for i, effect in enumerate(candidate.effects)
     ]
     return float(sum(max(0.0, 2.0 * np.log(count) - counted) for count in apart))

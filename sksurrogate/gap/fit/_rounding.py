@@ -92,7 +92,7 @@ def rounded_signal(plant: Plant, record: Record, effect: BaseEffect) -> np.ndarr
     return record.measured(plant.outputs.index(str(effect.location)))
 
 
-def told_apart(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float] | np.ndarray) -> float:
+def distinct_steps(plant: Plant, record: Record, effect: BaseEffect, theta: Sequence[float] | np.ndarray) -> float:
     """How many steps round the data in different ways down to this one; 1 for other effects.
 
     While a step shrinks a value u passes from one multiple to the next u / c times.

@@ -213,7 +213,9 @@ class TrajectoryBackend(Backend):
         transients = np.stack(seen, axis=1) if seen else np.zeros((len(base), 0, base.shape[1]))
         return replace(self, transients=transients, nominal=self.simulations.run(self.record.u, {}, self.x0))
 
-    def begun_again(self, effects: Sequence[BaseEffect] = (), theta: np.ndarray = NO_PARAMETERS) -> TrajectoryBackend:
+    def with_starts_fitted(
+        self, effects: Sequence[BaseEffect] = (), theta: np.ndarray = NO_PARAMETERS
+    ) -> TrajectoryBackend:
         """With initial states where they explain what is left (one Gauss-Newton step)."""
         if self.x0 is None or self.transients.shape[1] != self.x0.shape[1]:
             return self

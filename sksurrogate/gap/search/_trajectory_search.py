@@ -44,7 +44,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
 
     def fit_null(self) -> Evidence[TrajectoryCandidate]:
         for _ in range(2 if self.problem.x0 is not None else 0):
-            self.problem = self.problem.begun_again()
+            self.problem = self.problem.with_starts_fitted()
         theta = np.zeros(len(self.problem.free))
         null = self.problem.fit((), theta)
         if null is None:
@@ -93,7 +93,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         final, problem = self.final.candidate, self.problem
         for _ in range(2):
             effects, theta = final.effects, final.fit.theta
-            problem = problem.renewed(effects, theta).begun_again(effects, theta)
+            problem = problem.renewed(effects, theta).with_starts_fitted(effects, theta)
             again = problem.fit(effects, theta)
             if again is None or again.fit.cost > 1.01 * final.fit.cost:
                 return
