@@ -195,11 +195,6 @@ class DiagnosisPipeline(LawStage[C]):
         found, final, problem = self.found, self.final, self.problem
         verdict, reasons = self.decided()
         effects = self.effects(verdict) if verdict != "none" else []
-        shrink, remainder, data = (
-            found.shrink or NOT_KNOWN,
-            self.remainder(),
-            faults_of(self.book, self.null.candidate, self.rows),
-        )
         place, term = self.place_and_term(verdict, effects)
         return GapReport(
             verdict,
@@ -208,21 +203,21 @@ class DiagnosisPipeline(LawStage[C]):
             ranking(self.search, final),
             self.retuned(),
             place,
-            shrink,
-            term,
-            found.experiment,
-            self.complete,
-            tuple(self.notes(verdict)),
-            self.untestable,
-            problem.plant.outputs,
-            problem.plant.states,
-            problem.plant.inputs,
-            traces(found.held, self.labels, self.carried_law is not None),
-            seconds,
-            reasons,
-            self.budget(),
-            remainder,
-            data=data,
+            found.shrink or NOT_KNOWN,
+            missing_term=term,
+            next_experiment=found.experiment,
+            complete=self.complete,
+            notes=tuple(self.notes(verdict)),
+            untestable=self.untestable,
+            outputs=problem.plant.outputs,
+            states=problem.plant.states,
+            inputs=problem.plant.inputs,
+            traces=traces(found.held, self.labels, self.carried_law is not None),
+            seconds=seconds,
+            reasons=reasons,
+            budget=self.budget(),
+            remainder=self.remainder(),
+            data=faults_of(self.book, self.null.candidate, self.rows),
             scale=() if self.unnamed.scale is None else tuple(map(float, self.unnamed.scale)),
         )
 

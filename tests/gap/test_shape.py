@@ -11,6 +11,7 @@ from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.unnamed import _term_library
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.gap.unnamed._families import FAMILIES, factors_of
 from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._grammar import terms_of
 from sksurrogate.gap.unnamed._missing_term import shape_of
@@ -224,3 +225,17 @@ def test_a_signal_that_noise_takes_below_zero_is_positive():
     for low, positive in ((0.1, True), (0.5, False)):
         terms = terms_of(Drivers("x", "state", {"v": z - low * z.std()}, {}))
         assert ("saturating" in {factor[0] for term in terms for factor in term.factors}) == positive
+
+
+def test_every_shape_of_a_driver_is_tried_but_those_with_a_meaning_of_their_own():
+    """Pieces of a curve and what begins at a time are not shapes of a driver; a fourth power is a square of a square."""
+    tried = [shape for family in FAMILIES for shape in family.shapes]
+    assert len(tried) == len(set(tried))
+    assert set(SHAPES) - set(tried) == {"spline", "after", "fourth"}
+
+
+def test_a_family_is_tried_for_the_drivers_that_it_suits():
+    shapes = {name: {f[0] for f in factors_of("v", z)} for name, z in
+              {"both": np.linspace(-1, 1, 50), "above": np.linspace(2, 9, 50), "still": np.ones(50)}.items()}  # fmt: skip
+    assert shapes["still"] == set()
+    assert "drag" in shapes["both"] - shapes["above"] and "inverse" in shapes["above"] - shapes["both"]
