@@ -47,6 +47,15 @@ class SetSearch(SetMoves[C]):
         self.first_round = [one for one in singles if not may_follow_noise(one, null)]
         if not self.first_round:
             return self.fitted_null
+        best, passed = self.first_name(null)
+        if passed or self.fitted_null.left >= FAR:
+            self.grow(best, passed, null)
+            stood = (self.final or self.fitted_null).candidate
+            self.stand(simplify(self, stood, far=True) if self.is_far(stood) else stood)
+        return self.final or self.fitted_null
+
+    def first_name(self, null: C) -> tuple[C, bool]:
+        """The best single effect, and whether it passes; it stands where it does."""
         if self.gain(self.first_round[0]) > self.bar(self.first_round[0].n_parameters):
             self.stand(self.first_round[0])
         best = simplify(self, self.first_choice(self.first_round))
@@ -55,9 +64,11 @@ class SetSearch(SetMoves[C]):
             self.null = self.judge(follow_null(null, self.judged[best].noise, self.null, self.second))
         passed = self.gain(best) > self.bar(best.n_parameters)
         self.stand(best if passed else null)
-        if not passed and self.fitted_null.left < FAR:
-            return self.fitted_null
-        left_behind: dict = {}
+        return best, passed
+
+    def grow(self, best: C, passed: bool, null: C) -> None:
+        """Effects one by one, or two at once, as long as they pass; what passes stands."""
+        left_behind: dict[frozenset, float] = {}
         while len(best.effects) < MOST_EFFECTS:
             far = passed and len(best.effects) > 1 and self.is_far(best)
             if far and closes_by_size(self.judged[best], self.gap_cost, self.tolerance):
@@ -74,9 +85,6 @@ class SetSearch(SetMoves[C]):
             best, passed = self.stand(better), True
             if given_up:
                 break
-        stood = (self.final or self.fitted_null).candidate
-        self.stand(simplify(self, stood, far=True) if self.is_far(stood) else stood)
-        return self.final or self.fitted_null
 
     def leads_on(self, best: C, n: int) -> bool:
         """Whether the screen expects n names more to close what a set leaves up to the tolerance, or to come near the noise.
