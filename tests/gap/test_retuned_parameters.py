@@ -34,11 +34,13 @@ class Law:
 
     found: SimpleNamespace
     price: float
+    location: str = "x"
+    kind: str = "state"
 
 
 def ordered(*laws):
-    """Numbers of laws (log likelihood, price, parameters), best first."""
-    fits = [Law(SimpleNamespace(candidate=SimpleNamespace(value=v, n_parameters=n)), p) for v, p, n in laws]
+    """Numbers of laws (log likelihood, price, parameters, location), best first."""
+    fits = [Law(SimpleNamespace(candidate=SimpleNamespace(value=v, n_parameters=n)), p, *at) for v, p, n, *at in laws]
     search = SimpleNamespace(
         ranked=lambda candidates, base: candidates, judged=Judged(fits), order=lambda some: lambda one: one.value
     )
@@ -61,3 +63,4 @@ def test_of_laws_as_likely_the_one_with_the_fewest_parameters_is_first():
     assert ordered((20.0, 0.0, 3), (near, 0.0, 2), (10.0, 0.0, 1)) == [1, 0, 2]
     assert ordered((20.0, 0.0, 3), (far, 0.0, 2), (10.0, 0.0, 1)) == [0, 1, 2]
     assert ordered((25.0, 10.0, 1), (22.0, 0.0, 2)) == [1, 0]  # what a formula costs counts
+    assert ordered((20.0, 0.0, 2, "x"), (20.0 + 1e-9, 0.0, 2, "u")) == [0, 1]  # twin places: the first one

@@ -108,18 +108,22 @@ def pruned(search: OdeSearch, base: Evidence[OdeCandidate], law: FittedLaw) -> F
 
 
 def ranked_laws(search: OdeSearch, base: Evidence[OdeCandidate], fits: list[FittedLaw]) -> list[FittedLaw]:
-    """Best first, under their own noise; of those that are as good the one with the fewest parameters."""
+    """Best first, under their own noise; of those that are as good the one with the fewest parameters, at the place that came first.
+
+    An input and the balance that it alone pushes are one place to the data: rounding must not choose between them.
+    """
     candidates = [law.found.candidate for law in fits]
     kept = search.ranked(candidates, base.candidate)
     fits = [replace(law, found=search.judged[law.found.candidate]) for law in fits if law.found.candidate in kept]
     if not fits:
         return []
+    places = list(dict.fromkeys((law.location, law.kind) for law in fits))
     score = search.order([law.found.candidate for law in fits])
     value = {id(law): score(law.found.candidate) - law.price for law in fits}
     fits.sort(key=lambda law: -value[id(law)])
     best = value[id(fits[0])]
     near = [law for law in fits if value[id(law)] > best - NATS_THAT_SETTLE]
-    first = min(near, key=lambda law: law.found.candidate.n_parameters)
+    first = min(near, key=lambda law: (law.found.candidate.n_parameters, places.index((law.location, law.kind))))
     return [first, *(law for law in fits if law is not first)]
 
 
