@@ -109,7 +109,7 @@ def test_effects_in_a_window_lend_their_shape_to_such_effects_alone():
     search = SimpleNamespace(
         library=[plain, other],
         known=lambda *given: [],
-        searching=lambda base: None,
+        as_searched=lambda base: base,
         shaped=lambda base, effects, shape, best: [(effect, shape) for effect in effects],
     )
     base = SimpleNamespace(keys=())
