@@ -64,7 +64,7 @@ def share_left(shrink: Shrink) -> float:
 def left_over(final: Evidence, noise: np.ndarray, most_noise: np.ndarray, retuned: bool) -> float:
     """Free-run error that is left, in units of the noise (the worst output).
 
-    Sensors are at least as noisy as the latent force finds them: a noise fit may call white noise coloured. Where nothing
+    Sensors are at least as noisy as they are beside a force in every balance: a noise fit may call white noise coloured. Where nothing
     is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
     """
     most = np.inf if final.effects or retuned else most_noise

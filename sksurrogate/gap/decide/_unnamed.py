@@ -1,4 +1,4 @@
-"""What no name answers, as far as a simulator's access shows it: the law, the force and the place of what is left."""
+"""What no name answers, as far as a simulator's access shows it: the law and the place of what is left."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class BaseUnnamed(ABC, Generic[C]):
     ----------
     complete : bool
         False after an interrupt: nothing that takes long is asked any more.
-    remains : Remains or None
-        What is left beside the names, once it was asked for.
     scale : ndarray (n_states,) or None
         Size of the states.
-    beside : LawBeside or None
-        The likeliest law without a name beside what stands.
+    beside : LawLeft or None
+        The likeliest law without a name beside what stands, where one was looked for.
+    places : list of Place or None
+        Of the gap, the most likely first; None before what is left was looked at.
     """
 
     #: Whether what needs no name is asked while names are looked for.
@@ -46,9 +46,7 @@ class BaseUnnamed(ABC, Generic[C]):
     separations: ClassVar[Callable[..., Separations]]
     _channels: Channels[C] | None = None
     scale: np.ndarray | None = None
-    #: The law beside what stands, where one was looked for.
     beside: LawLeft | None = None
-    #: The places of the gap, the most likely first; None before what is left was looked at.
     places: list[Place] | None = None
 
     def __init__(self, search: BaseSearch[C], seed: int):

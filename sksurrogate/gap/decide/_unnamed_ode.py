@@ -70,7 +70,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
 
     Attributes
     ----------
-    instead : LawBeside or None
+    instead : LawLeft or None
         The likeliest law in the place of all names, once it was asked for.
     clock : str
         A sentence where the record fits in another unit of time.

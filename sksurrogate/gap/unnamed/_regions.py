@@ -20,12 +20,12 @@ FEWEST_IN_REGION, MOST_REGIONS = 20, 25
 
 
 def regions(record: Record, signals: Mapping[str, np.ndarray], w: np.ndarray) -> Table:
-    """A few rules over states and inputs with the share of the latent force's power there; an honest tree.
+    """A few rules over states and inputs with the share of a signal's power there; an honest tree.
 
     Grown on half of the runs, judged on the other half: a split stays only where it tells there how strong the force is.
 
     ``signals`` (n_samples,): states and inputs.
-    ``w`` (n_samples,): latent force.
+    ``w`` (n_samples,): the signal.
     """
     Z, size = np.stack(list(signals.values()), axis=1), np.abs(w)
     if not np.any(size > 0):
