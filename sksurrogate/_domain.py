@@ -20,14 +20,14 @@ class Domain:
     ----------
     low, high : ndarray (n_features,)
         Range in the training data.
-    fade : float, or ndarray (n_rows,) of those that are weighted
+    fade : float
         Share of the range by which a feature may leave it before the correction fades; after twice that more, little is
         left (``exp(-4)``). ``inf``: never.
     """
 
     low: np.ndarray
     high: np.ndarray
-    fade: float | np.ndarray
+    fade: float
 
     @classmethod
     def of(cls, phi: np.ndarray, fade: float) -> Domain:
@@ -41,7 +41,7 @@ class Domain:
 
     def held(self, z: np.ndarray, margin: float = 0.1) -> np.ndarray:
         """Features (n_features, *s) held within the box widened by a share of its size."""
-        if np.all(np.isinf(self.fade)):
+        if np.isinf(self.fade):
             return z
         wide = (slice(None), *(None,) * (z.ndim - 1))
         room = margin * (self.high - self.low)
@@ -53,10 +53,10 @@ class Domain:
 
     def weight(self, phi: np.ndarray) -> np.ndarray:
         """1 inside and a little beyond, then down to 0: (n_rows,)."""
-        if np.all(np.isinf(self.fade)):
+        if np.isinf(self.fade):
             return np.ones(len(phi))
         beyond = np.maximum(self.distance(phi) - self.fade, 0.0)
-        return np.exp(-((beyond / np.maximum(self.fade, 1e-12)) ** 2))
+        return np.exp(-((beyond / max(self.fade, 1e-12)) ** 2))
 
     def doubt(self, phi: np.ndarray) -> np.ndarray:
         """0 within the box, towards 1 for rows of a run in time outside it, and from then on: a free run remembers."""

@@ -11,10 +11,13 @@ import numpy as np
 from sksurrogate.compose._left_out import LeftOut
 from sksurrogate.compose._support import SHARES, Support, block_powers, supported
 
-__all__ = ["CorrectionReport", "keep_supported", "reach", "surrogate_alone"]
+__all__ = ["CorrectionReport", "keep_supported", "reach", "supported_reach", "surrogate_alone"]
 
-#: Reach of a correction beyond its data, as a share of their range, from as much again to hardly any.
-FADES = (1.0, 0.3, 0.1)
+#: Reach of a correction beyond its data, as a share of their range: hardly any, and as much again.
+SHORTEST, LONGEST = 0.1, 1.0
+#: A correction that leaves at most this share of the error of every left-out block follows the plant, not the data: it reaches
+#: as far as any.
+HALVED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +72,21 @@ def keep_supported(
     names : sequence of str
         Of the outputs.
     fade : float, optional
-        None: of ``FADES`` the one that surely gains most on left-out runs, the longest where they do not go so far.
+        None: ``LONGEST`` where the correction halves the error of every left-out block at least; else as far as left-out
+        blocks have tested it, :func:`supported_reach`.
     """
     o = measured[0].shape[1]
     left_out = LeftOut(correction, inputs, measured)
     if not left_out.fitted:
-        correction.keep(np.zeros(o), FADES[0] if fade is None else fade)
+        correction.keep(np.zeros(o), SHORTEST if fade is None else fade)
         correction.judge(inputs, measured)
         nothing = np.full(o, np.nan)
         return CorrectionReport(np.zeros(o), correction.domain.fade, nothing, nothing, nothing, 0.0, 0.0, 0, _TOO_SHORT)
     size = np.maximum(np.std(np.concatenate(measured), axis=0), 1e-300)
-    fades = FADES if fade is None else (fade,)
-    best = (_best_inside if correction.inside else _best_outside)(left_out, fades, size)
+    judged = _judged_inside if correction.inside else _judged_outside
+    best = judged(left_out, LONGEST if fade is None else fade, size)
+    if fade is None and best.worst > HALVED**2:
+        best = judged(left_out, supported_reach(left_out.departures(correction)), size)
     place = [int(np.argmin(np.abs(best.factors - support.factor))) for support in best.supports]
     kept = best.factors[place]
     changed = np.any(kept < 1.0) or best.fade != correction.domain.fade
@@ -100,45 +106,66 @@ def keep_supported(
 
 @dataclass(frozen=True, eq=False)
 class _Judged:
-    """Shares of the correction at one reach: support of every output, and RMSE (n_factors, n_outputs)."""
+    """Shares of the correction at one reach: support of every output, RMSE (n_factors, n_outputs), and what is worst.
+
+    ``worst``: the largest share of a block's squared error that the whole correction leaves.
+    """
 
     factors: np.ndarray
     fade: float
     supports: list[Support]
     rmse: np.ndarray
+    worst: float
 
     @property
     def closed(self) -> float:
         """Gain, mean over outputs."""
         return float(np.mean([support.closed for support in self.supports]))
 
-    @property
-    def sure(self) -> float:
-        """Sure gain, mean over outputs."""
-        return float(np.mean([support.sure for support in self.supports]))
+
+def supported_reach(departures: np.ndarray) -> float:
+    """How far a correction acts beyond its data: as far as two left-out blocks at least have gone beyond theirs.
+
+    What it does farther out nobody has seen, and one block does not tell how its errors vary from block to block.
+
+    Parameters
+    ----------
+    departures : ndarray (n_blocks,)
+        See :meth:`LeftOut.departures`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> supported_reach(np.array([0.0, 0.4, 0.2, 0.0]))
+    0.2
+    """
+    second = np.sort(departures)[-2] if len(departures) > 1 else 0.0
+    return float(np.clip(second, SHORTEST, LONGEST))
 
 
-def _best_outside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
+def _judged_outside(left_out: LeftOut, fade: float, size: np.ndarray) -> _Judged:
     """A share for every output."""
-
-    def judged(fade: float) -> _Judged:
-        power, rmse = _power(left_out.errors(SHARES, fade), left_out)
-        return _Judged(SHARES, fade, [supported(power[:, :, j], SHARES) for j in range(len(size))], rmse)
-
-    return max((judged(fade) for fade in fades), key=lambda one: one.sure)
+    power, rmse = _power(left_out.errors(SHARES, fade), left_out)
+    supports = [supported(power[:, :, j], SHARES) for j in range(len(size))]
+    return _Judged(SHARES, fade, supports, rmse, _worst(np.sum(power / size**2, axis=2)))
 
 
-def _best_inside(left_out: LeftOut, fades: Sequence[float], size: np.ndarray) -> _Judged:
+def _judged_inside(left_out: LeftOut, fade: float, size: np.ndarray) -> _Judged:
     """One share for all outputs: none, half or all of the term, each simulated."""
     factors = np.array([0.0, 0.5, 1.0])
-    errors = left_out.errors(np.tile(factors, len(fades)), np.repeat(fades, len(factors)))
+    power, rmse = _power(left_out.errors(factors, fade), left_out)
+    total = np.sum(power / size**2, axis=2)
+    return _Judged(factors, fade, [supported(total, factors)] * len(size), rmse, _worst(total))
 
-    def judged(fade: float, some: slice) -> _Judged:
-        power, rmse = _power([error[some] for error in errors], left_out)
-        return _Judged(factors, fade, [supported(np.sum(power / size**2, axis=2), factors)] * len(size), rmse)
 
-    every = [judged(fade, slice(3 * k, 3 * k + 3)) for k, fade in enumerate(fades)]
-    return max(every, key=lambda one: one.sure)
+def _worst(power: np.ndarray) -> float:
+    """The largest share that the whole correction leaves of a block, ``power`` (n_factors, n_blocks).
+
+    A block in which the simulator errs less than on average counts as an average one: there is little to gain.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = power[-1] / np.maximum(power[0], np.mean(power[0]))
+    return float(np.max(left)) if np.all(np.isfinite(left)) else np.inf
 
 
 def _power(errors: list[np.ndarray], left_out: LeftOut) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +176,7 @@ def _power(errors: list[np.ndarray], left_out: LeftOut) -> tuple[np.ndarray, np.
 
 def reach(fade: float | str) -> float:
     """``fade`` as a number: "evidence" as far as it goes while nothing has been left out."""
-    return FADES[0] if fade == "evidence" else float(fade)
+    return LONGEST if fade == "evidence" else float(fade)
 
 
 def surrogate_alone(

@@ -79,7 +79,7 @@ class DynamicsCorrection:
     def _fit_term(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any) -> None:
         """Basis and coefficients."""
         plant, model, guess = self._prepare(inputs, measured)
-        z = model.record.u if self.form == "input" else np.concatenate([guess, model.record.u])
+        z = self._path[0].T
         self.domain = Domain.of(z.T, self.fade)
         self.terms: Any = None
         if isinstance(before, DynamicsCorrection) and self.length is None:
@@ -100,32 +100,32 @@ class DynamicsCorrection:
         other._fit_term([inputs[r][a:b] for r, a, b in blocks], [measured[r][a:b] for r, a, b in blocks], None)
         return other
 
+    def along(self, run: int, start: int, stop: int) -> np.ndarray:
+        """Features (n_rows, n_features) along rows of a run that was fitted."""
+        rows, starts = self._path
+        return rows[starts[run] + start : starts[run] + stop]
+
     def errors_at(
         self, factors: np.ndarray, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], pieces: Sequence[Piece]
     ) -> list[np.ndarray]:
-        """Errors (n_factors, n_rows, n_outputs) of free runs of the pieces, where they are judged.
-
-        ``domain.fade`` is one number, or one for every factor.
-        """
+        """Errors (n_factors, n_rows, n_outputs) of free runs of the pieces, where they are judged."""
         plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
         length = max(piece.stop - piece.start for piece in pieces)
         rows = [np.minimum(piece.start + np.arange(length), piece.stop - 1) for piece in pieces]
         U = np.stack([inputs[piece.run][own] for piece, own in zip(pieces, rows)])
         X0 = np.stack([self._start(plant, measured[piece.run][piece.start :]) for piece in pieces])
-        whole, n = (self.factor, self.domain), len(pieces)
-        fades = np.broadcast_to(self.domain.fade, len(factors))
+        whole, n = self.factor, len(pieces)
         quick = self.n_sub is not None  # then all are marched at once
         runs = []
         for group in [slice(None)] if quick else [slice(k, k + 1) for k in range(len(factors))]:
             count = len(factors[group])
             self.factor = np.repeat(factors[group], n) if quick else float(factors[group][0])
-            self.domain = replace(whole[1], fade=np.repeat(fades[group], n) if quick else float(fades[group][0]))
             try:
                 X = self._rolled(plant, np.tile(U, (count, 1, 1)), np.tile(X0, (count, 1)), quick)
             except (SimulationDiverged, FloatingPointError):
                 X = np.full((count * n, length, X0.shape[1]), np.inf)
             runs.append(X.reshape(count, n, length, -1))
-        self.factor, self.domain = whole
+        self.factor = whole
         t, out = plant.dt * np.arange(length), []
         for k, (piece, own) in enumerate(zip(pieces, rows)):
             some = slice(max(piece.judged - piece.start, 1), piece.stop - piece.start)
@@ -140,6 +140,7 @@ class DynamicsCorrection:
     def keep(self, factor: np.ndarray, fade: float) -> None:
         """Multiply the term by ``factor`` (one number for all outputs); fade it beyond ``fade``."""
         self.domain = replace(self.domain, fade=fade)
+        self.__dict__.pop("_path", None)
         self._scale(float(factor[0]))
 
     def _scale(self, factor: float) -> None:
@@ -156,6 +157,8 @@ class DynamicsCorrection:
                 'trajectories only: use form="output", "static" or "series".'
             )
         model, guess, self.noise = plant_path(plant, inputs, measured)
+        seen = [model.record.u] if self.form == "input" else [guess, model.record.u]
+        self._path = np.concatenate(seen).T, model.record.starts
         return plant, model, guess
 
     def judge(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> DynamicsCorrection:

@@ -35,7 +35,9 @@ def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: in
         return graph
     n, o, n_states = correction.n_lags, correction.n_outputs, _n_states(correction.simulator)
     past = n * o if correction.form == "output" else 0
-    x, u = graph.input("x", n_states + past + n * n_inputs), graph.input("u", n_inputs)
+    # the last state is constant: what the first rows of the run leave of the correction
+    x, u = graph.input("x", n_states + past + n * n_inputs + 1), graph.input("u", n_inputs)
+    trust = graph.take(x, np.array([n_states + past + n * n_inputs]))
     own = graph.take(x, np.arange(n_states))
     d, before = graph.take(x, n_states + np.arange(past)), graph.take(x, n_states + past + np.arange(n * n_inputs))
     if correction.simulator is None:
@@ -54,11 +56,12 @@ def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: in
     following = [own_next]
     if past:
         following += [value, graph.take(d, np.arange(past - o))]
-    following += [u, graph.take(before, np.arange((n - 1) * n_inputs))]
+    following += [u, graph.take(before, np.arange((n - 1) * n_inputs)), trust]
     graph.outputs["x_next"] = graph.concat(*following)
     kept = graph.binary("mul", graph.constant(np.broadcast_to(correction.factor, (o,)).astype(float)), value)
-    graph.outputs["y"] = graph.binary("add", y_s, kept)
+    graph.outputs["y"] = graph.binary("add", y_s, graph.binary("mul", kept, trust))
     start = np.zeros(graph.nodes[x].size)
+    start[-1] = 1.0
     if correction.simulator is not None:
         start[:n_states] = describe(correction.simulator).x0
     graph.initial = start
@@ -89,7 +92,8 @@ def hybrid_state(correction: Any, U: np.ndarray, y0: np.ndarray | None, n_sub: i
         d = np.concatenate([(y0[t] - at["y"])[None], d[:-1]])
         before = np.concatenate([U[t : t + 1], before[:-1]])
         own = at["x_next"]
-    return np.concatenate([own, d.ravel() if correction.form == "output" else np.zeros(0), before.ravel()])
+    lags = d.ravel() if correction.form == "output" else np.zeros(0)
+    return np.concatenate([own, lags, before.ravel(), [correction.trust(y0)]])
 
 
 def _n_states(simulator: Any) -> int:

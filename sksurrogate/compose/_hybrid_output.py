@@ -13,6 +13,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from sksurrogate._domain import Domain
+from sksurrogate.compose._compiled import Deviation, compiled
 from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._plant_path import training_substeps
 from sksurrogate.compose._residual import FreeRunResidual
@@ -100,6 +101,8 @@ class OutputCorrection:
     finds_starts = True
     _bases: dict[Piece, np.ndarray]
     domain: Domain
+    #: Range of the measured outputs: a run that starts outside it is one that no data spoke of.
+    outputs_seen: Domain
     #: Substeps of the simulator's right-hand side along the training runs; None: not known.
     n_sub: int | None = None
     #: How initial states are found from the first rows; None: states that are outputs start at the first row.
@@ -128,6 +131,7 @@ class OutputCorrection:
         deviation = [y - b for y, b in zip(measured, base)]
         known = [self.known(U, b) for U, b in zip(inputs, base)]
         self._taught = (known, deviation, base)
+        self.outputs_seen = Domain.of(np.concatenate(measured), self.fade)
         self._fit_deviations(known, deviation, before)
         return self.judge(inputs, measured)
 
@@ -150,8 +154,20 @@ class OutputCorrection:
             self.simulator, self.residual, self.form, self.loss, self.n_lags, self.fade, self.shrinkage, self.random_state
         )  # fmt: skip
         other.n_outputs, other.starts, other._taught, other._bases = self.n_outputs, self.starts, self._taught, {}
+        other.outputs_seen = Domain.of(np.concatenate([measured[r][a:b] for r, a, b in blocks]), self.fade)
         other._fit_deviations([known[r][a:b] for r, a, b in blocks], [deviation[r][a:b] for r, a, b in blocks], None)
         return other
+
+    def along(self, run: int, start: int, stop: int) -> np.ndarray:
+        """Features (n_rows, n_features) of measured rows of a run that ``fit`` has simulated, behind its first rows."""
+        known, deviation, _ = self._taught
+        return self._rows(deviation[run], known[run])[max(start - self.n_lags, 0) : stop - self.n_lags]
+
+    def trust(self, first: np.ndarray | None) -> float:
+        """Share of the correction that is left to a run with these first rows (None: unknown), by the correction's reach."""
+        if first is None or not len(first) or self.simulator is None:
+            return 1.0
+        return float(replace(self.outputs_seen, fade=self.domain.fade).weight(first[: self.n_lags]).min())
 
     def errors_at(
         self, factors: np.ndarray, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], pieces: Sequence[Piece]
@@ -219,10 +235,11 @@ class OutputCorrection:
             every = [self._deviations(net, net, stacked, starts, started)[0] for net in self.members]
             deviates = np.std(every, axis=0)
         cut_off = [len(b) for b in base]
+        trust = [self.trust(f) for f in first]
         return Free(
-            [_kept(b, d[:n, r], self.factor, started[r]) for r, (b, n) in enumerate(zip(base, cut_off))],
-            [self.factor * deviates[:n, r] for r, n in enumerate(cut_off)],
-            [weight[:n, r] for r, n in enumerate(cut_off)],
+            [_kept(b, d[:n, r], self.factor * trust[r], started[r]) for r, (b, n) in enumerate(zip(base, cut_off))],
+            [self.factor * trust[r] * deviates[:n, r] for r, n in enumerate(cut_off)],
+            [trust[r] * weight[:n, r] for r, n in enumerate(cut_off)],
         )
 
     def one_step(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> list[np.ndarray]:
@@ -270,7 +287,7 @@ class OutputCorrection:
         if self.loss == "shooting" and self.residual is not None and self.form == "output":
             self._shoot(known, deviation)
         step = compiled(self.fitted)
-        self.step = _Deviation(step, self.n_outputs) if self.form == "series" else step
+        self.step = Deviation(step, self.n_outputs) if self.form == "series" else step
 
     def _n_inputs(self, known: list) -> int:
         return (known[0].shape[1] - self.n_outputs) // (self.n_lags + 1)
@@ -327,7 +344,8 @@ class OutputCorrection:
             padded = np.concatenate([known[:ahead], known])
             d = roll(net, padded, starts)
             if np.all(np.isfinite(d)) and np.all(np.abs(d) <= self.bound):
-                phi = features(d, padded, n).reshape(-1, len(self.domain.low))
+                phi = features(d, padded, n)
+                phi = phi.reshape(-1, phi.shape[2])
                 if np.all(self.domain.distance(phi) <= self.domain.fade):
                     return d[ahead:], weight
         return self._step_by_step(step, known, starts, started)
@@ -354,58 +372,6 @@ def _kept(base: np.ndarray, d: np.ndarray, factor: np.ndarray | float, started: 
     y = base + factor * d
     y[:started] = base[:started] + d[:started]
     return y
-
-
-class _Deviation:
-    """A predictor of the output as one of the deviation: what it adds to the simulator's output, the last features."""
-
-    def __init__(self, step: Any, n_outputs: int):
-        self.step, self.n_outputs = step, n_outputs
-
-    def __call__(self, phi: np.ndarray) -> np.ndarray:
-        return self.step(phi) - phi[:, -self.n_outputs :]
-
-
-class _Predict:
-    """A fitted regressor as a function of features, always with two dimensions."""
-
-    def __init__(self, residual: Any):
-        self.residual = residual
-
-    def __call__(self, phi: np.ndarray) -> np.ndarray:
-        return np.asarray(self.residual.predict(phi)).reshape(len(phi), -1)
-
-
-class _Polynomial:
-    """The default of the static forms (scaler, polynomials, scaler, ridge) in plain numpy."""
-
-    def __init__(self, steps: Sequence[Any]):
-        self.scale, poly, second, ridge = steps
-        index = [np.repeat(np.arange(len(row)), row) for row in poly.powers_]
-        self.table = np.full((max(len(i) for i in index), len(index)), poly.n_features_in_)
-        for column, factors in enumerate(index):
-            self.table[: len(factors), column] = factors
-        coef = np.atleast_2d(ridge.coef_) / second.scale_
-        self.coef, self.intercept = coef.T, np.atleast_1d(ridge.intercept_) - coef @ second.mean_
-
-    def __call__(self, phi: np.ndarray) -> np.ndarray:
-        z = np.concatenate([(phi - self.scale.mean_) / self.scale.scale_, np.ones((len(phi), 1))], axis=1)
-        product = z[:, self.table[0]]
-        for row in self.table[1:]:
-            product = product * z[:, row]
-        return product @ self.coef + self.intercept
-
-
-def compiled(residual: Any) -> Callable[[np.ndarray], np.ndarray]:
-    """The prediction of a fitted residual on (n_rows, n_features) as (n_rows, n_outputs); plain numpy where possible."""
-    net = as_skip_net(residual)
-    if net is not None:
-        return net
-    steps = [step for _, step in getattr(residual, "steps", None) or []]
-    kinds = [type(step).__name__ for step in steps]
-    if kinds == ["StandardScaler", "PolynomialFeatures", "StandardScaler", "Ridge"]:
-        return _Polynomial(steps)
-    return _Predict(residual)
 
 
 def _defaults(n_features: int) -> list[Any]:

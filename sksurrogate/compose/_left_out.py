@@ -111,14 +111,27 @@ class LeftOut:
         """Run of every piece, and the row behind its last."""
         return [(piece.run, piece.stop) for _, judged in self.fitted for piece in judged]
 
-    def errors(self, factors: np.ndarray, fade: float | np.ndarray | None = None) -> list[np.ndarray]:
+    def departures(self, correction: Any) -> np.ndarray:
+        """How far the measured rows of every left-out block leave what its fold was fitted to, (n_blocks,).
+
+        ``correction`` is the one of all rows. Shares of the range of the feature that lies farthest.
+        """
+        far: dict[tuple[int, int], float] = {}
+        for fold, judged in self.fitted:
+            for piece in judged:
+                rows = correction.along(piece.run, piece.judged, piece.stop)
+                block = piece.run, piece.stop
+                far[block] = max(far.get(block, 0.0), float(np.max(fold.domain.distance(rows), initial=0.0)))
+        return np.array(list(far.values()))
+
+    def errors(self, factors: np.ndarray, fade: float | None = None) -> list[np.ndarray]:
         """Errors (n_factors, n_rows, n_outputs) of every piece at these shares of the correction, behind its first rows.
 
         Parameters
         ----------
         factors : ndarray (n_factors,)
         fade : float, optional
-            Reach of the correction beyond its data in place of its own; inside a plant also one for every factor.
+            Reach of the correction beyond its data in place of its own.
         """
         errors: list[np.ndarray] = []
         for correction, judged in self.fitted:

@@ -155,7 +155,7 @@ class TermModel:
     def derivative(self, coef: np.ndarray, domain: Domain | None = None, factor: float | np.ndarray = 1.0) -> Any:
         """dx/dt (or the next states of a step) as a function of (t, x, u), with coefficients (n_targets, n_basis, n_columns or 1).
 
-        ``factor`` and ``domain.fade`` are one number, or one a column.
+        ``factor`` is one number, or one a column.
         """
         inner, targets, amount = self.plant.inner, list(self.targets), self.size[:, None]
 

@@ -19,7 +19,7 @@ from sksurrogate.compose import HybridRegressor
 from sksurrogate.compose._hybrid_output import simulate_runs
 
 #: One of each kind of gap: none, one effect, two, a region, three, forms that no catalogue holds, parameters off.
-ARMS = ("single", "none", "multi", "unknown", "inexact", "three")
+ARMS = ("effect", "none", "two", "outside", "inexact", "three")
 
 
 def halves(one):

@@ -6,6 +6,7 @@ from sklearn.linear_model import LinearRegression
 from sklearn.neighbors import KNeighborsRegressor
 
 from sksurrogate.compose import HybridRegressor
+from sksurrogate.compose._correction_report import supported_reach
 from sksurrogate.compose._left_out import folds_of
 from sksurrogate.compose._support import block_powers, supported
 from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
@@ -78,17 +79,37 @@ def test_free_runs_over_the_same_rows_are_one_block():
     np.testing.assert_allclose(cut[0, :, 0], [3.0, 3.0, 3.0, 3.0, 5.0, 6.0, 6.0])
 
 
-def test_the_correction_reaches_beyond_its_data_as_far_as_runs_support_it():
+def test_a_correction_reaches_as_far_as_two_left_out_runs_have_gone_beyond_the_others():
     rng = np.random.default_rng(0)
-    base, groups = rng.uniform(size=(240, 1)), np.repeat(np.arange(6), 40)
-    simulator = CallableSimulator(identity)
-    within = HybridRegressor(simulator, LinearRegression(), "static").fit(base, 1.5 * base[:, 0], groups=groups)
-    assert within.shrinkage_ == 1.0 and within.report_.fade == 1.0  # no run speaks against the longest
-    # Six runs agree, and one lies half a range outside, where the simulator alone is right: the shortest gains more.
-    X = np.concatenate([base, rng.uniform(1.4, 1.6, size=(40, 1))])
-    y = np.where(X[:, 0] < 1.2, 1.5, 1.0) * X[:, 0]
-    beyond = HybridRegressor(simulator, LinearRegression(), "static").fit(X, y, groups=np.r_[groups, np.full(40, 6)])
-    assert beyond.report_.fade == 0.1
+    simulator, groups = CallableSimulator(identity), np.repeat(np.arange(3), 60)
+    side = np.linspace(0.0, 1.0, 60)
+    # left out, the first run lies half of the range of the others outside, and so does the last
+    X, noise = np.concatenate([side, 1.0 + side, 2.0 + side])[:, None], 0.3 * rng.normal(size=180)
+    apart = HybridRegressor(simulator, LinearRegression(), "static", n_lags=1).fit(
+        X, 1.5 * X[:, 0] + 2.0 * noise, groups=groups
+    )
+    assert apart.shrinkage_ > 0.5 and apart.report_.fade == pytest.approx(0.5, abs=0.02)
+    X = rng.uniform(size=(180, 1))  # no run leaves the others: nothing is known of outside
+    alike = HybridRegressor(simulator, LinearRegression(), "static").fit(X, 1.5 * X[:, 0] + noise, groups=groups)
+    assert alike.shrinkage_ > 0.5 and alike.report_.fade == 0.1
+    exact = HybridRegressor(simulator, LinearRegression(), "static").fit(X, 1.5 * X[:, 0], groups=groups)
+    assert exact.report_.fade == 1.0  # it halves the error of every run: it follows the plant
+    assert supported_reach(np.array([0.7, 0.0, 0.0])) == 0.1  # one run says nothing of the next
+    assert supported_reach(np.array([9.0, 7.0, 0.0])) == 1.0
+
+
+def test_a_run_that_starts_outside_the_measured_outputs_is_the_simulators():
+    """Twice the reach outside a share of 1 / e of the correction is left, far outside nothing."""
+    X, groups = np.random.default_rng(0).uniform(size=(180, 1)), np.repeat(np.arange(3), 60)
+    y = X[:, 0] + 0.3
+    hybrid = HybridRegressor(CallableSimulator(identity), LinearRegression(), "static").fit(X, y, groups=groups)
+    assert hybrid.report_.fade == 1.0
+    for beyond, left in ((0.0, 1.0), (1.0, 1.0), (2.0, np.exp(-1.0)), (9.0, 0.0)):
+        first = np.full((5, 1), y.max() + beyond * np.ptp(y))
+        added = hybrid.predict(X[:60], y0=first)[5:] - X[5:60, 0]
+        np.testing.assert_allclose(added, 0.3 * left, atol=1e-6)
+    alone = HybridRegressor(None).fit(X, y, groups=groups)
+    assert alone.correction_.trust(first) == 1.0  # without a simulator there is nothing else
 
 
 @pytest.mark.parametrize("lengths", [[97], [40, 55], [20, 30, 25, 40, 33]])
@@ -145,12 +166,14 @@ def test_the_whole_correction_is_kept_where_it_closes_the_gap():
     assert hybrid.report_.rmse < 0.1 * hybrid.report_.simulator_rmse
 
 
-def test_the_graph_of_a_shrunk_hybrid_is_its_prediction():
+@pytest.mark.parametrize("beyond", [0.0, 0.7])
+def test_the_graph_of_a_shrunk_hybrid_is_its_prediction(beyond):
     X, y, groups = make_reactor_runs(3, 80, noise=0.02, random_state=0)
     hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
     hybrid.correction_.keep(np.array([0.4]), 0.3)
-    predicted = hybrid.predict(X[:40], y0=y[:5])
-    state, graph, found = hybrid.graph_state(X[:40], y0=y[:5]), hybrid.to_graph(), []
+    first = y[:5] + beyond * (y.max() + np.ptp(y) - y[:5])  # a run that starts outside keeps less of the correction
+    predicted = hybrid.predict(X[:40], y0=first)
+    state, graph, found = hybrid.graph_state(X[:40], y0=first), hybrid.to_graph(), []
     for row in X[5:40]:
         at = graph(x=state, u=row)
         state = at["x_next"]
