@@ -159,9 +159,9 @@ def without_nan(y: Any) -> Any:
 
 def refuse_unlabelled(labels: np.ndarray | None, name: str) -> None:
     """A label that is missing is an error, not a run of its own."""
-    if labels is None or labels.dtype.kind not in "fO":
+    if labels is None or labels.dtype.kind not in "fOmM":
         return
-    missing = np.isnan(labels) if labels.dtype.kind == "f" else np.array([v is None or v != v for v in labels])
+    missing = np.array([v is None or v != v for v in labels]) if labels.dtype.kind == "O" else np.isnan(labels)
     if missing.any():
         raise DataError(
             f"{name} contains NaN: row {int(np.argmax(missing))}. Every row needs the label of its run; -1 leaves a row out."

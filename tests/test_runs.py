@@ -106,6 +106,10 @@ def test_cut_runs_wants_counts(settings):
 def test_labels_of_runs_may_not_be_missing():
     with pytest.raises(DataError, match=r"groups contains NaN: row 1.*-1 leaves a row out"):
         resolve_runs(np.ones((3, 1)), groups=[0.0, np.nan, 1.0])
+    days = np.array(["2020-01-01", "NaT", "2020-01-02"], dtype="datetime64[D]")
+    for labels in (days, days - days[0]):
+        with pytest.raises(DataError, match=r"groups contains NaN: row 1.*-1 leaves a row out"):
+            resolve_runs(np.ones((3, 1)), groups=labels)
 
 
 def test_runs_to_be_stacked_have_the_same_columns():

@@ -159,3 +159,13 @@ def test_filters_and_steps_give_one_free_run():
 def test_each_argument_of_a_split_is_refused_alone(wrong):
     with pytest.raises(ValueError, match=f"{next(iter(wrong))}={next(iter(wrong.values()))}.*at least 2 folds"):
         list(BlockedSplit(**({"n_splits": 3} | wrong)).split(np.zeros((40, 1))))
+
+
+@pytest.mark.parametrize(
+    ("shares", "sets"), [((0.3, 0.3), [1, 1, 1]), ((0.4, 0.0), [1, 1, 0]), ((0.0, 0.4), [1, 0, 1])]
+)
+def test_as_few_runs_as_there_are_sets_give_one_each(shares, sets):
+    n = sum(sets)
+    found = split_runs(np.repeat(np.arange(n), 7), validation=shares[0], grading=shares[1], random_state=0)
+    assert [len(rows) for rows in found] == [7 * k for k in sets]
+    assert sorted(np.concatenate(found)) == list(range(7 * n))

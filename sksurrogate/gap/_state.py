@@ -142,5 +142,6 @@ class DiagnosisState(Generic[C]):
             curve=law.gain if law is not None else -np.inf,
             curve_moved=law.deviation if law is not None else 0.0,
             rounding=rounding.share if rounding is not None else 0.0,
+            noisy_input=self.book.noise_of_inputs if self.book is not None else 0.0,
             tolerance=self.search.tolerance,
         )

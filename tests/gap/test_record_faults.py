@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, Offsets, Shifts
@@ -190,3 +191,32 @@ def test_a_sensor_that_stands_still_is_not_excused_by_a_small_move_of_the_simula
     # A simulator that stands still and jumps itself: so may the plant.
     held = np.where((rows < 62) | (rows > 106), model, model[0, 62])
     assert wrong_readings(still, lambda: held) == []
+
+
+def test_a_late_run_of_a_slow_plant_is_late_by_the_right_samples():
+    # Initial states that are fitted to late outputs bend the first readings of a slow plant.
+    report = diagnosed(make_case("oven", "shift", False)).report_
+    assert report.verdict == "none" and report.effects == []
+    assert dict(report.data[0].values) == {1: 5.0}
+
+
+def test_noise_on_an_input_is_said_and_is_no_law():
+    case = make_case("cart", "input_noise", False)
+    report = diagnosed(case).report_
+    assert report.verdict == "none" and report.effects == []
+    fault = report.data[0]
+    assert fault.kind == "input_noise" and fault.location == "u" and fault.share > 0.5
+    size = 0.35 * 4.0 / np.sqrt(3)  # a share of the deviation of levels that are uniform within 4
+    assert fault.size == pytest.approx(size, rel=0.15)
+
+
+def test_a_slow_actuator_is_no_noise_of_the_input():
+    # The plant gets a smoother input than was measured, and another effect is all that may be named.
+    case, rng = make_case("cart", "nothing", False), np.random.default_rng(4)
+    U = 4.0 * rng.uniform(-1, 1, (960, 1))
+    slow = np.concatenate([lfilter([0.4], [1, -0.6], part, axis=0) for part in np.split(U, 4)])
+    Y = np.concatenate([case.simulator.simulate(part) for part in np.split(slow, 4)])
+    Y += 0.01 * Y.std() * rng.normal(size=Y.shape)
+    runs = np.repeat(np.arange(4), 240)
+    report = GapDiagnoser(case.simulator, effects=["sensor_bias"], n_jobs=1, random_state=0).fit(U, Y, runs).report_
+    assert report.verdict == "unknown" and "input_noise" not in report.data.kinds

@@ -30,6 +30,8 @@ def test_a_fault_of_an_unlabelled_record_names_no_run(runs, said):
 
 
 def test_a_table_is_printed_in_columns():
-    table = Table(({"name": "friction", "size": 0.12345678, "seen": None}, {"name": "lag", "size": 2.0, "seen": (1, 2)}))
+    table = Table(
+        ({"name": "friction", "size": 0.12345678, "seen": None}, {"name": "lag", "size": 2.0, "seen": (1, 2)})
+    )
     assert str(table).splitlines() == ["name      size    seen", "friction  0.1235  -", "lag       2       (1, 2)"]
     assert str(Table()) == "(empty)"

@@ -39,6 +39,7 @@ class DecisionFeatures:
     curve: float = -np.inf
     curve_moved: float = 0.0
     rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
+    noisy_input: float = 0.0  #: Share of the gap (power) that the noise of a measured input makes up
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 
 
@@ -73,6 +74,8 @@ def left_over(final: Evidence, noise: np.ndarray, most_noise: np.ndarray, retune
 
 #: A reading's grid counts from this share of the output's deviation on.
 GRID_SHARE = 0.01
+#: Noise of a measured input is the gap where it makes up this share of its power: half of the amplitude is then left for a law.
+NOISE_IS_THE_GAP = 0.75
 #: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where it is near the noise.
 PRACTICAL = 0.005
 
@@ -154,6 +157,12 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.error < SMALL_GAP and f.left <= FAR,
         "none",
         "The gap is small, and it is near the noise.",
+    ),
+    Rule(
+        "noisy_input",
+        lambda f: f.noisy_input > NOISE_IS_THE_GAP,
+        "none",
+        "The noise of a measured input makes up the gap.",
     ),
     Rule(
         "unnamed_law",

@@ -115,7 +115,8 @@ class NoisyInput(BaseFault):
 
     input: int
     way: int  #: Of :data:`SMOOTHINGS`
-    removed: float = 0.0  #: Share of the gap that it removes
+    #: Share of the gap that the smoother input removes; where it is not taken out, that noise of its size makes up
+    removed: float = np.nan
     #: Whether the record is corrected: noise that is slow beside the plant cannot be distinguished from the input
     taken_out: bool = True
 
@@ -138,13 +139,22 @@ class NoisyInput(BaseFault):
             u[self.input, a:b] = SMOOTHINGS[self.way](record.u[self.input, a:b])
         return replace(record, u=u)
 
+    def noisier(self, record: Record) -> Record:
+        """The record with as much white noise once more on the input."""
+        u, rng = record.u.copy(), np.random.default_rng(0)
+        u[self.input] += self.deviation(record) * rng.normal(size=record.n_samples)
+        return replace(record, u=u)
+
+    def deviation(self, record: Record) -> float:
+        """Of the noise."""
+        return float(np.std(record.u[self.input] - self.smoother(record).u[self.input]))
+
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """With the deviation of the noise."""
-        size = float(np.std(record.u[self.input] - self.smoother(record).u[self.input]))
+        size = self.deviation(record)
         remedy = "Record the input that the actuator is given, or filter its measurement forwards and backwards."
-        share = self.removed if self.taken_out else np.nan
         where = (names.inputs[self.input], "input", tuple(names.labels), ())
-        return DataFault("input_noise", *where, size, share, remedy=remedy, taken_out=self.taken_out)
+        return DataFault("input_noise", *where, size, self.removed, remedy=remedy, taken_out=self.taken_out)
 
 
 def smoother_inputs(model: BaseCandidate) -> list[tuple[NoisyInput, np.ndarray]]:

@@ -22,6 +22,10 @@ from sksurrogate.kernels.disturbance import Noise
 MOST_OF_IT = 0.8
 #: The same of noise on an input: what was really given to the plant is only known smoothed.
 MOST_OF_NOISE = 0.5
+#: Noise on an input that would make up more of what is left than this is no noise: the plant got what was measured.
+MOST_MADE_UP = 1.5
+#: Looks at what is left of a fault beside a model that was fitted without it: each halves an error of the first or more.
+ROUNDS = 3
 #: Faults beside a model that are followed with a noise of their own.
 FOLLOWED = 4
 
@@ -41,13 +45,16 @@ class Found:
         return self.removed > (MOST_OF_NOISE if isinstance(self.fault, NoisyInput) else MOST_OF_IT)
 
 
-def fault_left(bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any]) -> Found | None:
+def fault_left(
+    bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any], least: Callable[[], float]
+) -> BaseFault | None:
     """The likeliest fault of the record on top of one of several models, None where none is the reason of what they leave.
 
     ``bases``: what was named, the simulator alone, and other sets of effects that the search has fitted: what is named
         beside a fault that nothing stands for may be a stack of wrong names.
     ``run`` (n_samples,): number of the run of every row.
     ``search``: for scores.
+    ``least()``: score that a fault must reach to be taken out; asked for only where one is the reason of what is left.
     """
     null = next(base.candidate for base in bases if not base.effects)
     smoother = [Proposal(moved[:, None], _smoother(fault)) for fault, moved in smoother_inputs(null)]
@@ -60,13 +67,29 @@ def fault_left(bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[An
         tried = [*proposals(record, run, record.y - fit.linear.r, fit.linear.r), *smoother]
         seen += [(fit.first_sight(proposal), fit, proposal, len(tried)) for proposal in tried]
     seen.sort(key=lambda one: -one[0])
-    followed = [fit.followed(proposal, tried, search) for _, fit, proposal, tried in seen[:FOLLOWED]]
+    first = seen[:FOLLOWED]
+    # On top of what stands, and of nothing, the likeliest is followed in any case, and a smoother input, which noise hides.
+    for base in (bases[0].candidate, null):
+        own = [one for one in seen if one[1].model is base]
+        likeliest = own[:1] + [one for one in own[1:] if one[2] in smoother][:1]
+        first += [one for one in likeliest if one not in first]
+    followed = [fit.followed(proposal, tried, search) for _, fit, proposal, tried in first]
     clear = [one for one in followed if one is not None and one.gain > CERTAIN]
-    good = [one for one in clear if one.enough]
-    known = [
-        replace(one, fault=replace(one.fault, taken_out=False)) for one in clear if isinstance(one.fault, NoisyInput)
-    ]
-    return max(good or known, key=lambda one: one.score, default=None)
+    good = max((one for one in clear if one.enough), key=lambda one: one.score, default=None)
+    if good is not None and good.score >= least():
+        return good.fault
+    noisy = [(one, _made_up(bases[0].candidate, one.fault)) for one in clear if isinstance(one.fault, NoisyInput)]
+    known = [(one, share) for one, share in noisy if share < MOST_MADE_UP]
+    if not known:
+        return None
+    one, share = max(known, key=lambda pair: pair[0].score)
+    return replace(one.fault, taken_out=False, removed=min(share, 1.0))
+
+
+def _made_up(model: BaseCandidate, fault: NoisyInput) -> float:
+    """The share of what a model leaves that noise on an input makes up: twice the noise, twice the excess."""
+    again, before = model.refitted(fault.noisier(model.problem.record)), _excess(model, model.residual)
+    return np.inf if again is None or before <= 0 else max(_excess(again, again.residual) / before - 1.0, 0.0)
 
 
 def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
@@ -157,6 +180,17 @@ class _Fit:
         kept = nats[self.linear.J.shape[1] :] > np.log(self.n)
         return proposal.some(kept) if proposal.some is not None and 0 < kept.sum() < len(kept) else proposal
 
+    def settled(self, proposal: Proposal, fault: BaseFault | None) -> tuple[BaseFault | None, BaseCandidate | None]:
+        """The fault with what is left of it once the model is fitted without it, and that model."""
+        again = None if fault is None else self.model.refitted(fault.corrected(self.model.problem.record))
+        for _ in range(ROUNDS if proposal.rest is not None else 0):
+            left = None if again is None else proposal.rest(again.problem.record, again.fit.y)
+            if fault is None or left is None:
+                break
+            fault = fault.and_also(left)
+            again = self.model.refitted(fault.corrected(self.model.problem.record))
+        return fault, again
+
     def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
         """A fault with a noise of its own, and the model fitted again without it; None where its weights are not possible."""
         try:
@@ -168,7 +202,7 @@ class _Fit:
         except np.linalg.LinAlgError:
             return None
         fault, model = proposal.fault(theta[self.linear.J.shape[1] :]), self.model
-        again = None if fault is None else model.refitted(fault.corrected(model.problem.record))
+        fault, again = self.settled(proposal, fault)
         if fault is None or again is None:
             return None
         before, after = _excess(model, model.residual), _excess(again, again.residual)

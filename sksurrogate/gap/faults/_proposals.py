@@ -29,6 +29,8 @@ class Proposal:
     extra: int = 0  #: Parameters that were chosen before (a frequency, a number of samples)
     chosen: float = 0.0  #: Price of runs chosen among all, twice the log likelihood
     some: Callable[[np.ndarray], Proposal] | None = None  #: The same in some of its runs, where each has a value
+    #: What of it is left in a corrected record, beside the outputs of a model that was fitted to that; None where nothing is
+    rest: Callable[[Record, np.ndarray], BaseFault | None] | None = None
 
 
 def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarray) -> Iterator[Proposal]:
@@ -91,8 +93,8 @@ def later(y: np.ndarray, k: int) -> np.ndarray:
     return y[:, np.clip(np.arange(n) - k, 0, n - 1)]
 
 
-def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal]:
-    """The best whole number of samples in every run: the run that gains most alone, and every run with its own."""
+def best_shifts(record: Record, run: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The whole number of samples by which every run comes later than y (n_runs,), and what that takes of its misfit."""
     most, n_runs = int(LONGEST_SHIFT * record.lengths.min()), int(run[-1]) + 1
     spread = np.maximum(np.std(record.y, axis=1), 1e-300)[:, None]
     steps = np.arange(-most, most + 1)
@@ -104,17 +106,32 @@ def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal
             if record.known is not None:
                 missed = missed * record.known[:, a:b]
             cost[run[a], i] += np.sum(missed[:, inner] ** 2)
-    values, moved = steps[np.argmin(cost, axis=1)], np.zeros_like(y)
-    for a, b in record.spans:
-        moved[:, a:b] = later(y[:, a:b], int(values[run[a]])) - y[:, a:b]
+    return steps[np.argmin(cost, axis=1)], cost[:, most] - cost.min(axis=1)
+
+
+def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal]:
+    """The best whole number of samples in every run: the run that gains most alone, and every run with its own."""
+    values, gains = best_shifts(record, run, y)
     if not values.any():
         return
-    gains = cost[:, most] - cost.min(axis=1)
-    one = np.where(np.arange(n_runs) == int(np.argmax(gains)), values, 0)
+    moved = np.zeros_like(y)
+    for a, b in record.spans:
+        moved[:, a:b] = later(y[:, a:b], int(values[run[a]])) - y[:, a:b]
+    one = np.where(np.arange(len(values)) == int(np.argmax(gains)), values, 0)
     for some in (one, values):
         runs = np.flatnonzero(some)
         columns = np.stack([np.where(run == r, moved, 0.0) for r in runs], axis=1)
-        yield Proposal(columns, _shift_of(some), extra=len(runs))
+        yield Proposal(columns, _shift_of(some), extra=len(runs), rest=_rest_of_shifts(some != 0, run))
+
+
+def _rest_of_shifts(where: np.ndarray, run: np.ndarray) -> Callable[[Record, np.ndarray], BaseFault | None]:
+    """Initial states that were fitted to late outputs bend the start of a run: the shift is read again without them."""
+
+    def rest(record: Record, y: np.ndarray) -> BaseFault | None:
+        values = np.where(where, best_shifts(record, run, y)[0], 0)
+        return Shifts(None, values) if values.any() else None
+
+    return rest
 
 
 def _shift_of(values: np.ndarray) -> Callable[[np.ndarray], BaseFault | None]:

@@ -96,11 +96,21 @@ class RecordBook:
             near = final if final.left < AT_THE_NOISE else search.fitted_null
             hum = tone_left(near, self.raw.run_of_row[rows])
             return self if hum is None else self.with_fault(hum, np.inf)
-        found = fault_left(_bases(search, final), self.raw.run_of_row[rows], search)
-        if found is None or found.score < search.score(final.candidate) + 0.5 * max(law_gain(final), 0.0):
+
+        def least() -> float:
+            return search.score(final.candidate) + 0.5 * max(law_gain(final), 0.0)
+
+        fault = fault_left(_bases(search, final), self.raw.run_of_row[rows], search, least)
+        if fault is None:
             return self
-        again = not isinstance(found.fault, NoisyInput) or found.fault.taken_out
-        return replace(self.with_fault(found.fault, final.left), changed=again)
+        stays = isinstance(fault, NoisyInput) and not fault.taken_out
+        return replace(self.with_fault(fault, final.left), changed=not stays)
+
+    @property
+    def noise_of_inputs(self) -> float:
+        """Share of the gap that noise on inputs makes up, which stays in the record."""
+        noisy = [fault for fault in self.faults if isinstance(fault, NoisyInput) and not fault.taken_out]
+        return max((fault.removed for fault in noisy if np.isfinite(fault.removed)), default=0.0)
 
     @property
     def depth(self) -> int:

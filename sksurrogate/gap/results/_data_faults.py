@@ -126,11 +126,18 @@ class DataFaults:
     def sentence(self) -> str:
         """All faults in words; empty where there are none."""
         out, left = (
-            "; ".join(f"{one.location or 'all outputs'}: {one.what}" for one in self.entries if one.taken_out is taken)
+            "; ".join(
+                f"{one.location or 'all outputs'}: {one.what}"
+                + ("" if taken or np.isnan(one.share) else f", {100 * one.share:.0f} % of the gap")
+                for one in self.entries
+                if one.taken_out is taken
+            )
             for taken in (True, False)
         )
         text = f"The record has faults. They were removed before effects were compared: {out}." if out else ""
-        return f"{text} Faults of the record explain a part of the rest: {left}.".strip() if left else text
+        return (
+            f"{text} These faults stay in the record and explain a part of the gap: {left}.".strip() if left else text
+        )
 
     def table(self) -> Table:
         """One row a fault."""
