@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding
+from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots
 from sksurrogate.physics import ODESimulator
 
 
@@ -96,3 +96,19 @@ def test_without_its_name_the_friction_is_a_law_of_the_speed():
     assert (report.remainder.location, report.remainder.kind) == ("v", "state")
     assert report.remainder.variable.startswith("v")
     assert sum(row["share"] for row in report.budget if row["kind"] == "unnamed law") > 0.8
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_the_prior_of_a_law_does_not_know_the_unit_of_the_outputs(unit):
+    rng = np.random.default_rng(0)
+    A, B = rng.normal(size=(2, 5, 8))
+    metric, rough = A @ A.T, B @ B.T
+    for here, there in zip(prior_roots(metric, rough), prior_roots(unit**2 * metric, rough), strict=True):
+        np.testing.assert_allclose(there @ there.T, here @ here.T / unit**2, rtol=1e-8)
+        # The mean square movement of the outputs is one in every form of the prior.
+        assert np.trace(there.T @ (unit**2 * metric) @ there) == pytest.approx(1.0)
+
+
+def test_a_signal_that_moves_no_output_gets_a_finite_prior():
+    metric = np.diag([1.0, 0.0])
+    assert all(np.isfinite(root).all() for root in prior_roots(metric, None))

@@ -1,6 +1,7 @@
 """Effects that act in some of the runs: named with their runs, absent from the others, saved with both."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from sklearn.base import clone
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap._some_runs import _at_the_noise
 from sksurrogate.gap.render._code import code_of
 from sksurrogate.physics import ODESimulator
 
@@ -87,3 +89,18 @@ def test_a_friction_of_all_runs_has_no_runs():
     U, Y, runs = measured(tuple("123"), n_runs=3)
     report = GapDiagnoser(spring(), effects=ASKED, random_state=0, n_jobs=1).fit(U, Y, groups=runs).report_
     assert [(e.name, e.runs) for e in report.effects] == [("coulomb_friction", None)]
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_runs_at_the_noise_are_those_whose_residual_is(known):
+    rng, run = np.random.default_rng(0), np.repeat([0, 1, 2], 200)
+    residual = rng.normal(size=(2, 600))  # in units of the noise
+    residual[1, run == 1] *= 3.0  # one output of one run is not
+    record = SimpleNamespace(known=None)
+    if known:  # the second run is seen where it is at the noise, the third at no time
+        record.known = np.ones((2, 600), bool)
+        record.known[1, run == 1] = record.known[:, run == 2] = False
+        residual[~record.known] = 0.0
+    null = SimpleNamespace(residual=residual, without_starts=lambda r: r, problem=SimpleNamespace(record=record))
+    pipeline = SimpleNamespace(null=SimpleNamespace(candidate=null))
+    assert _at_the_noise(pipeline, run).tolist() == ([0, 1] if known else [0, 2])

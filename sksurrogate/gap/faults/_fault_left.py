@@ -78,12 +78,13 @@ def fault_left(
     good = max((one for one in clear if one.enough), key=lambda one: one.score, default=None)
     if good is not None and good.score >= least():
         return good.fault
-    noisy = [(one, _made_up(bases[0].candidate, one.fault)) for one in clear if isinstance(one.fault, NoisyInput)]
-    known = [(one, share) for one, share in noisy if share < MOST_MADE_UP]
+    noisy = [(one.score, one.fault) for one in clear if isinstance(one.fault, NoisyInput)]
+    known = [(score, fault, _made_up(bases[0].candidate, fault)) for score, fault in noisy]
+    known = [one for one in known if one[2] < MOST_MADE_UP]
     if not known:
         return None
-    one, share = max(known, key=lambda pair: pair[0].score)
-    return replace(one.fault, taken_out=False, removed=min(share, 1.0))
+    _, fault, share = max(known, key=lambda one: one[0])
+    return replace(fault, taken_out=False, removed=min(share, 1.0))
 
 
 def _made_up(model: BaseCandidate, fault: NoisyInput) -> float:
@@ -183,9 +184,11 @@ class _Fit:
     def settled(self, proposal: Proposal, fault: BaseFault | None) -> tuple[BaseFault | None, BaseCandidate | None]:
         """The fault with what is left of it once the model is fitted without it, and that model."""
         again = None if fault is None else self.model.refitted(fault.corrected(self.model.problem.record))
-        for _ in range(ROUNDS if proposal.rest is not None else 0):
-            left = None if again is None else proposal.rest(again.problem.record, again.fit.y)
-            if fault is None or left is None:
+        for _ in range(ROUNDS):
+            if fault is None or again is None or proposal.rest is None:
+                break
+            left = proposal.rest(again.problem.record, again.fit.y)
+            if left is None:
                 break
             fault = fault.and_also(left)
             again = self.model.refitted(fault.corrected(self.model.problem.record))
