@@ -19,7 +19,7 @@ try:
 except ImportError:  # an older joblib brings its own
     from joblib.externals import cloudpickle
 
-__all__ = ["receive", "send"]
+__all__ = ["cloudpickle", "receive", "send"]
 
 #: Bytes of which the place of an array that travels is a multiple.
 ALIGNED = 64

@@ -18,6 +18,7 @@ from sklearn.utils import check_random_state
 
 from sksurrogate._files import beside
 from sksurrogate._fingerprint import fingerprint
+from sksurrogate._parallel._pickled import refuse_what_stays
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -137,6 +138,8 @@ def simulate_experiments(
     DataError
         A range or the design does not fit the simulator, every run failed, or ``cache`` is given and the simulator holds
         something without a value, a connection for example.
+    SimulatorError
+        ``n_jobs`` asks for other processes, and the simulator holds something that cannot travel there.
 
     Examples
     --------
@@ -159,6 +162,7 @@ def simulate_experiments(
         folder.mkdir(parents=True, exist_ok=True)
         store = (folder, fingerprint(simulator, "with cache=, simulator"))
     batches = [slice(a, min(a + batch_size, n_runs)) for a in range(0, n_runs, batch_size)]
+    refuse_what_stays(simulator, n_jobs)
     parts = Parallel(n_jobs=n_jobs)(delayed(_cached)(simulator, U[b], X0[b], store) for b in batches)
     runs = [run for part in parts for run in part]
     failed = tuple(r for r, run in enumerate(runs) if run is None)

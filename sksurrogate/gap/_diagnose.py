@@ -13,6 +13,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval
 
 from sksurrogate._columns import by_name
+from sksurrogate._parallel._pickled import refuse_what_stays
 from sksurrogate._stamps import on_grid, with_rows_in_gaps
 from sksurrogate._warned_once import warned_once
 from sksurrogate.effects._simulator import AugmentedSimulator
@@ -248,6 +249,7 @@ class GapDiagnoser(BaseEstimator):
             raise ValueError(
                 f"n_jobs={self.n_jobs!r}: expected None, -1 (one worker for each core) or a positive integer; write n_jobs=1."
             )
+        refuse_what_stays(self.simulator, self.n_jobs)
         limit = self.time_limit
         if limit is not None and (not isinstance(limit, Real) or isinstance(limit, bool) or not 0.0 < limit < np.inf):
             raise ValueError(

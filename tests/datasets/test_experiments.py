@@ -1,11 +1,13 @@
 """Experiments by design: what is simulated, how it is spread, and that a cut call goes on."""
 
+import socket
+
 import numpy as np
 import pytest
 from scipy.stats import kstest
 
 from sksurrogate.datasets import make_reactor, make_reactor_runs, reactor_rhs, simulate_experiments
-from sksurrogate.exceptions import DataError, SimulationDiverged
+from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
 from sksurrogate.physics import CallableSimulator, ODESimulator
 
 RANGES = {"y": (0.5, 15.0)}, {"u": (0.05, 0.25)}
@@ -128,3 +130,25 @@ def test_a_range_that_is_a_number_is_refused():
         simulate_experiments(make_reactor(), {"y": 5}, RANGES[1], n_runs=2, n_samples=5)
     with pytest.raises(DataError, match="noise=-1 must be a standard deviation"):
         simulate_experiments(make_reactor(), *RANGES, n_runs=2, n_samples=5, noise=-1)
+
+
+class Connected:
+    """A simulator that holds an open connection."""
+
+    def __init__(self):
+        self.pair = socket.socketpair()
+
+    def __call__(self, U, x0=None, t=None):
+        self.pair[0].sendall(np.ascontiguousarray(U, dtype=float))
+        return 2.0 * np.frombuffer(self.pair[1].recv(8 * len(U), socket.MSG_WAITALL)).reshape(-1, 1)
+
+
+def test_a_connection_cannot_travel_and_works_where_it_is():
+    plant = Connected()
+    simulator = CallableSimulator(plant, inputs=["u"], outputs=["y"])
+    with pytest.raises(SimulatorError, match=r"n_jobs=2: the simulator holds something.*socket.*leave out n_jobs"):
+        simulate_experiments(simulator, None, [(-1, 1)], n_runs=4, n_samples=20, batch_size=2, n_jobs=2, random_state=0)
+    found = simulate_experiments(simulator, None, [(-1, 1)], n_runs=4, n_samples=20, random_state=0)
+    np.testing.assert_allclose(found.y, 2.0 * found.X[:, 0])
+    for one in plant.pair:
+        one.close()

@@ -188,10 +188,9 @@ class _Fit:
             if fault is None or again is None or proposal.rest is None:
                 break
             left = proposal.rest(again.problem.record, again.fit.y)
-            if left is None:
-                break
-            fault = fault.and_also(left)
-            again = self.model.refitted(fault.corrected(self.model.problem.record))
+            if left is not None:
+                fault = fault.and_also(left)
+            again = again.refitted(fault.corrected(self.model.problem.record))
         return fault, again
 
     def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
