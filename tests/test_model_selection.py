@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import sklearn
+from scipy.stats import norm
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.neural_network import MLPRegressor
@@ -12,7 +13,7 @@ from sklearn.preprocessing import StandardScaler
 from sksurrogate.compose import RecursivePredictor, StateSpaceRegressor
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
-from sksurrogate.metrics import fit_percent, whiteness_test
+from sksurrogate.metrics import cross_correlation_test, fit_percent, whiteness_test
 from sksurrogate.model_selection import FreeRunScorer
 
 
@@ -100,3 +101,27 @@ def test_a_scorer_of_free_runs_names_the_model_that_cannot():
     X, y = np.random.default_rng(0).normal(size=(20, 1)), np.arange(20.0)
     with pytest.raises(DataError, match=r"FreeRunScorer needs a fitted model that runs freely.*LinearRegression"):
         FreeRunScorer()(LinearRegression().fit(X, y), X, y)
+
+
+@pytest.mark.parametrize("n_initial", [None, 3])
+def test_a_scorer_sees_all_outputs(n_initial):
+    X, y, groups = planted()
+    both = np.column_stack([y, np.roll(y, 1) + 0.3 * np.sin(np.arange(len(y)))])
+    model = RecursivePredictor(LinearRegression(), 1, 1).fit(X, both, groups=groups)
+    scorer = FreeRunScorer("neg_rmse", n_initial=n_initial)
+    skip, missed = n_initial or 1, []
+    for label in np.unique(groups):
+        u, v = X[groups == label], both[groups == label]
+        free = model.predict(u[skip - 1 :], y0=v[skip - 1 : skip])
+        missed.append(free[1:] - v[skip:])
+    assert scorer.score(model, X, both, groups=groups) == pytest.approx(-np.sqrt(np.mean(np.concatenate(missed) ** 2)))
+
+
+def test_correlations_of_independent_signals_stay_within_their_band_in_99_of_100():
+    rng = np.random.default_rng(0)
+    found = [cross_correlation_test(*rng.normal(size=(2, 400)), n_lags=10) for _ in range(200)]
+    assert found[0].bound == pytest.approx(norm.ppf(0.995) / np.sqrt(400), rel=1e-3)
+    outside = np.mean([np.abs(one.correlation) > one.bound for one in found])
+    assert outside == pytest.approx(0.01, abs=5 * np.sqrt(0.01 / 2200))
+    copies = cross_correlation_test(found[0].correlation, found[0].correlation, n_lags=2)
+    assert copies.correlation[0] == pytest.approx(1.0)

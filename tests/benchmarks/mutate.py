@@ -52,7 +52,7 @@ class Trial:
         )
         session.config.pluginmanager.register(self.forks)
         known = set(self.lines.names)
-        self.newer = [(name, 1.0) for name in self.forks.items if name not in known]
+        self.newer = [(name, 0.05) for name in self.forks.items if name not in known]
         for fault in self.faults:
             if time.monotonic() > ends:
                 break

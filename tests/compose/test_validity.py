@@ -44,3 +44,14 @@ def test_a_wrong_box_says_what_is_expected():
         coverage_report(X, y, box=[(0, 1)])
     with pytest.raises(DataError, match="radius=0"):
         coverage_report(X, y, radius=0)
+
+
+def test_holes_stand_apart():
+    rng = np.random.default_rng(0)
+    X, y = rng.uniform(0, 0.4, (80, 1)), rng.uniform(0, 0.4, 80)
+    report = coverage_report(X, y, box=[(0, 1), (0, 1)], n_holes=6)
+    assert len(report.holes) > 2
+    for i, centre in enumerate(report.holes):  # the emptiest first: a later one is no nearer to them than to the data
+        apart = np.linalg.norm(report.holes[:i] - centre, axis=1)
+        assert np.all(apart >= report.hole_radius[i] - 1e-12)
+    assert np.all(np.diff(report.hole_radius) <= 0)
