@@ -29,7 +29,7 @@ from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._law_left import LawLeft
-from sksurrogate.gap.unnamed._likely_place import likely_place, place_of_law, places_of_gap
+from sksurrogate.gap.unnamed._likely_place import distinct, likely_place, place_of_law, places_of_gap
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.gap.unnamed._smoothed_path import sensor_noise
 from sksurrogate.kernels.record import Record
@@ -195,11 +195,16 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""
         beside = self.beside
         first = (beside.location, beside.kind) if named and beside is not None else self.likely_place(final)
-        found = [first, *((place.location, place.kind) for place in self.places or [])]
         plant = self.search.problem.plant
-        named_by_kind = {"state": self.search.problem.balances, "input": plant.inputs, "output": plant.outputs}
-        allowed = [(n, k) for n, k in found if n in named_by_kind.get(str(k), ()) and n not in self.excluded]
-        return list(dict.fromkeys((str(name), str(kind)) for name, kind in allowed))
+        by_kind = {"state": self.search.problem.balances, "input": plant.inputs, "output": plant.outputs}
+
+        def allowed(name: str | None, kind: str | None) -> bool:
+            return name in by_kind.get(str(kind), ()) and name not in self.excluded
+
+        found = [place for place in self.places or [] if allowed(place.location, place.kind)]
+        others = distinct(sorted(found, key=lambda place: (place.location, place.kind) != first))
+        names = [*([first] if allowed(*first) else []), *((place.location, place.kind) for place in others)]
+        return list(dict.fromkeys((str(name), str(kind)) for name, kind in names))
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         screen = self.search.first_screen

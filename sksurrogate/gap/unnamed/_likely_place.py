@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +58,21 @@ def push_alike(one: Place, other: Place) -> bool:
     return abs(one.log_likelihood - other.log_likelihood) < 1e-9
 
 
+def distinct(found: Iterable[Place]) -> list[Place]:
+    """Places that the data distinguish: of an input and the balance that it alone pushes the first.
+
+    Examples
+    --------
+    >>> [place.location for place in distinct([Place("level", "state", -3.0), Place("valve", "input", -3.0)])]
+    ['level']
+    """
+    out: list[Place] = []
+    for place in found:
+        if not any(push_alike(place, other) for other in out):
+            out.append(place)
+    return out
+
+
 def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
 
@@ -109,12 +124,8 @@ def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
     """
     if not found:
         return []
-    distinct: list[Place] = []
-    for place in found:
-        if not any(abs(place.log_likelihood - other.log_likelihood) < 1e-9 for other in distinct):
-            distinct.append(place)
     again = {}
-    for place in distinct[:COMPARED]:
+    for place in distinct(found)[:COMPARED]:
         drafts = channels.drafts(place.location, place.kind)
         if drafts and np.isfinite(drafts[0].level):
             again[place.log_likelihood] = drafts[0].level
