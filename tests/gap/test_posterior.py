@@ -9,7 +9,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.decide._posterior import Posterior, _Contender, _of_classes, preferred
+from sksurrogate.gap.decide._contenders import Contender, preferred
+from sksurrogate.gap.decide._posterior import Posterior, _of_classes
 from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.physics import ODESimulator
 
@@ -104,7 +105,7 @@ def test_a_name_of_nearly_the_right_form_stands_alone_and_closes_the_gap(nearly)
 
 def contender(net, before, *keys):
     """A set of effects with these keys, its log evidence and what of it is known before any data."""
-    return _Contender(net, before, SimpleNamespace(keys=keys), None)
+    return Contender(net, before, SimpleNamespace(keys=keys), None)
 
 
 def test_of_sets_that_data_do_not_separate_the_likelier_before_any_data_is_named():

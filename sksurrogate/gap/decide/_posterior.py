@@ -4,28 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
+from sksurrogate.gap.decide._contenders import (
+    Contender,
+    contender,
+    contenders,
+    elsewhere,
+    judged_contender,
+    judged_law,
+    law_along,
+    names_of,
+    preferred,
+)
+from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
-from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
-from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
-from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.gap.unnamed._law_evidence import LawBeside
 
-#: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
-UNNAMED = 0.02
 #: Probability from which a name is given, and from which one stands beside others; below it a law does as well in its place.
 CERTAIN_NAME = 0.9
 #: One that stands alone is reported as uncertain from here on: it is likelier than not.
 LEAST_ALONE = 0.5
-#: Sets that are compared beside a law: at most so many.
-MOST_OTHERS = 6
 
 
 @dataclass(frozen=True)
@@ -50,35 +54,26 @@ class Posterior:
     elsewhere: tuple[tuple[frozenset, float], ...] = ()  #: Keys of other sets, and nats by which they are likelier
 
 
-class _Contender(NamedTuple):
-    """A set beside its law: log evidence with its price, and the part of it that is known before any data."""
-
-    net: float
-    before: float
-    candidate: OdeCandidate
-    law: LawBeside
-
-
 def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
     none = _without(final.candidate, tuple(range(n)))
     moved = _moved_by(final.candidate)
-    nothing = _judged(search, final, none, tolerance, along=True, instead=moved[0] if n == 1 else None)
+    nothing = judged_law(search, final, none, tolerance, along=True, instead=moved[0] if n == 1 else None)
     seeds = [] if nothing is None else [nothing.seed]
-    own = _judged(search, final, final.candidate, tolerance, along=False, seeds=seeds)
+    own = judged_law(search, final, final.candidate, tolerance, along=False, seeds=seeds)
     if own is None:
         return Posterior(tuple(1.0 for _ in final.effects), None)
-    net = _contender(search, final.candidate, own).net
-    empty = -np.inf if nothing is None else _contender(search, none, nothing).net
+    net = contender(search, final.candidate, own).net
+    empty = -np.inf if nothing is None else contender(search, none, nothing).net
     without = [empty]
     if n > 1:
         rests = [_without(final.candidate, (i,)) for i in range(n)]
         laws = [
-            _judged(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed], instead=one)
+            judged_law(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed], instead=one)
             for rest, one in zip(rests, moved)
         ]
-        without = [-np.inf if law is None else _contender(search, rest, law).net for rest, law in zip(rests, laws)]
+        without = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
     odds = (np.clip(np.logaddexp(one, empty) - net, -700.0, 700.0) for one in without)
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
 
@@ -100,7 +95,7 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
     final = needed_only(search, final, tolerance)
     stood: set[frozenset] = set()
     if closes_by_size(final, search.gap_cost, tolerance):
-        law = _judged(search, final, final.candidate, tolerance, along=False)
+        law = judged_law(search, final, final.candidate, tolerance, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
     while final.effects and not leaves_most(final, search.gap_cost):
         posterior = weigh(search, final, tolerance)
@@ -110,12 +105,14 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
             if posterior.law is None:
                 return final, posterior
             own, others = contenders(search, final, posterior.law, tolerance)
-            best = preferred(own, [one for one in others if _keys(one) not in stood])
+            best = preferred(own, [one for one in others if names_of(one) not in stood])
             if best is not own:
-                best = preferred(own, _contender_of(search, search.polish(best.candidate), tolerance, [own.law.seed]))
+                best = preferred(
+                    own, judged_contender(search, search.polish(best.candidate), tolerance, [own.law.seed])
+                )
             if best is own:
                 apart = elsewhere(search, final, own, tolerance)
-                best = max([own, *(one for one in apart if _keys(one) not in stood)], key=lambda one: one.net)
+                best = max([own, *(one for one in apart if names_of(one) not in stood)], key=lambda one: one.net)
                 if best.net < own.net + NATS_THAT_SETTLE:
                     near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
                     return final, replace(_of_classes(posterior, own, near), elsewhere=_seen_from(own, apart))
@@ -130,7 +127,7 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
     return search.fitted_null, Posterior((), None, too_far=far)
 
 
-def _of_classes(posterior: Posterior, own: _Contender, near: Sequence[_Contender]) -> Posterior:
+def _of_classes(posterior: Posterior, own: Contender, near: Sequence[Contender]) -> Posterior:
     """With the other members of the class of each effect, which count for it as far as they are likely."""
     probabilities = []
     for key, chance in zip(own.candidate.keys, posterior.probabilities):
@@ -166,90 +163,9 @@ def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidenc
     return final
 
 
-def contenders(
-    search: OdeSearch, final: Evidence, law: LawBeside, tolerance: float
-) -> tuple[_Contender, list[_Contender]]:
-    """What stands beside its law, and the sets with another effect in the place of one, beside theirs."""
-    own, keys = _contender(search, final.candidate, law), frozenset(final.candidate.keys)
-    swapped = [names for names in search.fitted if len(names) == len(keys) and len(names & keys) == len(keys) - 1]
-    return own, _in_reach(search, final, own, swapped, tolerance)
-
-
-def elsewhere(search: OdeSearch, final: Evidence, own: _Contender, tolerance: float) -> list[_Contender]:
-    """Sets that neither hold what stands nor are a part of it, and differ by more than one effect in the place of one.
-
-    Data that show the sum of several effects may be explained as well by others.
-    """
-    keys = frozenset(final.candidate.keys)
-    apart = [
-        names
-        for names in search.fitted
-        if not names <= keys
-        and not names >= keys
-        and not (len(names) == len(keys) and len(names & keys) == len(keys) - 1)
-    ]
-    return _in_reach(search, final, own, apart, tolerance)
-
-
-def _in_reach(
-    search: OdeSearch, final: Evidence, own: _Contender, sets: Sequence[frozenset], tolerance: float
-) -> list[_Contender]:
-    """Sets beside their laws that may be as likely as what stands.
-
-    Sets compete that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit.
-    They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
-    corrects the form in one direction.
-    """
-    level, most = search.evidence(final.candidate), final.fit.cost + tolerance**2 * search.gap_cost
-
-    def reach(candidate: OdeCandidate) -> float:
-        corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0))
-        likelihood = max(search.evidence(candidate) - level, corrected)
-        return own.net + likelihood + _before(search, candidate) - own.before
-
-    near = [search.fitted[names] for names in sets if search.fitted[names].fit.cost < most]
-    found: list[_Contender] = []
-    for candidate in sorted(near, key=reach, reverse=True)[:MOST_OTHERS]:
-        if reach(candidate) > max([own.net, *(one.net for one in found)]) - NATS_THAT_SETTLE:
-            found.extend(_contender_of(search, candidate, tolerance, [own.law.seed]))
-    return found
-
-
-def _keys(one: _Contender) -> frozenset:
-    """What a contender names."""
-    return frozenset(one.candidate.keys)
-
-
-def _seen_from(own: _Contender, others: Sequence[_Contender]) -> tuple[tuple[frozenset, float], ...]:
+def _seen_from(own: Contender, others: Sequence[Contender]) -> tuple[tuple[frozenset, float], ...]:
     """Names of other sets, and by how many nats they are likelier than what stands."""
-    return tuple((_keys(one), one.net - own.net) for one in others)
-
-
-def preferred(own: _Contender, others: Sequence[_Contender]) -> _Contender:
-    """Of the sets that are as likely as the likeliest, up to :data:`NATS_THAT_SETTLE`, the likeliest before any data, or what stands."""
-    best = max(one.net for one in (own, *others))
-    return max((one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE), key=lambda one: one.before)
-
-
-def _contender(search: OdeSearch, candidate: OdeCandidate, law: LawBeside) -> _Contender:
-    """A set with its law."""
-    before = _before(search, candidate)
-    return _Contender(float(np.logaddexp(law.small, law.large + np.log(UNNAMED))) + before, before, candidate, law)
-
-
-def _contender_of(
-    search: OdeSearch, candidate: OdeCandidate, tolerance: float, seeds: Sequence[tuple[int, int, Noise]]
-) -> list[_Contender]:
-    """A set beside its own law; none where that cannot be judged."""
-    known = search.judged.get(candidate) or search.judge(estimate_noise(candidate, search.fitted_null.noise))
-    law = _judged(search, known, candidate, tolerance, along=False, seeds=seeds)
-    return [] if law is None else [_contender(search, candidate, law)]
-
-
-def _before(search: OdeSearch, candidate: OdeCandidate) -> float:
-    """Log prior of the names of a set, with the price of its parameters."""
-    names = log_prior(candidate.effects, search.library, search.positions)
-    return float(names - 0.5 * candidate.n_parameters * np.log(search.n_values))
+    return tuple((names_of(one), one.net - own.net) for one in others)
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
@@ -258,53 +174,11 @@ def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
     return candidate.problem.candidate(effects, replace(candidate.fit, theta=theta, linearised=None))
 
 
-def _judged(
-    search: OdeSearch,
-    final: Evidence,
-    candidate: OdeCandidate,
-    tolerance: float,
-    along: bool,
-    seeds: Sequence[tuple[int, int, Noise]] = (),
-    instead: np.ndarray | None = None,
-) -> LawBeside | None:
-    """A law beside a candidate, under the noise of what is named and under quiet forces; of two linear models the likelier.
-
-    Far from the data, also beside the gap, they are linear about the measured path, not about the free run.
-    """
-    problem = candidate.problem
-    far = final.left > max(FAR, tolerance * search.gap_over_noise)
-    x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
-    noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
-    found = [_law(search, candidate, tolerance, noises, path, seeds=seeds, instead=instead)]
-    if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
-        found.append(_law(search, candidate, tolerance, noises, x, bare=True, seeds=seeds, instead=instead))
-    return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
-
-
-def _law(
-    search: OdeSearch,
-    candidate: OdeCandidate,
-    tolerance: float,
-    noises: Sequence[Noise],
-    x: np.ndarray | None,
-    bare: bool = False,
-    seeds: Sequence[tuple[int, int, Noise]] = (),
-    instead: np.ndarray | None = None,
-) -> LawBeside | None:
-    """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
-    fit, unit = candidate.fit, search.gap_over_noise
-    path = fit.x if x is None else x
-    own = None if instead is None else instead.tobytes()
-    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, tolerance, own
-    with np.errstate(all="ignore"):
-        return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}), instead)
-
-
 def law_beside_set(search: OdeSearch, final: Evidence, tolerance: float) -> LawBeside | None:
     """The law beside what is named."""
     if not final.effects:
         return law_beside_none(search, tolerance)
-    return _judged(search, final, final.candidate, tolerance, along=False)
+    return judged_law(search, final, final.candidate, tolerance, along=False)
 
 
 def law_beside_none(search: OdeSearch, tolerance: float) -> LawBeside | None:
@@ -312,4 +186,4 @@ def law_beside_none(search: OdeSearch, tolerance: float) -> LawBeside | None:
     null = search.fitted_null
     problem = null.candidate.problem
     noises = null.noise, problem.quiet(null.noise)
-    return _law(search, null.candidate, tolerance, noises, search.x[: len(problem.plant.states)])
+    return law_along(search, null.candidate, tolerance, noises, search.x[: len(problem.plant.states)])

@@ -1,0 +1,171 @@
+"""Sets of effects that contend to be named: each beside its law, or by its likelihood where a law has nothing to correct."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
+from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.gap.search._name_prior import log_prior
+from sksurrogate.gap.search._ode_search import OdeSearch
+from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
+from sksurrogate.kernels.disturbance import Noise
+
+#: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
+UNNAMED = 0.02
+#: Sets that are compared beside a law: at most so many with another effect in the place of one, and so many others.
+MOST_OTHERS, MOST_ELSEWHERE = 6, 3
+
+
+class Contender(NamedTuple):
+    """A set beside its law: log evidence with its price, and the part of it that is known before any data."""
+
+    net: float
+    before: float
+    candidate: OdeCandidate
+    law: LawBeside
+
+
+def contenders(
+    search: OdeSearch, final: Evidence, law: LawBeside, tolerance: float
+) -> tuple[Contender, list[Contender]]:
+    """What stands beside its law, and the sets with another effect in the place of one, beside theirs.
+
+    They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
+    corrects the form in one direction.
+    """
+    own, level = contender(search, final.candidate, law), search.evidence(final.candidate)
+
+    def reach(candidate: OdeCandidate) -> float:
+        corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0))
+        return max(search.evidence(candidate) - level, corrected) + _before(search, candidate) - own.before
+
+    swapped = [one for one in _near(search, final, tolerance) if _is_swap(one.keys, final.candidate.keys)]
+    return own, _beside_laws(search, own, sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS], reach, tolerance)
+
+
+def elsewhere(search: OdeSearch, final: Evidence, own: Contender, tolerance: float) -> list[Contender]:
+    """Sets that neither hold what stands nor are a part of it, and differ by more than one effect in the place of one.
+
+    Data that show the sum of several effects may be explained as well by others. Where a law has nothing to correct in what
+    stands, the likelihood decides; else each set is judged beside its law.
+    """
+    keys, level = set(final.candidate.keys), search.evidence(final.candidate)
+
+    def reach(candidate: OdeCandidate) -> float:
+        return search.evidence(candidate) - level + _before(search, candidate) - own.before
+
+    apart = [
+        one
+        for one in _near(search, final, tolerance)
+        if not (keys <= set(one.keys) or keys >= set(one.keys) or _is_swap(one.keys, final.candidate.keys))
+    ]
+    first = sorted((one for one in apart if search.own(one) is not None), key=reach, reverse=True)
+    if own.law.left.gain < 2.0 * NATS_THAT_SETTLE:
+        return [Contender(own.net + reach(one), _before(search, one), one, own.law) for one in first[:MOST_OTHERS]]
+    return _beside_laws(search, own, first[:MOST_ELSEWHERE], reach, tolerance)
+
+
+def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
+    """Of the sets that are as likely as the likeliest, up to :data:`NATS_THAT_SETTLE`, the likeliest before any data, or what stands."""
+    best = max(one.net for one in (own, *others))
+    return max((one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE), key=lambda one: one.before)
+
+
+def _near(search: OdeSearch, final: Evidence, tolerance: float) -> list[OdeCandidate]:
+    """Sets that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit."""
+    most = final.fit.cost + tolerance**2 * search.gap_cost
+    return [candidate for candidate in search.fitted.values() if candidate.fit.cost < most]
+
+
+def _is_swap(one: Sequence[tuple], other: Sequence[tuple]) -> bool:
+    """Whether two sets differ by another effect in the place of one."""
+    return len(one) == len(other) and len(set(one) & set(other)) == len(other) - 1
+
+
+def _beside_laws(
+    search: OdeSearch,
+    own: Contender,
+    candidates: Sequence[OdeCandidate],
+    reach: Callable[[OdeCandidate], float],
+    tolerance: float,
+) -> list[Contender]:
+    """Those of some sets, best first, that may be as likely as the likeliest, each beside its law."""
+    found: list[Contender] = []
+    for candidate in candidates:
+        if own.net + reach(candidate) > max([own.net, *(one.net for one in found)]) - NATS_THAT_SETTLE:
+            found.extend(judged_contender(search, candidate, tolerance, [own.law.seed]))
+    return found
+
+
+def names_of(one: Contender) -> frozenset:
+    """What a contender names."""
+    return frozenset(one.candidate.keys)
+
+
+def judged_contender(
+    search: OdeSearch, candidate: OdeCandidate, tolerance: float, seeds: Sequence[tuple[int, int, Noise]]
+) -> list[Contender]:
+    """A set beside its own law; none where that cannot be judged."""
+    known = search.judged.get(candidate) or search.judge(estimate_noise(candidate, search.fitted_null.noise))
+    law = judged_law(search, known, candidate, tolerance, along=False, seeds=seeds)
+    return [] if law is None else [contender(search, candidate, law)]
+
+
+def contender(search: OdeSearch, candidate: OdeCandidate, law: LawBeside) -> Contender:
+    """A set with its law."""
+    before = _before(search, candidate)
+    return Contender(float(np.logaddexp(law.small, law.large + np.log(UNNAMED))) + before, before, candidate, law)
+
+
+def _before(search: OdeSearch, candidate: OdeCandidate) -> float:
+    """Log prior of the names of a set, with the price of its parameters."""
+    names = log_prior(candidate.effects, search.library, search.positions)
+    return float(names - 0.5 * candidate.n_parameters * np.log(search.n_values))
+
+
+def judged_law(
+    search: OdeSearch,
+    final: Evidence,
+    candidate: OdeCandidate,
+    tolerance: float,
+    along: bool,
+    seeds: Sequence[tuple[int, int, Noise]] = (),
+    instead: np.ndarray | None = None,
+) -> LawBeside | None:
+    """A law beside a candidate, under the noise of what is named and under quiet forces; of two linear models the likelier.
+
+    Far from the data, also beside the gap, they are linear about the measured path, not about the free run.
+    """
+    problem = candidate.problem
+    far = final.left > max(FAR, tolerance * search.gap_over_noise)
+    x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
+    noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
+    found = [law_along(search, candidate, tolerance, noises, path, seeds=seeds, instead=instead)]
+    if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
+        found.append(law_along(search, candidate, tolerance, noises, x, bare=True, seeds=seeds, instead=instead))
+    return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
+
+
+def law_along(
+    search: OdeSearch,
+    candidate: OdeCandidate,
+    tolerance: float,
+    noises: Sequence[Noise],
+    x: np.ndarray | None,
+    bare: bool = False,
+    seeds: Sequence[tuple[int, int, Noise]] = (),
+    instead: np.ndarray | None = None,
+) -> LawBeside | None:
+    """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
+    fit, unit = candidate.fit, search.gap_over_noise
+    path = fit.x if x is None else x
+    own = None if instead is None else instead.tobytes()
+    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, tolerance, own
+    with np.errstate(all="ignore"):
+        return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}), instead)
