@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +18,8 @@ from sksurrogate.kernels.disturbance import Noise
 
 #: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
 UNNAMED = 0.02
-#: Sets that are compared beside a law: at most so many with another effect in the place of one, and so many others.
-MOST_OTHERS, MOST_ELSEWHERE = 6, 3
+#: Sets that are compared beside a law: at most so many.
+MOST_OTHERS = 6
 
 
 class Contender(NamedTuple):
@@ -46,29 +46,29 @@ def contenders(
         return max(search.evidence(candidate) - level, corrected) + _before(search, candidate) - own.before
 
     swapped = [one for one in _near(search, final, tolerance) if _is_swap(one.keys, final.candidate.keys)]
-    return own, _beside_laws(search, own, sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS], reach, tolerance)
+    others: list[Contender] = []
+    for candidate in sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS]:
+        if own.net + reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
+            others.extend(judged_contender(search, candidate, tolerance, [law.seed]))
+    return own, others
 
 
-def elsewhere(search: OdeSearch, final: Evidence, own: Contender, tolerance: float) -> list[Contender]:
-    """Sets that neither hold what stands nor are a part of it, and differ by more than one effect in the place of one.
+def elsewhere(search: OdeSearch, final: Evidence, own: Contender, tolerance: float) -> list[tuple[frozenset, float]]:
+    """Names of sets that differ by more than one effect in the place of one, and the nats by which they are likelier than what stands.
 
-    Data that show the sum of several effects may be explained as well by others. Where a law has nothing to correct in what
-    stands, the likelihood decides; else each set is judged beside its law.
+    Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it,
+    do not count. Where a law corrects what stands, the likelihood says too little of sets that are as inexact: none counts.
     """
+    if own.law.left.gain > 2.0 * NATS_THAT_SETTLE:
+        return []
     keys, level = set(final.candidate.keys), search.evidence(final.candidate)
-
-    def reach(candidate: OdeCandidate) -> float:
-        return search.evidence(candidate) - level + _before(search, candidate) - own.before
-
     apart = [
         one
         for one in _near(search, final, tolerance)
-        if not (keys <= set(one.keys) or keys >= set(one.keys) or _is_swap(one.keys, final.candidate.keys))
+        if search.own(one) is not None
+        and not (keys <= set(one.keys) or keys >= set(one.keys) or _is_swap(one.keys, final.candidate.keys))
     ]
-    first = sorted((one for one in apart if search.own(one) is not None), key=reach, reverse=True)
-    if own.law.left.gain < 2.0 * NATS_THAT_SETTLE:
-        return [Contender(own.net + reach(one), _before(search, one), one, own.law) for one in first[:MOST_OTHERS]]
-    return _beside_laws(search, own, first[:MOST_ELSEWHERE], reach, tolerance)
+    return [(frozenset(one.keys), search.evidence(one) - level + _before(search, one) - own.before) for one in apart]
 
 
 def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
@@ -86,26 +86,6 @@ def _near(search: OdeSearch, final: Evidence, tolerance: float) -> list[OdeCandi
 def _is_swap(one: Sequence[tuple], other: Sequence[tuple]) -> bool:
     """Whether two sets differ by another effect in the place of one."""
     return len(one) == len(other) and len(set(one) & set(other)) == len(other) - 1
-
-
-def _beside_laws(
-    search: OdeSearch,
-    own: Contender,
-    candidates: Sequence[OdeCandidate],
-    reach: Callable[[OdeCandidate], float],
-    tolerance: float,
-) -> list[Contender]:
-    """Those of some sets, best first, that may be as likely as the likeliest, each beside its law."""
-    found: list[Contender] = []
-    for candidate in candidates:
-        if own.net + reach(candidate) > max([own.net, *(one.net for one in found)]) - NATS_THAT_SETTLE:
-            found.extend(judged_contender(search, candidate, tolerance, [own.law.seed]))
-    return found
-
-
-def names_of(one: Contender) -> frozenset:
-    """What a contender names."""
-    return frozenset(one.candidate.keys)
 
 
 def judged_contender(

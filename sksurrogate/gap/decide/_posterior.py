@@ -15,7 +15,6 @@ from sksurrogate.gap.decide._contenders import (
     judged_contender,
     judged_law,
     law_along,
-    names_of,
     preferred,
 )
 from sksurrogate.gap.fit._closeness import SETTLED
@@ -105,17 +104,15 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
             if posterior.law is None:
                 return final, posterior
             own, others = contenders(search, final, posterior.law, tolerance)
-            best = preferred(own, [one for one in others if names_of(one) not in stood])
+            best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
                 best = preferred(
                     own, judged_contender(search, search.polish(best.candidate), tolerance, [own.law.seed])
                 )
             if best is own:
-                apart = elsewhere(search, final, own, tolerance)
-                best = max([own, *(one for one in apart if names_of(one) not in stood)], key=lambda one: one.net)
-                if best.net < own.net + NATS_THAT_SETTLE:
-                    near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
-                    return final, replace(_of_classes(posterior, own, near), elsewhere=_seen_from(own, apart))
+                near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
+                apart = tuple(elsewhere(search, final, own, tolerance))
+                return final, replace(_of_classes(posterior, own, near), elsewhere=apart)
             final = search.judged[search.stand(best.candidate)]
             continue
         fewer = search.without(final.candidate, least)
@@ -161,11 +158,6 @@ def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidenc
             break
         final = _taken(search, fewer, final)
     return final
-
-
-def _seen_from(own: Contender, others: Sequence[Contender]) -> tuple[tuple[frozenset, float], ...]:
-    """Names of other sets, and by how many nats they are likelier than what stands."""
-    return tuple((names_of(one), one.net - own.net) for one in others)
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
