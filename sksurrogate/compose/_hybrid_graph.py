@@ -35,9 +35,10 @@ def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: in
         return graph
     n, o, n_states = correction.n_lags, correction.n_outputs, _n_states(correction.simulator)
     past = n * o if correction.form == "output" else 0
-    # the last state is constant: what the first rows of the run leave of the correction
-    x, u = graph.input("x", n_states + past + n * n_inputs + 1), graph.input("u", n_inputs)
-    trust = graph.take(x, np.array([n_states + past + n * n_inputs]))
+    memory = n_states + past + n * n_inputs
+    # a correction that can fade has a last, constant state: what the first rows of the run leave of it
+    fades = bool(np.isfinite(correction.domain.fade))
+    x, u = graph.input("x", memory + fades), graph.input("u", n_inputs)
     own = graph.take(x, np.arange(n_states))
     d, before = graph.take(x, n_states + np.arange(past)), graph.take(x, n_states + past + np.arange(n * n_inputs))
     if correction.simulator is None:
@@ -56,12 +57,15 @@ def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: in
     following = [own_next]
     if past:
         following += [value, graph.take(d, np.arange(past - o))]
-    following += [u, graph.take(before, np.arange((n - 1) * n_inputs)), trust]
-    graph.outputs["x_next"] = graph.concat(*following)
+    following += [u, graph.take(before, np.arange((n - 1) * n_inputs))]
     kept = graph.binary("mul", graph.constant(np.broadcast_to(correction.factor, (o,)).astype(float)), value)
-    graph.outputs["y"] = graph.binary("add", y_s, graph.binary("mul", kept, trust))
-    start = np.zeros(graph.nodes[x].size)
-    start[-1] = 1.0
+    start = np.zeros(memory + fades)
+    if fades:
+        trust = graph.take(x, np.array([memory]))
+        kept = graph.binary("mul", kept, trust)
+        following, start[memory] = [*following, trust], 1.0
+    graph.outputs["x_next"] = graph.concat(*following)
+    graph.outputs["y"] = graph.binary("add", y_s, kept)
     if correction.simulator is not None:
         start[:n_states] = describe(correction.simulator).x0
     graph.initial = start
@@ -93,7 +97,8 @@ def hybrid_state(correction: Any, U: np.ndarray, y0: np.ndarray | None, n_sub: i
         before = np.concatenate([U[t : t + 1], before[:-1]])
         own = at["x_next"]
     lags = d.ravel() if correction.form == "output" else np.zeros(0)
-    return np.concatenate([own, lags, before.ravel(), [correction.trust(y0)]])
+    trust = [correction.trust(y0)] if np.isfinite(correction.domain.fade) else []
+    return np.concatenate([own, lags, before.ravel(), trust])
 
 
 def _n_states(simulator: Any) -> int:

@@ -10,6 +10,7 @@ from sksurrogate.compose._correction_report import supported_reach
 from sksurrogate.compose._left_out import folds_of
 from sksurrogate.compose._support import block_powers, supported
 from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
+from sksurrogate.export import state_space
 from sksurrogate.physics import CallableSimulator, ODESimulator
 
 
@@ -195,3 +196,13 @@ def test_a_plant_without_inputs_has_a_hybrid():
     assert np.std(predicted - y[60:120]) < 0.1 * np.std(
         ball(0.0).simulate(np.zeros((60, 0)), x0=[10.0, 0.0])[:, 0] - y[60:120]
     )
+
+
+def test_the_gain_of_a_hybrid_that_never_fades_is_that_of_its_settled_runs():
+    """Two ways to dy/du at a steady state: the linearised graph, and constant inputs held until the output rests."""
+    X, y, groups = make_reactor_runs(6, 120, noise=0.02, random_state=0)
+    hybrid = HybridRegressor(linear_reactor(), fade=float("inf")).fit(X, y, groups=groups)
+    at = state_space(hybrid.to_graph(), [0.15])
+    gain = at.C @ np.linalg.solve(np.eye(len(at.x0)) - at.A, at.B) + at.D
+    low, high = (hybrid.predict(np.full((600, 1), 0.15 + step))[-1] for step in (-1e-4, 1e-4))
+    assert gain.item() == pytest.approx((high - low) / 2e-4, rel=1e-3)

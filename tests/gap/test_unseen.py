@@ -65,9 +65,7 @@ def test_the_screen_tells_a_spring_whatever_the_angles_at_the_start(angles):
     problem, smoothed = problem_of(0.02, angles)
     null = null_of(problem, smoothed.x)
     spring, loss = CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["linear_loss"]("speed", "speed")
-    best = max(
-        screen([spring, loss], null.candidate, smoothed.x, null.noise).starts, key=lambda start: start.white
-    )
+    best = max(screen([spring, loss], null.candidate, smoothed.x, null.noise).starts, key=lambda start: start.white)
     assert best.effect is spring
     assert best.theta[0] == pytest.approx(0.02, rel=0.25)
     assert best.left < 0.05 * null.fit.cost
