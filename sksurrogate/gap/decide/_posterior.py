@@ -17,7 +17,7 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
-from sksurrogate.gap.fit._closeness import SETTLED
+from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
@@ -112,7 +112,7 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
             if best is own:
                 near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
                 apart = tuple(elsewhere(search, final, own, tolerance))
-                return final, replace(_of_classes(posterior, own, near), elsewhere=apart)
+                return _sure_part(search, final, replace(_of_classes(posterior, own, near), elsewhere=apart), tolerance)
             final = search.judged[search.stand(best.candidate)]
             continue
         fewer = search.without(final.candidate, least)
@@ -122,6 +122,30 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
     search.final = search.fitted_null
     far = tuple(effect.name for effect in final.effects) if leaves_most(final, search.gap_cost) else ()
     return search.fitted_null, Posterior((), None, too_far=far)
+
+
+def _sure_part(
+    search: OdeSearch, final: Evidence, posterior: Posterior, tolerance: float
+) -> tuple[Evidence, Posterior]:
+    """A set without the effects that are not certain, where others are: what they close is what remains. Else the set itself."""
+    keys = final.candidate.keys
+    chances = [one * _not_elsewhere(key, keys, posterior) for one, key in zip(posterior.probabilities, keys)]
+    if not min(chances) < CERTAIN_NAME <= max(chances):
+        return final, posterior
+    fewer = search.without(final.candidate, int(np.argmin(chances)))
+    if fewer is not None and fewer.effects:
+        sure = stands(search, _taken(search, fewer, final), tolerance)
+        if sure[0].effects:
+            return sure
+    search.stand(final.candidate)
+    return final, posterior
+
+
+def _not_elsewhere(key: tuple, keys: Sequence[tuple], posterior: Posterior) -> float:
+    """Probability of one effect of a set (by ``key`` of its ``keys``) against the sets elsewhere that hold no member of its class."""
+    members = {key}.union(*(set(one.keys).difference(keys) for one in posterior.as_likely if key not in one.keys))
+    against = [min(more, 700.0) for held, more in posterior.elsewhere if not held & members]
+    return float(1.0 / (1.0 + np.sum(np.exp(against))))
 
 
 def _of_classes(posterior: Posterior, own: Contender, near: Sequence[Contender]) -> Posterior:
@@ -143,9 +167,7 @@ def _taken(search: OdeSearch, candidate: OdeCandidate, before: Evidence) -> Evid
 def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidence:
     """A set without effects that the practical bar does not need, the least needed first.
 
-    A set that leaves more than the noise is not exact. There an effect counts if the set without it, fitted again, leaves more
-    of the gap by at least the tolerance (in power: its square), or leaves more than the tolerance where the whole set does not;
-    a smaller one may only correct the form of the others.
+    A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others.
     """
     bar = tolerance**2 * search.gap_cost
     while len(final.effects) > 1 and final.left > SETTLED:
@@ -154,10 +176,24 @@ def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidenc
         if not known:
             break
         fewer = min(known, key=lambda one: one.fit.cost)
-        if fewer.fit.cost - final.fit.cost > bar or final.fit.cost < bar < fewer.fit.cost:
+        if is_needed(final.fit.cost, fewer.fit.cost, bar):
             break
         final = _taken(search, fewer, final)
     return final
+
+
+def is_needed(whole: float, fewer: float, bar: float) -> bool:
+    """Whether a set that leaves ``whole`` needs an effect without which, fitted again, it leaves ``fewer``.
+
+    Squared errors; ``bar``: the tolerance in power. It takes the tolerance away from the gap, or the set without it leaves more than
+    the tolerance and it closes most of that.
+
+    Examples
+    --------
+    >>> is_needed(30.0, 140.0, bar=100.0), is_needed(10.0, 104.0, bar=100.0), is_needed(90.0, 104.0, bar=100.0)
+    (True, True, False)
+    """
+    return fewer - whole > bar or (fewer > bar and whole < MOST_LEFT**2 * fewer)
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
