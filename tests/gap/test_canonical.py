@@ -1,11 +1,13 @@
 """Which of two exact twins is named does not depend on units or on the order of the states."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.decide._equivalence import rank
+from sksurrogate.gap.decide._equivalence import Slot, _first_twin, rank
 from sksurrogate.physics import ODESimulator
 
 RUNS, ROWS = 3, 150
@@ -90,3 +92,18 @@ def test_the_order_of_twins_is_total():
     keys = [rank(effect) for effect in effects]
     assert len(set(keys)) == len(keys)
     assert sorted(effects, key=rank) == [effects[3], effects[4], effects[2], effects[0], effects[1]]
+
+
+@pytest.mark.parametrize("named, other, same, known, stands", [
+    ("hidden_mode", "sensor_lag", False, True, True),  # fewer parameters explain these data as well
+    ("hidden_mode", "sensor_lag", False, False, True),
+    ("sensor_lag", "hidden_mode", False, True, False),
+    ("sensor_delay", "sensor_lag", False, True, False),  # as many: the likelier one stands
+    ("input_bias", "constant_bias", True, True, True),  # exact twins: the one that comes first
+    ("constant_bias", "input_bias", True, True, False),
+])  # fmt: skip
+def test_the_simplest_member_of_a_class_stands(named, other, same, known, stands):
+    effect, twin = (CATALOGUE[name]("level", *(["level"] if name == "hidden_mode" else [])) for name in (named, other))
+    slot = Slot(0, [SimpleNamespace(effects=[twin])], [same], SimpleNamespace(effects=[effect]) if known else None)
+    found = _first_twin(slot, effect, ())
+    assert (found is not None and found.effects[-1] is twin) == stands

@@ -63,3 +63,27 @@ def test_a_power_that_the_data_hardly_tell_from_other_laws_is_in_their_class(see
     report = GapDiagnoser(tank(), effects=effects, random_state=0).fit(X, y, groups=groups).report_
     (effect,) = report.effects
     assert ("power_law", "h", "h") in names(effect)
+
+
+@pytest.mark.parametrize("tolerance, simpler", [(0.1, [("quadratic_drag", "v", "v")]), (1e-3, [])])
+def test_a_special_case_that_is_as_good_up_to_the_tolerance_is_of_the_class(tolerance, simpler):
+    """A drag to the power 1.85 is a power law; up to a tenth of the gap it is a quadratic drag, up to a thousandth it is not."""
+
+    def car(power):
+        def rates(t, x, u, p):
+            return (
+                u[0] - p["c"] * x[0] - 0.2 * np.sign(x[0]) * np.abs(x[0]) ** power if power else u[0] - p["c"] * x[0],
+            )
+
+        return ODESimulator(rates, states=["v"], inputs=["u"], outputs=["v"], params={"c": 0.1}, dt=0.1)
+
+    rng = np.random.default_rng(0)
+    U = np.repeat(rng.uniform(-1, 3, (2, 15, 1)), 10, axis=1)
+    Y = [car(1.85).simulate(u) for u in U]
+    X, y, groups = stack_runs(list(U), [y + 0.01 * np.std(Y) * rng.normal(size=y.shape) for y in Y])
+    names = ["power_law", "quadratic_drag", "linear_loss"]
+    diagnoser = GapDiagnoser(car(None), effects=names, tolerance=tolerance, random_state=0)
+    (effect,) = diagnoser.fit(X, y, groups=groups).report_.effects
+    assert (effect.name, effect.simpler, effect.equivalents) == ("power_law", simpler, simpler)
+    assert effect.params["exponent"] == pytest.approx(1.85, abs=0.01)
+    assert ("as good up to the tolerance" in str(diagnoser.report_)) == bool(simpler)

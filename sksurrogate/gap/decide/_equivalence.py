@@ -136,7 +136,7 @@ def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, floa
 
 
 def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list[Slot[C]], Posterior]:
-    """The class of every named effect; where an exact twin comes first by :func:`rank`, that is what stands, and is settled.
+    """The class of every named effect; where an exact or a simpler twin comes first by :func:`rank`, that stands, and is settled.
 
     Which of two twins a search meets first hangs on rounding, and so on the unit of time and on the order of the states.
 
@@ -150,11 +150,12 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
         twin = _first_twin(slots[i], own, search.positions)
-        first = None if twin is None or slots[i].own is None else _beside_the_others(search, final, i, twin)
+        first = None if twin is None else _beside_the_others(search, final, i, twin)
         if twin is None or first is None:
             continue
         final = search.final = search.judge(estimate_noise(first, final.noise, final.curvature, max_iterations=8))
-        search.richer.setdefault(first.effects[-1].key, []).extend(search.richer.get(own.key, []))
+        contained = [*([own.key] if slots[i].own is None else []), *search.richer.get(own.key, [])]
+        search.richer.setdefault(first.effects[-1].key, []).extend(contained)
         order = [*(k for k in range(len(slots)) if k != i), i]  # the twin stands last in its candidate
         slots = [replace(slots[k], index=n) for n, k in enumerate(order)]
         slots[-1] = _seen_from(slots[-1], twin)
@@ -164,14 +165,18 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
 
 
 def _first_twin(slot: Slot[C], own: BaseEffect, positions: Collection[str]) -> C | None:
-    """The exact twin that comes before the named effect; None where that is the first itself."""
+    """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself."""
 
     def place(twin: C) -> tuple[Any, ...]:
         return rank(twin.effects[-1], positions)
 
-    before = rank(own, positions)
-    exact = [twin for twin, same in zip(slot.twins, slot.identical) if same and place(twin) < before]
-    return min(exact, key=place, default=None)
+    before, size = rank(own, positions), len(own.parameters)
+    ahead = [
+        twin
+        for twin, same in zip(slot.twins, slot.identical)
+        if (same and slot.own is not None and place(twin) < before) or len(twin.effects[-1].parameters) < size
+    ]
+    return min(ahead, key=place, default=None)
 
 
 def _beside_the_others(search: BaseSearch[C], final: Evidence[C], i: int, twin: C) -> C | None:
@@ -185,11 +190,9 @@ def _beside_the_others(search: BaseSearch[C], final: Evidence[C], i: int, twin: 
 
 def _seen_from(slot: Slot[C], twin: C) -> Slot[C]:
     """The same class with a twin as the named effect."""
-    assert slot.own is not None
-    others = [(one, same) for one, same in zip(slot.twins, slot.identical) if one is not twin]
-    return replace(
-        slot, twins=[slot.own, *(one for one, _ in others)], identical=[True, *(same for _, same in others)], own=twin
-    )
+    named = [] if slot.own is None else [(slot.own, slot.identical[slot.twins.index(twin)])]
+    others = [*named, *((one, same) for one, same in zip(slot.twins, slot.identical) if one is not twin)]
+    return replace(slot, twins=[one for one, _ in others], identical=[same for _, same in others], own=twin)
 
 
 def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Posterior) -> list[float]:

@@ -18,6 +18,7 @@ from sksurrogate.gap.results._next_experiment import TIED_LISTED, NextExperiment
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import richer as richer_form
+from sksurrogate.gap.search._related_forms import special_cases
 
 
 def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, among: str) -> list[EffectEstimate]:
@@ -36,6 +37,8 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
         twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.candidate.keys]
         contained = [*(form.key for form in ahead), *search.richer.get(effect.key, [])]
         richer = [k for k in dict.fromkeys(contained) if k not in final.candidate.keys]
+        special = [form.key for form in special_cases(search, final.candidate, i)]
+        simpler = [k for k in special if k not in (*twins, *richer, *final.candidate.keys)]
         out.append(
             EffectEstimate(
                 effect.name,
@@ -45,12 +48,13 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 params,
                 ends,
                 found.parts.probabilities[i] if found.parts.probabilities else float("nan"),
-                [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer])],
+                [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer, *simpler])],
                 when_they_part(
                     name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer}), among
                 ),
                 [(str(k[0]), str(k[1]), k[2]) for k in richer],
                 at_port(effect, search.problem.plant),
+                simpler=[(str(k[0]), str(k[1]), k[2]) for k in simpler],
             )
         )
     return out

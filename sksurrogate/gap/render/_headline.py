@@ -23,6 +23,7 @@ __all__ = [
     "richer_forms",
     "sentence_of",
     "separating",
+    "simpler_forms",
 ]
 
 #: A formula longer than this (characters) is not read in a sentence.
@@ -163,10 +164,15 @@ def richer_forms(effect: EffectEstimate) -> list[str]:
     return [_key(key) for key in effect.richer]
 
 
+def simpler_forms(effect: EffectEstimate) -> list[str]:
+    """Special cases of the named effect that are as good up to the tolerance."""
+    return [_key(key) for key in effect.simpler]
+
+
 def not_identified(effect: EffectEstimate) -> list[str]:
-    """Other effects that these data cannot tell from the named one, without its richer forms."""
-    richer = set(map(tuple, effect.richer))
-    return [_key(key) for key in effect.equivalents if tuple(key) not in richer]
+    """Other effects that these data cannot tell from the named one, without its richer and simpler forms."""
+    forms = set(map(tuple, [*effect.richer, *effect.simpler]))
+    return [_key(key) for key in effect.equivalents if tuple(key) not in forms]
 
 
 def first_of(names: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from sksurrogate.gap.render._headline import (
     not_identified,
     richer_forms,
     separating,
+    simpler_forms,
 )
 from sksurrogate.gap.render._law import law_html, law_line
 from sksurrogate.gap.render._origin_html import origin_html
@@ -117,7 +118,7 @@ def _first_screen(report: ReportData) -> str:
 
 def _named(effect: EffectEstimate, report: ReportData) -> str:
     """One named effect: its form, its curve, what else explains the data."""
-    others, richer = not_identified(effect), richer_forms(effect)
+    others, richer, simpler = not_identified(effect), richer_forms(effect), simpler_forms(effect)
     parts = [
         f"<h2>{escape(place_of(effect)[0].upper() + place_of(effect)[1:])}</h2>",
         form_of(effect),
@@ -127,12 +128,14 @@ def _named(effect: EffectEstimate, report: ReportData) -> str:
         parts.append(f"<p>These data do not separate it from: {escape(first_of(others))}. {escape(effect.why)}</p>")
     if richer:
         parts.append(f'<p class="small">Richer, not needed: {escape(first_of(richer))}.</p>')
+    if simpler:
+        parts.append(f'<p class="small">Simpler, as good up to the tolerance: {escape(first_of(simpler))}.</p>')
     return "".join(parts)
 
 
 def _unequalled(effects: Sequence[EffectEstimate]) -> str:
     """Why no other effect explains the data as well, each reason once."""
-    alone = [effect.why for effect in effects if not (not_identified(effect) or richer_forms(effect))]
+    alone = [effect.why for effect in effects if not effect.equivalents]
     return "".join(f'<p class="small">{escape(why)}</p>' for why in dict.fromkeys(alone) if why)
 
 

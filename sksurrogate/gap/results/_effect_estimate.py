@@ -33,6 +33,8 @@ class EffectEstimate:
         When they part.
     richer : list of (name, location, variable)
         Those of ``equivalents`` that contain this effect and fit no better: richer, not needed.
+    simpler : list of (name, location, variable)
+        Those of ``equivalents`` that are special cases of this effect, and as good up to the tolerance.
     at_port : bool
         Whether it is a law at a port: its magnitude has the port's unit, not that of dx/dt.
     runs : tuple or None
@@ -58,6 +60,7 @@ class EffectEstimate:
     richer: list[tuple[str, str, str | None]] = field(default_factory=list)
     at_port: bool = False
     runs: tuple[Any, ...] | None = None
+    simpler: list[tuple[str, str, str | None]] = field(default_factory=list)
 
     def __str__(self) -> str:
         driver = f" in {self.variable}" if self.variable else ""

@@ -62,6 +62,8 @@ class BaseSearch(ABC, Generic[C]):
     fitted: dict[frozenset, C] = field(default_factory=dict, kw_only=True)
     #: Evidence of every candidate that was looked at, the latest
     judged: dict[C, Evidence[C]] = field(default_factory=dict, kw_only=True)
+    #: Costs of the simulator as it is given, by the null
+    nominal_costs: dict[C, float] = field(default_factory=dict, kw_only=True)
     #: What was computed of laws without a name beside sets of effects
     laws: dict[Any, dict[Any, Any]] = field(default_factory=dict, kw_only=True)
     #: Richer forms that fit no better, by the key of the simpler one
@@ -120,6 +122,19 @@ class BaseSearch(ABC, Generic[C]):
     def n_values(self) -> int:
         """Measured numbers."""
         return self.problem.record.n_values
+
+    @property
+    def gap_cost(self) -> float:
+        """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values.
+
+        No gap counts as larger than what the outputs do.
+        """
+        null, record = self.fitted_null.candidate, self.problem.record
+        if null not in self.nominal_costs:
+            given = null.at_nominal() if self.problem.free else None
+            self.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
+        moved = float(np.sum(record.counts * (record.spread / self.problem.sd) ** 2))
+        return min(self.nominal_costs[null], moved)
 
     @property
     def fitted_null(self) -> Evidence[C]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import C, arrived
-from sksurrogate.gap.search._base import EQUAL, Wanted
+from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
 from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, simpler
 from sksurrogate.gap.search._set_moves import SetMoves
 
@@ -81,6 +81,15 @@ def with_relatives(search: SetMoves[C], candidate: C, i: int) -> list[C]:
 def relatives(search: SetMoves[C], effect: BaseEffect, candidate: C) -> list[BaseEffect]:
     """Effects of the library that nest one, or a form in common with it, and are not in a set."""
     return [e for e in search.library if related(e, effect) and e.key not in candidate.keys]
+
+
+def special_cases(search: BaseSearch[C], named: C, i: int) -> list[BaseEffect]:
+    """Simpler forms of effect i with which the set, fitted again, leaves no more of the gap than the tolerance in addition."""
+    effect, beside = named.effects[i], frozenset(key for j, key in enumerate(named.keys) if j != i)
+    most = named.fit.cost + search.tolerance**2 * search.gap_cost
+    forms = [form for name in NESTED.get(effect.name, ()) for form in simpler(effect, name, search.library)]
+    fitted = ((form, search.fitted.get(beside | {form.key})) for form in forms)
+    return [form for form, one in fitted if one is not None and one.fit.cost < most]
 
 
 def most_left(search: SetMoves[C], rich: C) -> float:

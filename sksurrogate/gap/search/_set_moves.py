@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -28,21 +28,6 @@ class SetMoves(BaseSearch[C]):
 
     #: Whether every simulation counts: then no other sets of effects are extended beside the best one.
     frugal: ClassVar[bool] = False
-
-    nominal_costs: dict[C, float] = field(default_factory=dict, kw_only=True)
-
-    @property
-    def gap_cost(self) -> float:
-        """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values.
-
-        No gap counts as larger than what the outputs do.
-        """
-        null, record = self.fitted_null.candidate, self.problem.record
-        if null not in self.nominal_costs:
-            given = null.at_nominal() if self.problem.free else None
-            self.nominal_costs[null] = null.fit.cost if given is None else max(given.fit.cost, null.fit.cost)
-        moved = float(np.sum(record.counts * (record.spread / self.problem.sd) ** 2))
-        return min(self.nominal_costs[null], moved)
 
     @property
     def gap_over_noise(self) -> float:
