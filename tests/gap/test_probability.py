@@ -62,11 +62,14 @@ def test_sets_that_hold_the_effect_or_one_of_its_class_do_not_count_against_it()
 
 
 @pytest.mark.slow
-def test_of_three_effects_that_others_imitate_only_the_one_in_all_sets_is_certain():
+def test_of_three_effects_that_others_imitate_those_that_are_certain_stand_alone():
+    """A leak at the temperature, a dead zone of the flow, a delay: other sets of three do as well, all of them with the delay."""
     case = draw("three", 10744914760864393896)
     asked = case.question
     diagnoser = GapDiagnoser(asked.simulator, effects=asked.effects, free_params=asked.free_params, random_state=0)
     report = diagnoser.fit(asked.X, asked.y, groups=asked.groups).report_
     chances = {effect.name: effect.probability for effect in report.effects}
     assert chances.pop("input_delay") > 0.99
-    assert len(chances) == 2 and max(chances.values()) < 0.5  # two losses, or a friction, leave as little
+    (other,) = (effect for effect in report.effects if effect.name in chances)
+    assert other.probability > 0.9  # that it, or one of its class, acts
+    assert ("input_dead_zone", "flow", None) in {(other.name, other.location, other.variable), *other.equivalents}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import richer as richer_form
 from sksurrogate.gap.search._related_forms import special_cases
 
+#: Name, location and variable of an effect.
+Key: TypeAlias = tuple[str, str | None, str | None]
+
 
 def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, among: str) -> list[EffectEstimate]:
     """The effects of what stands, in the order of the search; nan for what is not known yet."""
@@ -29,16 +32,8 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
     out = []
     for i, effect in enumerate(final.effects):
         rows = final.candidate.slice_of(i)
-        slot = found.slots[i] if i < len(found.slots) else Slot(i, [], [])
+        others = _class_of(search, final.candidate, i, found)
         params, ends = reported(effect, best.fit.theta[rows], low[rows], high[rows])
-        ahead = [candidate.effects[-1] for candidate in slot.twins if richer_form(candidate.effects[-1], effect)]
-        others = [candidate.effects[-1] for candidate in slot.twins if candidate.effects[-1] not in ahead]
-        tied = [name_of(other) for other in others]
-        twins = [k for twin in slot.twins if (k := twin.effects[-1].key) not in final.candidate.keys]
-        contained = [*(form.key for form in ahead), *search.richer.get(effect.key, [])]
-        richer = [k for k in dict.fromkeys(contained) if k not in final.candidate.keys]
-        special = [form.key for form in special_cases(search, final.candidate, i)]
-        simpler = [k for k in special if k not in (*twins, *richer, *final.candidate.keys)]
         out.append(
             EffectEstimate(
                 effect.name,
@@ -48,16 +43,49 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 params,
                 ends,
                 found.parts.probabilities[i] if found.parts.probabilities else float("nan"),
-                [(str(k[0]), str(k[1]), k[2]) for k in dict.fromkeys([*twins, *richer, *simpler])],
+                _plain(dict.fromkeys([*others.twins, *others.richer, *others.simpler])),
                 when_they_part(
-                    name_of(effect), tied, all(slot.identical), found.experiment, sorted({k[0] for k in richer}), among
+                    name_of(effect),
+                    others.tied,
+                    others.identical,
+                    found.experiment,
+                    sorted({key[0] for key in others.richer}),
+                    among,
                 ),
-                [(str(k[0]), str(k[1]), k[2]) for k in richer],
+                _plain(others.richer),
                 at_port(effect, search.problem.plant),
-                simpler=[(str(k[0]), str(k[1]), k[2]) for k in simpler],
+                simpler=_plain(others.simpler),
             )
         )
     return out
+
+
+class _Class(NamedTuple):
+    """What else explains the data in the place of one effect."""
+
+    twins: list[Key]  #: Other effects, also richer forms that were fitted in its place
+    richer: list[Key]  #: Forms that contain it and fit no better
+    simpler: list[Key]  #: Special cases that are as good up to the tolerance
+    tied: list[str]  #: Names of the twins that are no richer forms
+    identical: bool  #: Whether all twins predict the same
+
+
+def _class_of(search: BaseSearch[C], named: C, i: int, found: PartialResults) -> _Class:
+    """The class of one effect of what stands, without effects that stand beside it."""
+    effect, slot = named.effects[i], found.slots[i] if i < len(found.slots) else Slot(i, [], [])
+    added = [candidate.effects[-1] for candidate in slot.twins]
+    ahead = [other.key for other in added if richer_form(other, effect)]
+    twins = [other.key for other in added if other.key not in named.keys]
+    richer = [key for key in dict.fromkeys([*ahead, *search.richer.get(effect.key, [])]) if key not in named.keys]
+    known = {*twins, *richer, *named.keys}
+    simpler = [form.key for form in special_cases(search, named, i) if form.key not in known]
+    tied = [name_of(other) for other in added if other.key not in ahead]
+    return _Class(twins, richer, simpler, tied, all(slot.identical))
+
+
+def _plain(keys: Iterable[Key]) -> list[tuple[str, str, str | None]]:
+    """Keys of effects as a report lists them."""
+    return [(str(name), str(location), variable) for name, location, variable in keys]
 
 
 def reported(

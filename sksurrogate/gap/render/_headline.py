@@ -13,6 +13,7 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, TIED_LISTED
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
+from sksurrogate.gap.results._shrink import Shrink
 
 __all__ = [
     "changes",
@@ -71,29 +72,52 @@ def headline(report: ReportData) -> str:
     -------
     str
     """
-    shrink, named = (
-        report.shrink,
-        joined([_short(effect, report) for effect in report.effects] or ["re-tuned parameters"]),
-    )
-    one = len(report.effects) == 1
-    closed = ""
-    if np.isfinite(shrink.fraction):
-        closed = f"{'closes' if one else 'close'} {percent(shrink.fraction)} of the gap on held-out runs"
     if not report.complete and report.reasons.rule == UNDECIDED.rule:
-        by_then = f" Found by then, not judged yet: {named}." if report.effects else ""
+        by_then = f" Found by then, not judged yet: {_named(report)}." if report.effects else ""
         return f"The diagnosis stopped before it had an answer.{by_then}"
     if report.verdict == "none":
-        if shrink.measurable and shrink.before < PRACTICAL:
-            return f"The simulator misses the outputs by {percent(shrink.before)} of their deviation, too little to matter."
-        return "The simulator agrees with the data to within noise and disturbance."
+        return _no_gap(report.shrink)
     if report.verdict in ("explained", "partial"):
-        part = " in part" if report.verdict == "partial" else ""
-        how_far = f", which {closed}" if closed else ""
-        return f"The gap is explained{part} by {named}{how_far}.{_what_remains(report) if part else ''}"
-    if report.reasons.rule == "uncertain_names":
-        likely = confidence(min(effect.probability for effect in report.effects))
-        how_far = f", which {closed}" if closed else ""
-        return f"No effect is certain. The likeliest {'is' if one else 'are'} {named}{how_far}: {likely}.{_with_law(report)}"
+        part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", "")
+        return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{rest}"
+    return _uncertain(report) if report.reasons.rule == "uncertain_names" else _unknown(report)
+
+
+def _named(report: ReportData) -> str:
+    """The effects with what they change, or the re-tuned parameters."""
+    return joined([_short(effect, report) for effect in report.effects] or ["re-tuned parameters"])
+
+
+def _closed(report: ReportData) -> str:
+    """How much of the gap they close; empty where that is not known."""
+    if not np.isfinite(report.shrink.fraction):
+        return ""
+    verb = "closes" if len(report.effects) == 1 else "close"
+    return f"{verb} {percent(report.shrink.fraction)} of the gap on held-out runs"
+
+
+def _which_closes(report: ReportData) -> str:
+    closed = _closed(report)
+    return f", which {closed}" if closed else ""
+
+
+def _no_gap(shrink: Shrink) -> str:
+    """Too small to matter, or within noise and disturbance."""
+    if shrink.measurable and shrink.before < PRACTICAL:
+        return f"The simulator misses the outputs by {percent(shrink.before)} of their deviation, too little to matter."
+    return "The simulator agrees with the data to within noise and disturbance."
+
+
+def _uncertain(report: ReportData) -> str:
+    """The likeliest effects, none of which is certain."""
+    likely = confidence(min(effect.probability for effect in report.effects))
+    be = "is" if len(report.effects) == 1 else "are"
+    return f"No effect is certain. The likeliest {be} {_named(report)}{_which_closes(report)}: {likely}.{_with_law(report)}"
+
+
+def _unknown(report: ReportData) -> str:
+    """The place of what is missing, and what is not enough."""
+    named, closed = _named(report), _closed(report)
     not_enough = f" {named[0].upper()}{named[1:]} {closed}, not enough." if report.effects and closed else ""
     if report.where.location is None:
         return f"Something is missing, and these data do not show where.{not_enough}"
