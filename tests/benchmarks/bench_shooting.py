@@ -17,12 +17,12 @@ import numpy as np
 LAGS, NODES, STEPS = 5, 3, 200
 
 
-def data(seed):
+def data(seed, n_train=8):
     """Scaled training and test runs, (n_runs, n_steps) each."""
     from sksurrogate.datasets import make_reactor_runs
 
     sets = []
-    for n_runs, key in ((8, seed), (20, seed + 5000)):
+    for n_runs, key in ((n_train, seed), (20, seed + 5000)):
         X, y, _ = make_reactor_runs(n_runs, STEPS, random_state=key)
         sets += [X.reshape(n_runs, STEPS), y.reshape(n_runs, STEPS)]
     U, Y, Ut, Yt = sets
