@@ -293,9 +293,11 @@ class Disturbance:
         half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
         return (r / noise.sigma[:, None, None]).transpose(1, 0, 2).reshape(r.shape[1], -1), half.T
 
-    def gram_by_run(self, r: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    def gram_by_run(
+        self, r: np.ndarray, noise: Noise, factor: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The matrix of :meth:`gram` run by run, (n_runs, n_columns, n_columns), and its log determinants; they add up to it."""
-        factor, r = self.factor(noise), self.at_measured(r)
+        factor, r = self.factor(noise) if factor is None else factor, self.at_measured(r)
         half, _ = dtbtrs(factor, self._load(r, noise), uplo="L", overwrite_b=1)
         flat = r / noise.sigma[:, None, None]
         out = []

@@ -13,6 +13,7 @@ import numpy as np
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_slopes import noise_slopes
+from sksurrogate.kernels.run_columns import RunColumns, take_out
 
 __all__ = ["fit_noise"]
 
@@ -73,6 +74,7 @@ def fit_noise(
     held: np.ndarray | None = None,
     caps: tuple[np.ndarray, np.ndarray] | None = None,
     sigma_unit: np.ndarray | None = None,
+    own: RunColumns | None = None,
 ) -> tuple[Noise, float, np.ndarray]:
     """Maximise the likelihood over the noise parameters, with parameters of the model moved along.
 
@@ -96,6 +98,8 @@ def fit_noise(
     sigma_unit : ndarray (n_outputs,), optional
         Sensor noise that counts as one, by which noises are bounded: that of ``start`` by default. Models that are compared
         need the same: a wider range alone would make one likelier than another.
+    own : RunColumns, optional
+        Further columns with free weights of their own in every run.
 
     Returns
     -------
@@ -111,7 +115,15 @@ def fit_noise(
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
     f = _Likelihood(
-        model, columns, start, none if precision is None else precision, none if pull is None else pull, low, high, unit
+        model,
+        columns,
+        start,
+        none if precision is None else precision,
+        none if pull is None else pull,
+        low,
+        high,
+        unit,
+        own,
     )
     first = f.resized(np.clip(start.pack(), low, high))
     eta, value, inverse = _quasi_newton(f, *first, max_iterations, curvature)
@@ -120,16 +132,17 @@ def fit_noise(
 
 
 class _Value(NamedTuple):
-    """Negative log likelihood at the best parameters of the model, these, the mean square of the whitened residual, and the
-    factor of the posterior precision."""
+    """Negative log likelihood at the best parameters of the model, these, weights in every run, the mean square of the whitened
+    residual, and the factor of the posterior precision."""
 
     best: float
     theta: np.ndarray
+    weights: np.ndarray
     square: float
     factor: np.ndarray
 
 
-LOST = _Value(np.inf, np.zeros(0), np.nan, np.zeros((0, 0)))
+LOST = _Value(np.inf, np.zeros(0), np.zeros(0), np.nan, np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +158,25 @@ class _Likelihood:
     low: np.ndarray
     high: np.ndarray
     unit: np.ndarray
+    own: RunColumns | None
+
+    def gram(self, noise: Noise, factor: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+        """Of the columns, those with weights of their own in every run taken out; log determinant; these weights."""
+        if self.own is None:
+            return *self.model.gram(self.columns, noise, factor), np.zeros(0)
+        whole = np.concatenate([self.columns, self.own.columns], axis=1)
+        grams, logdets = self.model.gram_by_run(whole, noise, factor)
+        if not np.all(np.isfinite(grams)):
+            raise np.linalg.LinAlgError("the Gram is not finite")
+        left, weights, _ = take_out(self.own.by_run(grams, self.model.starts), self.own.columns.shape[1])
+        return left.sum(axis=0), float(np.sum(logdets)), weights
 
     def __call__(self, eta: np.ndarray) -> _Value:
         check_time()
         noise = self.start.unpack(eta)
         try:
             factor = self.model.factor(noise)
-            G, logdet = self.model.gram(self.columns, noise, factor)
+            G, logdet, weights = self.gram(noise, factor)
         except np.linalg.LinAlgError:
             return LOST
         if not np.all(np.isfinite(G)):
@@ -166,16 +191,20 @@ class _Likelihood:
         value = 0.5 * (G[0, 0] - float(right @ theta) + logdet)
         if not np.isfinite(value):
             return LOST
-        weights = np.r_[1.0, -theta / scale]  # of the columns in the residual that is left
-        square = float(weights @ G @ weights)
+        left = np.r_[1.0, -theta / scale]  # of the columns in the residual that is left
+        square = float(left @ G @ left)
         if not square > 0:  # a sum of squares that its roundings have eaten up
             return LOST
-        return _Value(float(value), theta / scale, square / self.model.n_values, factor)
+        return _Value(
+            float(value), theta / scale, weights @ left if self.own else weights, square / self.model.n_values, factor
+        )
 
     def gradient(self, eta: np.ndarray, at: _Value) -> np.ndarray:
         """Slopes with the parameters of the model frozen at their best (envelope theorem); nan where they cannot be had."""
         noise = self.start.unpack(eta)
         residual = self.columns[:, 0] - np.einsum("okt,k->ot", self.columns[:, 1:], at.theta)
+        if self.own is not None:
+            residual -= self.own.sum(at.weights)
         try:
             with np.errstate(all="ignore"):
                 slopes = noise_slopes(self.model, residual, noise, at.factor)

@@ -7,6 +7,7 @@ import pytest
 
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
+from sksurrogate.kernels.run_columns import RunColumns
 
 N, STARTS = 1200, np.array([0, 400, 800])
 PLANTED = Noise(np.array([0.05]), np.array([0.3]), 8.0, np.array([1e-3]), 10.0)
@@ -54,3 +55,19 @@ def test_a_fit_without_slopes_ends_where_it_stands(monkeypatch):
     noise, value, _ = fit_noise(model, r, PLANTED, np.array([1.0]))
     np.testing.assert_allclose(noise.pack(), PLANTED.pack())
     assert value == pytest.approx(model.log_likelihood(r, PLANTED))
+
+
+def test_columns_with_weights_of_their_own_in_every_run_are_columns_of_every_run():
+    """Taken out run by run they leave the likelihood, the noise and the parameters that as many wide columns leave."""
+    model, r = first_order(1)
+    rng, run = np.random.default_rng(1), np.repeat(np.arange(3), 400)
+    own, J = rng.normal(size=(1, 2, N)), rng.normal(size=(1, 1, N))
+    own[:, :, run == 2] = 0.0  # a run that has none
+    wide = np.concatenate([own * (run == k) for k in range(2)], axis=1)
+    r = r + 0.3 * J[:, 0] + np.einsum("okt,tk->ot", own, np.array([[1.0, -2.0], [0.5, 0.0], [9.0, 9.0]])[run])
+    held, free = np.array([4.0]), np.zeros(4)
+    given = model, r, replace(PLANTED, sigma=np.array([0.1])), np.array([1.0])
+    noise, value, _ = fit_noise(*given, J, held, np.zeros(1), own=RunColumns(own, run))
+    other, best, _ = fit_noise(*given, np.concatenate([J, wide], axis=1), np.r_[held, free], np.zeros(5))
+    assert value == pytest.approx(best, rel=1e-9)
+    np.testing.assert_allclose(noise.pack(), other.pack(), rtol=1e-6)

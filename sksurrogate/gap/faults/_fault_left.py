@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.run_columns import RunColumns, take_out
 
 #: Share of the excess over the noise that a fault takes, to be the reason of what is left: faults of sensors are exact.
 MOST_OF_IT = 0.8
@@ -101,8 +103,8 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
     record, found = base.candidate.problem.record, []
     for proposal in tones(record, run, fit.linear.r):
         try:
-            gain = 2.0 * (fit.fitted(proposal.columns)[0] - fit.fitted(proposal.columns[:, :0])[0])
-            theta = fit.fitted(proposal.columns)[1]
+            value, theta, _ = fit.fitted(proposal)
+            gain = 2.0 * (value - fit.alone)
         except np.linalg.LinAlgError:
             continue
         fault = proposal.fault(theta[fit.linear.J.shape[1] :])
@@ -134,6 +136,8 @@ class _Fit:
 
     linear: LinearSet[BaseCandidate]
     noise: Noise
+    #: Grams of what faults move the readings by, run by run, by the identity of their columns
+    seen: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @property
     def model(self) -> BaseCandidate:
@@ -154,27 +158,53 @@ class _Fit:
 
     def first_sight(self, proposal: Proposal) -> float:
         """Twice the log likelihood under white noise, less the cost of the parameters."""
-        both = self.linear.beside(proposal.columns)
-        columns = both.known.transpose(1, 0, 2)
-        flat = self.model.without_starts(columns).reshape(len(columns), -1)
-        theta = both.weights(flat @ flat.T)
-        rest = flat[0] - theta @ flat[1:]
+        linear = self.linear if proposal.of is not None else self.linear.beside(proposal.columns)
+        if proposal.of is None:
+            flat = self.projected(proposal.columns).reshape(-1, linear.r.size)
+            G = flat @ flat.T
+        else:
+            whole, taken = self.seen_by_run(proposal)
+            G = whole - taken[proposal.acts].sum(axis=0)
+        left = np.r_[1.0, -linear.weights(G)]
         # The variance is unknown: what is left may be large.
-        return -self.n * float(np.log(max(float(rest @ rest), self.n))) - self.cost(proposal, 1)
+        return -self.n * float(np.log(max(float(left @ G @ left), self.n))) - self.cost(proposal, 1)
+
+    def projected(self, columns: np.ndarray) -> np.ndarray:
+        """Residual, sensitivities and columns of a fault over the noise, initial states taken out, (n_columns, n_outputs, n_samples)."""
+        return self.model.without_starts(self.linear.beside(columns).known.transpose(1, 0, 2))
+
+    def seen_by_run(self, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
+        """Gram of residual and sensitivities, and what a fault takes of it in every run; computed once for all runs."""
+        if id(proposal.columns) not in self.seen:
+            assert proposal.of is not None
+            stack, k = self.projected(proposal.columns), proposal.columns.shape[1]
+            edges = np.r_[np.flatnonzero(np.diff(proposal.of, prepend=-1)), len(proposal.of)]
+            parts = (stack[:, :, a:b].reshape(len(stack), -1) for a, b in zip(edges[:-1], edges[1:]))
+            grams = np.stack([part @ part.T for part in parts])
+            known = grams[:, :-k, :-k]
+            self.seen[id(proposal.columns)] = known.sum(axis=0), known - take_out(grams, k)[0]
+        return self.seen[id(proposal.columns)]
 
     def cost(self, proposal: Proposal, tried: int) -> float:
         """``k ln N + 2 ln M``, and what the choice of its runs costs."""
-        k = proposal.columns.shape[1] + proposal.extra
+        k = proposal.n_weights + proposal.extra
         return float(bar(k, tried, self.n)) + proposal.chosen
 
-    def fitted(self, columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def fitted(self, proposal: Proposal | None = None) -> tuple[float, np.ndarray, np.ndarray]:
         """The largest log likelihood with the noise fitted, the weights there, and the squares of these over their variances."""
-        both = self.linear.beside(columns)
-        noise, value, _ = max((both.noise_from(start) for start in self.noises), key=lambda fit: fit[1])
-        G, _ = both.gram(noise)
-        theta = both.weights(G)
-        variance = np.diag(inverse(G[1:, 1:] + np.diag(both.precision)))
+        own = None if proposal is None else proposal.own
+        linear = self.linear if proposal is None or own is not None else self.linear.beside(proposal.acting)
+        noise, value, _ = max((linear.noise_from(start, own=own) for start in self.noises), key=lambda fit: fit[1])
+        if proposal is None or own is None:
+            theta, variance = _weights(linear, linear.gram(noise)[0])
+        else:
+            theta, variance = _weights_by_run(linear, noise, own, proposal.acts)
         return float(value), theta, theta**2 / np.maximum(variance, 1e-300)
+
+    @cached_property
+    def alone(self) -> float:
+        """The largest log likelihood beside no fault."""
+        return self.fitted()[0]
 
     def in_runs(self, proposal: Proposal, nats: np.ndarray) -> Proposal:
         """The fault in those runs whose value is worth its ``ln N``, itself where all are or none is."""
@@ -196,11 +226,10 @@ class _Fit:
     def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
         """A fault with a noise of its own, and the model fitted again without it; None where its weights are not possible."""
         try:
-            alone, _, _ = self.fitted(proposal.columns[:, :0])
-            value, theta, nats = self.fitted(proposal.columns)
+            alone, (value, theta, nats) = self.alone, self.fitted(proposal)
             whole, proposal = proposal, self.in_runs(proposal, nats)
             if proposal is not whole:
-                value, theta, _ = self.fitted(proposal.columns)
+                value, theta, _ = self.fitted(proposal)
         except np.linalg.LinAlgError:
             return None
         fault, model = proposal.fault(theta[self.linear.J.shape[1] :]), self.model
@@ -217,3 +246,21 @@ class _Fit:
         if isinstance(fault, NoisyInput):
             fault = replace(fault, removed=removed)
         return Found(fault, float(score), 2.0 * (value - alone) - cost, removed)
+
+
+def _weights(linear: LinearSet[Any], G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the columns of a model, and their variances, from its Gram."""
+    return linear.weights(G), np.diag(inverse(G[1:, 1:] + np.diag(linear.precision)))
+
+
+def _weights_by_run(
+    linear: LinearSet[Any], noise: Noise, own: RunColumns, acts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same, and then those of further columns in every run that ``acts`` names, run by run."""
+    grams = linear.D.gram_by_run(np.concatenate([linear.known, own.columns], axis=1), noise)[0]
+    left, weights, inverses = take_out(own.by_run(grams, linear.D.starts), own.columns.shape[1])
+    G, by_others = left.sum(axis=0), weights[acts, :, 1:]
+    theta, variance = _weights(linear, G)
+    covariance = inverse(G[1:, 1:] + np.diag(linear.precision))
+    further = np.einsum("rkk->rk", inverses[acts]) + np.einsum("rki,ij,rkj->rk", by_others, covariance, by_others)
+    return np.r_[theta, (weights[acts, :, 0] - by_others @ theta).ravel()], np.r_[variance, further.ravel()]

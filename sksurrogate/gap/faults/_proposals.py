@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Gains, Hum, Offsets, Shifts
 from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.run_columns import RunColumns
 
 #: A tone has this many periods in a run or more: less is a trend.
 LEAST_PERIODS = 3.0
@@ -25,12 +26,30 @@ class Proposal:
     """A fault of runs beside a model."""
 
     columns: np.ndarray  #: (n_outputs, n_columns, n_samples): what it adds to the readings, by its weights
-    fault: Callable[[np.ndarray], BaseFault | None]  #: The fault at some weights; None where these are not possible
+    #: The fault at some weights, run by run where they differ from run to run; None where these are not possible
+    fault: Callable[[np.ndarray], BaseFault | None]
     extra: int = 0  #: Parameters that were chosen before (a frequency, a number of samples)
     chosen: float = 0.0  #: Price of runs chosen among all, twice the log likelihood
     some: Callable[[np.ndarray], Proposal] | None = None  #: The same in some of its runs, where each has a value
     #: What of it is left in a corrected record, beside the outputs of a model that was fitted to that; None where nothing is
     rest: Callable[[Record, np.ndarray], BaseFault | None] | None = None
+    of: np.ndarray | None = None  #: (n_samples,): number of the run of every row, where weights differ from run to run
+    acts: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  #: Numbers of the runs in which it acts
+
+    @property
+    def n_weights(self) -> int:
+        """Weights."""
+        return self.columns.shape[1] * (1 if self.of is None else len(self.acts))
+
+    @property
+    def acting(self) -> np.ndarray:
+        """The columns in the runs in which it acts, 0 elsewhere."""
+        return self.columns if self.of is None else self.columns * np.isin(self.of, self.acts)
+
+    @property
+    def own(self) -> RunColumns | None:
+        """The same with weights of their own in several runs; None where one weight for each column is all."""
+        return None if self.of is None or len(self.acts) == 1 else RunColumns(self.acting, self.of)
 
 
 def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarray) -> Iterator[Proposal]:
@@ -41,14 +60,14 @@ def proposals(record: Record, run: np.ndarray, y: np.ndarray, residual: np.ndarr
     ``y`` (n_outputs, n_samples): outputs of the model.
     ``residual`` (n_outputs, n_samples): measured less these.
     """
-    n_runs = int(run[-1]) + 1
-    if n_runs > 1:
-        inside = np.arange(n_runs)[:, None] == run  # (n_runs, n_samples)
-        some = [np.array([r]) for r in range(n_runs)] + [np.arange(n_runs)]
+    seen, of = np.unique(run, return_inverse=True)
+    if int(run[-1]) > 0:
         for j in range(len(y)):
-            for runs in some:
-                yield _by_run(Offsets, j, runs, inside[runs].astype(float), y.shape, n_runs)
-                yield _by_run(Gains, j, runs, inside[runs] * y[j], y.shape, n_runs)
+            for kind, moved in ((Offsets, np.ones(y.shape[1])), (Gains, y[j])):
+                columns = np.zeros((len(y), 1, y.shape[1]))
+                columns[j] = moved
+                for acts in [*np.arange(len(seen))[:, None], np.arange(len(seen))]:
+                    yield _by_run(kind, j, columns, seen, of, acts)
     yield from _shifts(record, run, y)
     yield from tones(record, run, residual)
 
@@ -62,23 +81,21 @@ def tones(record: Record, run: np.ndarray, residual: np.ndarray) -> Iterator[Pro
 
 
 def _by_run(
-    kind: type[Offsets] | type[Gains], j: int, runs: np.ndarray, moved: np.ndarray, shape: tuple[int, ...], n_runs: int
+    kind: type[Offsets] | type[Gains], j: int, columns: np.ndarray, seen: np.ndarray, of: np.ndarray, acts: np.ndarray
 ) -> Proposal:
-    """One value for each of some runs, at output j."""
-    columns = np.zeros((shape[0], len(runs), shape[1]))
-    columns[j] = moved
+    """One value for each of some runs, at output j; ``seen`` are the runs that the rows are of."""
 
     def fault(weights: np.ndarray) -> BaseFault | None:
-        values = np.zeros(n_runs)
-        values[runs] = weights
+        values = np.zeros(int(seen[-1]) + 1)
+        values[seen[acts]] = weights
         return kind(j, values) if kind is Offsets or np.all(np.abs(weights) < 0.9) else None
 
     def some(kept: np.ndarray) -> Proposal:
         """Each run may have the fault or not."""
-        part = _by_run(kind, j, runs[kept], moved[kept], shape, n_runs)
-        return replace(part, chosen=2.0 * len(runs) * np.log(2.0), some=None)
+        part = _by_run(kind, j, columns, seen, of, acts[kept])
+        return replace(part, chosen=2.0 * len(acts) * np.log(2.0), some=None)
 
-    return Proposal(columns, fault, some=some if len(runs) > 1 else None)
+    return Proposal(columns, fault, some=some if len(acts) > 1 else None, of=of, acts=acts)
 
 
 def later(y: np.ndarray, k: int) -> np.ndarray:
@@ -106,7 +123,7 @@ def best_shifts(record: Record, run: np.ndarray, y: np.ndarray) -> tuple[np.ndar
             if record.known is not None:
                 missed = missed * record.known[:, a:b]
             cost[run[a], i] += np.sum(missed[:, inner] ** 2)
-    return steps[np.argmin(cost, axis=1)], cost[:, most] - cost.min(axis=1)
+    return np.where(cost.any(axis=1), steps[np.argmin(cost, axis=1)], 0), cost[:, most] - cost.min(axis=1)
 
 
 def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal]:
@@ -118,10 +135,10 @@ def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal
     for a, b in record.spans:
         moved[:, a:b] = later(y[:, a:b], int(values[run[a]])) - y[:, a:b]
     one = np.where(np.arange(len(values)) == int(np.argmax(gains)), values, 0)
+    seen, of = np.unique(run, return_inverse=True)
     for some in (one, values):
-        runs = np.flatnonzero(some)
-        columns = np.stack([np.where(run == r, moved, 0.0) for r in runs], axis=1)
-        yield Proposal(columns, _shift_of(some), extra=len(runs), rest=_rest_of_shifts(some != 0, run))
+        acts, rest = np.flatnonzero(some[seen]), _rest_of_shifts(some != 0, run)
+        yield Proposal(moved[:, None], _shift_of(some), extra=len(acts), rest=rest, of=of, acts=acts)
 
 
 def _rest_of_shifts(where: np.ndarray, run: np.ndarray) -> Callable[[Record, np.ndarray], BaseFault | None]:
@@ -162,11 +179,14 @@ def tone(record: Record, residual: np.ndarray) -> float | None:
 
 def _hum(record: Record, run: np.ndarray, j: int, w: float, shape: tuple[int, ...]) -> Proposal:
     """Sine and cosine in every run, at output j."""
-    n_runs = int(run[-1]) + 1
-    first = np.searchsorted(run, np.arange(n_runs))
-    phase = w * (record.t - record.t[first][run])
-    columns = np.zeros((shape[0], 2 * n_runs, shape[1]))
-    for r in range(n_runs):
-        columns[j, 2 * r] = np.where(run == r, np.sin(phase), 0.0)
-        columns[j, 2 * r + 1] = np.where(run == r, np.cos(phase), 0.0)
-    return Proposal(columns, lambda weights: Hum(j, weights.reshape(n_runs, 2), w), extra=1)
+    seen, first, of = np.unique(run, return_index=True, return_inverse=True)
+    phase = w * (record.t - record.t[first][of])
+    columns = np.zeros((shape[0], 2, shape[1]))
+    columns[j] = np.sin(phase), np.cos(phase)
+
+    def fault(weights: np.ndarray) -> BaseFault | None:
+        values = np.zeros((int(seen[-1]) + 1, 2))
+        values[seen] = weights.reshape(-1, 2)
+        return Hum(j, values, w)
+
+    return Proposal(columns, fault, extra=1, of=of, acts=np.arange(len(seen)))
