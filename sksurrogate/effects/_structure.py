@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["Structure", "kinematic_states", "largest_gains", "motions", "rate_gains", "structure_of"]
+__all__ = ["Structure", "integrals", "kinematic_states", "largest_gains", "motions", "rate_gains", "structure_of"]
 
 #: Push at a port, in its unit: rates are in proportion to it or nearly so, and rounding stays far below what it moves.
 PORT_PUSH = 1e-3
@@ -77,7 +77,7 @@ def structure_of(model: PlantModel, *, n_points: int = 12, random_state: int = 0
     plant = model.plant
     gain = rate_gains(model, n_points=n_points, random_state=random_state)
     at_once = _at_once(model, gain, n_points, random_state)
-    speed_of = _integrals(model, n_points, random_state)
+    speed_of = integrals(model, n_points=n_points, random_state=random_state)
     t, x, u = _points(model, n_points, random_state)
     rate = np.max(np.abs(np.nan_to_num(_rates(model, t, x, u))), axis=1, initial=0.0)
     kinematic = [plant.states.index(name) for name in speed_of]
@@ -149,7 +149,7 @@ def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int
     -------
     tuple of str
     """
-    found = _integrals(model, n_points, random_state)
+    found = integrals(model, n_points=n_points, random_state=random_state)
     return tuple(name for name in model.plant.states if name in found)
 
 
@@ -157,9 +157,9 @@ def motions(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> 
     """What states are in a motion: "speed" where another state is the integral of one, "position" where it is such an integral
     and no speed itself; other states are missing.
     """
-    integrals = _integrals(model, n_points, random_state)
-    speeds = {speed for speed in integrals.values() if speed is not None}
-    return {**dict.fromkeys(integrals, "position"), **dict.fromkeys(speeds, "speed")}
+    found = integrals(model, n_points=n_points, random_state=random_state)
+    speeds = {speed for speed in found.values() if speed is not None}
+    return {**dict.fromkeys(found, "position"), **dict.fromkeys(speeds, "speed")}
 
 
 def rate_gains(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> np.ndarray:
@@ -222,7 +222,7 @@ def _rates(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np
         return (model.step(t, x, u, dt) - x) / dt
 
 
-def _integrals(model: PlantModel, n_points: int, random_state: int) -> dict[str, str | None]:
+def integrals(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> dict[str, str | None]:
     """Kinematic states and the state that each is the integral of.
 
     With a right-hand side the rate is the other state. A step may be taken anyhow: over a short one the mean rate is the

@@ -23,6 +23,8 @@ from sksurrogate.gap.decide._unnamed_trajectory import TrajectoryUnnamed
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.fit._known_parameters import KnownParameters
+from sksurrogate.gap.fit._neighbours import is_near
+from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
@@ -84,7 +86,8 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
-    search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, **common)
+    distant = {} if effects is not None else {e.key: e for e in library if not _acts_near(e, problem)}
+    search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, later_asked=distant, **common)
     unnamed = OdeUnnamed(search, task.seed, whole, excluded_places(diagnoser.exclude))
     return _prepared(diagnoser, task, search, unnamed, rows)
 
@@ -108,6 +111,12 @@ def begin_trajectory(diagnoser: Settings, task: Task) -> Prepared:
     search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(diagnoser, task))
     unnamed = TrajectoryUnnamed(search, task.seed, only_given=len(testable) < len(wanted))
     return _prepared(diagnoser, task, search, unnamed, np.arange(whole.n_samples), left_out(effects, testable))
+
+
+def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
+    """Whether the signals that drive an effect are near the balance in which it acts."""
+    drivers = effect.variable.split("*") if effect.variable else []
+    return effect.kind != "state" or is_near(problem.near, effect.location, drivers)
 
 
 def _asked(diagnoser: Settings) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import learn
+from sksurrogate.gap.fit._neighbours import neighbours
 from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE, Numerics, OdeBackend
 from sksurrogate.gap.fit._pushes import gain_of_forces
 from sksurrogate.gap.fit._simulations import Simulations, divergence
@@ -110,7 +111,11 @@ def build_problem(
             lambda n: AugmentedModel(model, (), (), record, n_sub=n, scale=scale),
         )
         problem = replace(
-            problem, scale=scale, rate=np.maximum(rate, 1e-9 * scale / record.dt), numerics=Numerics(n_sub)
+            problem,
+            scale=scale,
+            rate=np.maximum(rate, 1e-9 * scale / record.dt),
+            numerics=Numerics(n_sub),
+            near=neighbours(model, record.t, smoothed.x, record.u),
         )
         return replace(problem, caps=_caps(problem, smoothed)), smoothed
 

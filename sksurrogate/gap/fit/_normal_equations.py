@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import TypeAlias
 
 import numpy as np
 
@@ -65,8 +66,12 @@ def seen_inverse(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T / np.outer(scale, scale), blind
 
 
-def start_bases(J_x: np.ndarray, starts: np.ndarray, n_samples: int) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Orthonormal columns that the initial states of each run can move: (first, end, (n_outputs * length, rank))."""
+#: Orthonormal columns that the initial states of a run can move: its first row, its end, (n_outputs * length, rank).
+StartBasis: TypeAlias = tuple[int, int, np.ndarray]
+
+
+def start_bases(J_x: np.ndarray, starts: np.ndarray, n_samples: int) -> Iterator[StartBasis]:
+    """What the initial states of each run can move, by their sensitivities J_x (n_outputs, n_states, n_samples)."""
     bounds = np.r_[starts, n_samples]
     for a, b in zip(bounds[:-1], bounds[1:]):
         basis = J_x[:, :, a:b].transpose(1, 0, 2).reshape(J_x.shape[1], -1)
@@ -91,11 +96,21 @@ def start_coordinates(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) 
 
 def project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Take the initial states of every run out of columns (n_columns, n_outputs, n_samples)."""
+    return projected(columns, start_bases(J_x, starts, columns.shape[-1]))
+
+
+def projected(columns: np.ndarray, bases: Iterable[StartBasis]) -> np.ndarray:
+    """The same with the bases known."""
     out = columns.copy()
-    for a, b, q in start_bases(J_x, starts, columns.shape[-1]):
-        part = out[:, :, a:b].reshape(len(out), -1)
-        out[:, :, a:b] = (part - (part @ q) @ q.T).reshape(len(out), out.shape[1], b - a)
+    project_in_place(out, bases)
     return out
+
+
+def project_in_place(columns: np.ndarray, bases: Iterable[StartBasis]) -> None:
+    """The same, written into the columns."""
+    for a, b, q in bases:
+        part = columns[:, :, a:b].reshape(len(columns), -1)
+        columns[:, :, a:b] = (part - (part @ q) @ q.T).reshape(len(columns), columns.shape[1], b - a)
 
 
 def eliminate(G: np.ndarray, n_nuisance: int, precision: np.ndarray, pull: np.ndarray) -> np.ndarray:

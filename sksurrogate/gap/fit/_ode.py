@@ -13,7 +13,8 @@ from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate, as_white
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
-from sksurrogate.gap.fit._normal_equations import project_starts
+from sksurrogate.gap.fit._neighbours import Neighbours
+from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
 from sksurrogate.gap.fit._pushes import REMEMBERED, pushed_input
 from sksurrogate.gap.fit._recent import recent_property
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -103,14 +104,19 @@ class OdeCandidate(BaseCandidate):
         near = np.all(rms < NEARLY_WHITE * problem.sd)
         return forces, [as_white(start, rms, problem.quiet_force())] if near else []
 
+    @recent_property(MOST_KEPT)
+    def start_bases(self) -> list[StartBasis]:
+        """What the initial states of every run can move, over the noise."""
+        return self._bases_from(self.problem.record.starts)
+
+    def _bases_from(self, starts: np.ndarray) -> list[StartBasis]:
+        J_x = self.linearised.J_x[:, self.model.free_states] * (1.0 / self.problem.sd[:, None, None])
+        return list(start_bases(J_x, starts, J_x.shape[-1]))
+
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
-        white = 1.0 / self.problem.sd[:, None, None]
-        J_x = self.linearised.J_x[:, self.model.free_states] * white
-        return project_starts(
-            self.problem.record.seen(columns) * white[:, 0],
-            J_x,
-            self.problem.record.starts if starts is None else starts,
-        )
+        white = 1.0 / self.problem.sd[:, None]
+        bases = self.start_bases if starts is None else self._bases_from(starts)
+        return projected(self.problem.record.seen(columns) * white, bases)
 
     def frozen(self, theta: np.ndarray, *, near: bool = False) -> OdeCandidate | None:
         """Free run at fixed parameters with the initial states fitted; ``near`` this one, to which it falls back."""
@@ -208,6 +214,7 @@ class OdeBackend(Backend):
     run: np.ndarray | None = None
     #: What the user knows of the simulator's parameters
     known: KnownParameters = field(default_factory=KnownParameters)
+    near: Neighbours = field(default_factory=dict)  #: States near each balance of a large plant
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""

@@ -29,7 +29,7 @@ class Column:
     effect: BaseEffect
     theta: np.ndarray  #: (n_parameters,)
     column: np.ndarray  #: (n_outputs, n_samples): the change of the outputs that it causes
-    path: np.ndarray  #: (n_states, n_samples): the smoothed trajectory, its hidden states included
+    hidden: np.ndarray | None  #: (n_hidden, n_samples): its hidden states along the smoothed trajectory
     evident: bool  #: Whether the measurements show it whatever the model says
     through: np.ndarray  #: (n_unseen, n_outputs, n_samples): what unseen initial states do through it
 
@@ -52,9 +52,8 @@ def candidate_columns(
     found = side_by_side(at_starts.of, candidates, second)
     for effect in [effect for effect, columns in zip(candidates, found) if columns is None]:
         at_starts.ask_why(effect)
-    path = s.smoothed.x
     return [
-        Column(effect, theta, column, path if hidden is None else np.concatenate([path, hidden]), evident, through)
+        Column(effect, theta, column, hidden, evident, through)
         for effect, columns in zip(candidates, found)
         for theta, column, hidden, evident, through in columns or ()
     ]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._normal_equations import eliminate_rows, inverse, project_starts
+from sksurrogate.gap.fit._normal_equations import eliminate_rows, inverse, project_in_place, start_bases
 from sksurrogate.gap.screen._screen import Screen, Start, grown, grows
 
 #: Pairs with one effect in common.
@@ -96,7 +96,8 @@ class _Columns:
         assert screen.columns is not None
         few = len(screen.known)
         stack = np.concatenate([screen.known.astype(np.float32), screen.columns])
-        flat = project_starts(stack, screen.J_x.astype(np.float32), screen.record_starts).reshape(len(stack), -1)
+        project_in_place(stack, start_bases(screen.J_x.astype(np.float32), screen.record_starts, stack.shape[-1]))
+        flat = stack.reshape(len(stack), -1)
         rows = (flat[:few] @ flat.T).astype(float)
         diagonal = np.einsum("kn,kn->k", flat, flat, dtype=float)
         g, h = eliminate_rows(rows, diagonal, screen.precision, screen.pull)

@@ -32,6 +32,8 @@ from sksurrogate.kernels.disturbance import Noise
 
 #: Numbers of the null's columns that are kept (single precision).
 MOST_NUMBERS_KEPT = 60_000_000
+#: Numbers of columns that are held in double precision at one time, and starting values that an effect usually has.
+MOST_NUMBERS_AT_ONCE, USUAL_STARTS = 16_000_000, 6
 #: Least share of a column's power that counts as beyond what the initial states can make of it.
 LOST_TO_ROUNDING = 1e-12
 #: A parameter is not started from below this share of its value: at 0 many plants have no free run.
@@ -54,8 +56,14 @@ class Start:
     white: float
     forced: float
     left: float  #: Sum of squares, in units of the noise, that the screen expects to be left
-    x: np.ndarray  #: (n_states, n_samples): smoothed trajectory, hidden states included
+    path: np.ndarray  #: (n_states, n_samples): smoothed trajectory of the base
     evident: bool = False  #: Whether the measurements show it whatever the model says
+    hidden: np.ndarray | None = None  #: (n_hidden, n_samples): states of the effect's own along it
+
+    @property
+    def x(self) -> np.ndarray:
+        """Trajectory of all states, hidden ones of the effect last."""
+        return self.path if self.hidden is None else np.concatenate([self.path, self.hidden])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +122,16 @@ def screen(
     with np.errstate(all="ignore"):
         s = Responses(base, x)
         if not np.max(np.abs(s.known)) < UNSQUARED:  # a base that cannot be linearised along the measured path
-            return _screen(s, [], noise)
+            return _joined_blocks(s, [])
         chosen = None
         if first is not None and first.columns is not None:
             thetas = [start.effect for start in first.starts], first.raw
             chosen = shortlist(*thetas, first.columns, first.low, first.high, s)
-        found = _screen(s, candidate_columns(s, candidates, shape, chosen, second), noise)
+        at_once = len(candidates) if chosen is not None else _at_once(s)
+        parts = [candidates[a : a + at_once] for a in range(0, len(candidates), max(at_once, 1))]
+        most = max(int(MOST_NUMBERS_KEPT / len(candidates) / s.known[0].size), 1) if len(parts) > 1 else None
+        columns = (candidate_columns(s, part, shape, chosen, second) for part in parts)
+        found = _joined_blocks(s, [_block(s, some, noise, most) for some in columns if some])
         return found if shape else _with_nearby(s, found, noise)
 
 
@@ -133,11 +145,10 @@ def _with_nearby(s: Responses, found: Screen, noise: Noise | None) -> Screen:
     for start in best.values():
         for _ in range(2 if start.white > high else 0):
             values = start.effect.scan(tuple(start.theta))
-            near = (
-                _screen(s, candidate_columns(s, [start.effect], (), {start.effect.key: values}), noise)
-                if values
-                else None
-            )
+            near = None
+            if values:
+                columns = candidate_columns(s, [start.effect], (), {start.effect.key: values})
+                near = _joined_blocks(s, [_block(s, columns, noise)] if columns else [])
             if near is None or not near.starts:
                 break
             k = int(np.argmax([one.white for one in near.starts]))
@@ -163,19 +174,43 @@ def _joined(found: Screen, other: Screen, k: int) -> Screen:
     )
 
 
-def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
-    problem, base = s.problem, s.base
-    known, J_x, sd = s.known, s.J_x, problem.sd[None, :, None]
-    few = len(known)
-    precision, pull = base.held
+def _at_once(s: Responses) -> int:
+    """Candidates whose columns are held in double precision at one time."""
+    return max(int(MOST_NUMBERS_AT_ONCE / (USUAL_STARTS * s.known[0].size)), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Candidates scored together."""
+
+    starts: list[Start]
+    raw: list[np.ndarray]  #: Starting values of the columns
+    flat: np.ndarray  #: (n_columns, n_values): columns over the noise
+    moved: np.ndarray  #: (n_columns, n_bases): what the initial states can make of them
+    cross: np.ndarray  #: (n_theta, n_columns): products with the sensitivities of the fitted parameters
+    #: (n_columns,): products with the residual, and their own, initial states and fitted parameters projected out; range of amplitudes
+    g: np.ndarray
+    h: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def of(self, chosen: np.ndarray) -> _Block:
+        """Some of the columns, in single precision."""
+        sides = self.moved[chosen], self.cross[:, chosen]
+        numbers = (part[chosen] for part in (self.g, self.h, self.low, self.high))
+        starts, raw = ([one[k] for k in chosen] for one in (self.starts, self.raw))
+        return _Block(starts, raw, self.flat[chosen].astype(np.float32), *sides, *numbers)
+
+
+def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int | None = None) -> _Block:
+    """Candidates by their columns; of many only the ``most`` best starting values of each effect."""
+    problem, known, J_x, few = s.problem, s.known, s.J_x, len(s.known)
     low, high = _range(columns)
-    rest = known, J_x, precision, pull, problem.record.starts, low, high
-    if not columns:
-        return Screen([], [], None, *rest, np.full(1 + MOST_TOGETHER, base.fit.cost))
+    precision, pull = s.base.held
     whole = np.empty((few + len(columns), *known.shape[1:]))
     whole[:few] = known
     for row, c in zip(whole[few:], columns):
-        np.divide(c.column, sd[0], out=row)
+        np.divide(c.column, problem.sd[:, None], out=row)
     # Known columns are projected, of the others only the Gram: a difference that may round to less than nothing.
     white = project_starts(known, J_x, problem.record.starts).reshape(few, -1)
     flat, moved = whole[few:].reshape(len(columns), -1), start_coordinates(whole[few:], J_x, problem.record.starts)
@@ -187,7 +222,9 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
     drop, amplitude = scores(g, h, low, high)
     for k, c in enumerate(columns):
         if len(c.through):
-            drop[k], amplitude[k] = score_beside(s, whole[few + k], c.through / sd, low[k], high[k])
+            drop[k], amplitude[k] = score_beside(
+                s, whole[few + k], c.through / problem.sd[None, :, None], low[k], high[k]
+            )
 
     def among(chosen: list[int]) -> np.ndarray:
         """Gram of the residual and the chosen columns."""
@@ -196,18 +233,51 @@ def _screen(s: Responses, columns: list[Column], noise: Noise | None) -> Screen:
         G[few:, few:] -= moved[chosen] @ moved[chosen].T
         return eliminate(G, few - 1, precision, pull)
 
-    cross = rows[1:, few:]
-    known_inverse = inverse(rows[1:, 1:few] + np.diag(precision)) if few > 1 else np.zeros((0, 0))
+    forced = _forced(s, whole, few, noise, (precision, pull, low, high))
+    starts = _starts(columns, s.smoothed.x, among, drop, amplitude, forced)
+    block = _Block(starts, [c.theta for c in columns], flat, moved, rows[1:, few:], g, h, low, high)
+    return block if most is None else block.of(_best_of_each(starts, most))
+
+
+def _best_of_each(starts: Sequence[Start], most: int) -> np.ndarray:
+    """Places of the best starting values of every effect, in their order; evident ones, and both quadratures of every sine, stay."""
+    by_effect: dict[int, list[int]] = {}
+    for k in sorted(range(len(starts)), key=lambda k: -max(starts[k].white, starts[k].forced)):
+        by_effect.setdefault(id(starts[k].effect), []).append(k)
+    kept = []
+    for places in by_effect.values():
+        sine = any(parameter.name == "phase" for parameter in starts[places[0]].effect.parameters)
+        kept += [k for rank, k in enumerate(places) if rank < most or sine or starts[k].evident]
+    return np.array(sorted(kept), dtype=int)
+
+
+def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
+    """All blocks as one screen."""
+    known, base = s.known, s.base
+    precision, pull = base.held
+    rest = known, s.J_x, precision, pull, s.problem.record.starts
+    if not blocks:
+        return Screen([], [], None, *rest, *2 * (np.zeros(0),), np.full(1 + MOST_TOGETHER, base.fit.cost))
+    few = len(known)
+    white = project_starts(known, s.J_x, s.problem.record.starts).reshape(few, -1)
+    G = white @ white.T
+    known_inverse = inverse(G[1:, 1:] + np.diag(precision)) if few > 1 else np.zeros((0, 0))
+    g, h, low, high = (np.concatenate([getattr(one, name) for one in blocks]) for name in ("g", "h", "low", "high"))
+    places = [(block, k) for block in blocks for k in range(len(block.starts))]
 
     def products(k: int) -> np.ndarray:
         """Products of one column and every column, fitted parameters and initial states projected out."""
-        return flat @ flat[k] - moved @ moved[k] - (known_inverse @ cross[:, k]) @ cross
+        own, i = places[k]
+        flat, moved, cross = own.flat[i], own.moved[i], known_inverse @ own.cross[:, i]
+        return np.concatenate([one.flat @ flat - one.moved @ moved - cross @ one.cross for one in blocks])
 
-    forced = _forced(s, whole, few, noise, (precision, pull, low, high))
-    starts = _starts(columns, among, drop, amplitude, forced)
-    kept = None if base.effects or whole.size > MOST_NUMBERS_KEPT else whole[few:].astype(np.float32)
-    left_by = left_by_several(float(among([])[0, 0]), g, h, products, MOST_TOGETHER)
-    return Screen(starts, [c.theta for c in columns], kept, *rest, left_by)
+    left_by = left_by_several(float(eliminate(G, few - 1, precision, pull)[0, 0]), g, h, products, MOST_TOGETHER)
+    kept = None
+    if not base.effects and len(places) * known[0].size <= MOST_NUMBERS_KEPT:
+        kept = np.concatenate([one.flat.astype(np.float32, copy=False) for one in blocks])
+        kept = kept.reshape(len(places), *known.shape[1:])
+    starts, raw = ([one for block in blocks for one in getattr(block, name)] for name in ("starts", "raw"))
+    return Screen(starts, raw, kept, *rest, low, high, left_by)
 
 
 def _forced(s: Responses, whole: np.ndarray, few: int, noise: Noise | None, rest: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -226,6 +296,7 @@ def _forced(s: Responses, whole: np.ndarray, few: int, noise: Noise | None, rest
 
 def _starts(
     columns: Sequence[Column],
+    path: np.ndarray,
     among: Callable[[list[int]], np.ndarray],
     drop: np.ndarray,
     amplitude: np.ndarray,
@@ -242,7 +313,7 @@ def _starts(
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
         elif (grows(c.effect) or small[k]) and len(theta) and not c.evident:
             theta = grown(c.effect, theta, amplitude[k])
-        out.append(Start(c.effect, theta, gained, pulled, total - gained, c.path, c.evident))
+        out.append(Start(c.effect, theta, gained, pulled, total - gained, path, c.evident, c.hidden))
     return out
 
 

@@ -55,6 +55,13 @@ class Expander(SetSearch[OdeCandidate]):
     x: np.ndarray  #: (n_states, n_samples): smoothed nominal trajectory
     screens: dict = field(default_factory=dict)  #: Cost and screen of every base
     first_screen: Screen | None = None  #: What the screen expects of single effects
+    #: Effects of the library that are asked only where something without a name remains, by key
+    later_asked: dict[Any, BaseEffect] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> list[BaseEffect]:
+        """The effects that are asked now."""
+        return [effect for effect in self.library if effect.key not in self.later_asked]
 
     def searching(self, base: OdeCandidate) -> OdeBackend:
         """The problem with the numerics of a base, but no finer than the search needs."""
@@ -84,7 +91,7 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> tuple[OdeCandidate, Screen]:
         """The base with the numerics of the search, and its screen."""
         taken = set(base.keys)
-        library = [e for e in (self.library if among is None else among) if e.key not in taken]
+        library = [e for e in (self.asked if among is None else among) if e.key not in taken]
         if remembers_enough(base.effects):
             library = [e for e in library if not isinstance(e, HiddenEffect)]
         guess, noise, base = self.guess(base), self.noise_of(base), self.as_searched(base)
@@ -100,7 +107,7 @@ class Expander(SetSearch[OdeCandidate]):
         self, base: OdeCandidate, noise: Noise | None, n_white: int, n_forced: int, best: float = np.inf
     ) -> list[OdeCandidate]:
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
-        library = [e for e in self.library if e.key not in set(base.keys)]
+        library = [e for e in self.asked if e.key not in set(base.keys)]
         starts = screen(library, base, self.guess(base), noise, second=self.second).starts
         candidates = self.fit_all(base, best_starts(starts, n_white, n_forced, self.n_values), best)
         self.remember(candidates)

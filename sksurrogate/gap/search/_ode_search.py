@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
+from sksurrogate.gap.screen._screen import Start, screen
+from sksurrogate.gap.screen._shortlist import MOST_LISTED
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
-from sksurrogate.gap.search._fit_from_starts import mean_start, numerics_matter, open_null
+from sksurrogate.gap.search._fit_from_starts import best_starts, mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._restart import revived, scanned
 from sksurrogate.gap.search._stopping import is_stack
@@ -58,6 +61,26 @@ class OdeSearch(Expander):
         nearest = min(found, key=lambda candidate: candidate.fit.cost)
         self.null = self.final = self.judge(follow_null(nearest, problem.first_noise(), second=self.second))
         return self.null
+
+    def run(self) -> Evidence:
+        """The whole search; where effects were left for later and something without a name remains, once more with the likeliest of them."""
+        found = super().run()
+        if not self.later_asked or found.left < NEARLY_WHITE:
+            return found
+        self.report("effects of distant signals")
+        likely = {
+            start.effect.key for base in {self.fitted_null.candidate, found.candidate} for start in self.distant(base)
+        }
+        self.later_asked = {key: effect for key, effect in self.later_asked.items() if key not in likely}
+        self.screens.clear()
+        self.first_screen = None
+        return super().run()
+
+    def distant(self, base: OdeCandidate) -> list[Start]:
+        """The effects left for later of which the screen expects most beside a base."""
+        later, noise = list(self.later_asked.values()), self.noise_of(base)
+        starts = screen(later, self.as_searched(base), self.guess(base), noise, second=self.second).starts
+        return [group[0] for group in best_starts(starts, MOST_LISTED, MOST_LISTED, self.n_values)]
 
     def refitted_without(self, candidate: OdeCandidate, i: int) -> OdeCandidate | None:
         """Without effect i; a step may have been off, and effect i have made up for it."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST, Law, laws, of_time, over_sample, staircases, surfaces
@@ -27,7 +28,7 @@ class Curve(NamedTuple):
 
 
 def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
-    """Laws of states and inputs in every balance, of each input in its place, of outputs in every sensor."""
+    """Laws of near states and inputs in every balance, of each input in its place, of outputs in every sensor."""
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
     moved = partial(response, D)
@@ -45,6 +46,8 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
     acting = [*of_signals, *surfaces(record, signals, names, held), *times]
     for b, name in enumerate(problem.balances):
         for law in acting:
+            if not is_near(problem.near, name, law.variable.removesuffix(AND_ITS_PAST).split("*")):
+                continue
             moves = partial(moved, D.B[:, :, b].T, law.functions)
             yield Curve(name, law.variable, moves), law, "state"
     for i, name in enumerate(plant.inputs):
