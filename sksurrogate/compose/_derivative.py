@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.compose._lagged import fitted
-from sksurrogate.compose._long_runs import long_runs
+from sksurrogate.compose._long_runs import long_runs, watched
 from sksurrogate.compose._network import describe_network
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.exceptions import DataError
@@ -27,6 +27,10 @@ __all__ = ["DerivativeRegressor"]
 
 #: Change of a training run, in spreads, that one more halving of the substep may bring.
 SUBSTEPS_SETTLED = 1e-3
+#: Training rows whose free run is watched at most: the substeps that these ask for do for the others.
+MOST_WATCHED = 10_000
+#: Up to so many runs at once a step costs what one run costs: then many samples of them at a time are cheaper.
+FEW_RUNS = 40
 #: Rounds in which a regressor that is not linear in its parameters is fitted to corrected weak-form targets.
 WEAK_FORM_ROUNDS = 4
 
@@ -63,7 +67,8 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         1: the first row of a run is its whole past.
     n_sub_ : int
     free_run_rmse_ : float
-        On the training runs; inf where one diverges.
+        On the training runs; inf where one diverges. Of more than 10 000 rows on runs spread evenly over them, or on the first rows
+        of one run, as ``n_sub_`` and ``left_region_``.
     left_region_ : list
         Labels of the training runs whose free run leaves the range of the outputs by more than half of it (a warning says so).
     output_names_, input_names_ : list of str
@@ -167,7 +172,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
                     "dydt is not finite in some rows: leave these rows out, or leave dydt out for the weak form."
                 )
             self.estimator_ = fitted(self.estimator, points, _narrow(target))
-        self._choose_substeps(runs)
+        self._choose_substeps(watched(runs, MOST_WATCHED))
         return self
 
     def predict(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
@@ -367,7 +372,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             return (np.where(lost, np.nan, f) if lost.any() else f).reshape(x.shape)
 
         longest = max(len(U) for U in inputs)
-        if longest > LONG_RUN:
+        if longest > LONG_RUN or len(inputs) <= FEW_RUNS:
             return long_runs(slopes, inputs, times, first, order, n_sub, self.y_spread_)
         U = np.stack([lengthened(u, longest) for u in inputs])
         mean, half = hold_inputs(U, n_sub, order)

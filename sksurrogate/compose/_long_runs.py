@@ -1,16 +1,18 @@
-"""Long free runs of fitted derivatives by Newton's method over many samples at a time."""
+"""Long free runs of fitted derivatives by Newton's method over many samples at a time, and the part of long records that is run."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from sksurrogate.kernels.integrate import Derivative, rk4
 from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.windows import run_in_windows
+from sksurrogate.runs import Runs
 
-__all__ = ["long_runs"]
+__all__ = ["long_runs", "watched"]
 
 
 def long_runs(
@@ -57,3 +59,17 @@ def long_runs(
     with np.errstate(all="ignore"):
         x = run_in_windows(step, np.asarray(first, dtype=float).T, starts, lengths, size)
     return [x[:, a : a + n].T for a, n in zip(starts, lengths)]
+
+
+def watched(runs: Runs, most: int) -> Runs:
+    """Runs spread evenly over all with at most ``most`` rows together, or the first rows of a long one."""
+    total = sum(len(run) for run in runs)
+    if total <= most:
+        return runs
+    n = max(len(runs) * most // total, 1)
+    length, chosen = most // n, [runs[k] for k in np.linspace(0, len(runs) - 1, n).astype(int)]
+    cut = (
+        replace(run, stop=min(run.stop, run.start + length), X=run.X[:length], y=run.y[:length], t=run.t[:length])
+        for run in chosen
+    )
+    return replace(runs, runs=tuple(cut))

@@ -47,12 +47,16 @@ def training_substeps(plant: Plant, rate: Any, inputs: Sequence[np.ndarray], sta
     """Substeps a sample that a right-hand side asks for along runs; None where it is stiff, or no right-hand side."""
     if plant.access != "rhs" or not plant.states:
         return None
+    model = PlantModel(plant)
+    model.probe(inputs[0][0])
     x0 = [plant.x0 if start is None else np.asarray(start) for start in starts]
     lengths, wanted = np.array([len(U) for U in inputs]), 0
     for length in np.unique(lengths):  # runs of one length at once
         chosen = [int(r) for r in np.flatnonzero(lengths == length)]
         U, X0 = np.stack([inputs[r] for r in chosen]), np.stack([x0[r] for r in chosen])
-        found = substeps(rate, U, X0, plant.dt * np.arange(length), 0 if plant.hold == "zoh" else 1)
+        found = substeps(
+            rate, U, X0, plant.dt * np.arange(length), 0 if plant.hold == "zoh" else 1, many=model.takes_many
+        )
         if found is None:
             return None
         wanted = max(wanted, found)

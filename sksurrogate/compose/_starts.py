@@ -96,6 +96,20 @@ def runs_from(simulator: Any, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
     return np.stack([np.asarray(simulated(simulator, u, x0)).reshape(len(u), -1) for u, x0 in zip(U, X0)])
 
 
+def _runs_from_each(simulator: Any, inputs: Sequence[np.ndarray], begins: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Free runs (n_starts, n_samples, n_outputs) along each input from some initial states (n_starts, n_states); those of one length at
+    once."""
+    lengths, out = [len(U) for U in inputs], [np.zeros(0)] * len(inputs)
+    for length in dict.fromkeys(lengths):
+        alike = [r for r, n in enumerate(lengths) if n == length]
+        n = len(begins[alike[0]])
+        U = np.stack([inputs[r] for r in alike for _ in range(n)])
+        Y = runs_from(simulator, U, np.concatenate([begins[r] for r in alike]))
+        for r, some in zip(alike, Y.reshape(len(alike), n, *Y.shape[1:])):
+            out[r] = some
+    return out
+
+
 def fitted_starts(
     simulator: Any, inputs: list[np.ndarray], measured: list[np.ndarray], n_rows: int
 ) -> tuple[Starts, list[np.ndarray]] | None:
@@ -128,10 +142,10 @@ def fitted_starts(
     blocks = [(r, a, b) for r, y in enumerate(measured) for count in parts for a, b in _blocks(len(y), count)]
     U, y = [inputs[r][a:b] for r, a, b in blocks], [measured[r][a:b] for r, a, b in blocks]
     first = [part[:n_rows] for part in y]
-    errors = []
-    for u, part, plain, found in zip(U, y, plain_starts(simulator, first), starts(simulator, U, first)):
-        both = np.stack([runs_from(simulator, u[None], np.asarray(x0)[None])[0] for x0 in (plain, found)])
-        errors.append((both - part)[:, n_rows:] / size)
+    begins = [
+        np.stack(both) for both in zip(map(np.asarray, plain_starts(simulator, first)), starts(simulator, U, first))
+    ]
+    errors = [(both - part)[:, n_rows:] / size for both, part in zip(_runs_from_each(simulator, U, begins), y)]
     power = block_powers(errors, [(r, b) for r, _, b in blocks], [len(part) for part in measured]).sum(axis=2)
     if supported(power, np.array([0.0, 1.0])).sure < MOST_OF_ERROR:
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ __all__ = ["FreeRunLoss", "adam", "descend", "fit_free_run", "levenberg_marquard
 
 #: Steps of Levenberg-Marquardt after which starts are compared.
 SHORT = 15
+#: Rows on which the basin is looked for at most: it is wide, and the end is found on all.
+BASIN_ROWS = 20_000
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,16 @@ class FreeRunLoss:
             if newton_runs(folded, known_sums(folded, self.U, self.n_first), y, self.n_first, 8, rtol):
                 return y
         return runs_at_once(folded, self.U, first)
+
+    def some(self, most: int) -> FreeRunLoss:
+        """The loss of runs spread evenly over all, with so many rows at most, or of one; the penalty is as much smaller."""
+        n_runs, n_steps = self.target.shape[:2]
+        n = max(most // n_steps, 1)
+        if n >= n_runs:
+            return self
+        chosen = np.linspace(0, n_runs - 1, n).astype(int)
+        weight = None if self.weight is None else self.weight[chosen]
+        return replace(self, U=self.U[chosen], target=self.target[chosen], alpha=self.alpha * n / n_runs, weight=weight)
 
     def errors(self, y: np.ndarray) -> np.ndarray:
         """Weighted y_hat - y, 0 where nothing was measured, (n_runs, n_steps - n_first, n_outputs)."""
@@ -171,7 +183,8 @@ def fit_free_run(
 ) -> tuple[LagNet, float]:
     """Adam, then Levenberg-Marquardt; a model without hidden layers needs no Adam.
 
-    Of several starts each goes half of Adam's way and some steps further; the best goes to the end.
+    Of several starts each goes half of Adam's way and some steps further; the best goes to the end. Of many rows this
+    far a part is enough.
 
     Parameters
     ----------
@@ -188,9 +201,12 @@ def fit_free_run(
     model : LagNet
     value : float
     """
+    some = loss.some(BASIN_ROWS)
     if len(starts) == 1:
-        best = adam(loss, starts[0], adam_steps) if starts[0].net.activations else starts[0]
+        best = adam(some, starts[0], adam_steps) if starts[0].net.activations else starts[0]
     else:
-        tried = [levenberg_marquardt(loss, adam(loss, start, adam_steps // 2), SHORT, tol) for start in starts]
-        best = min(tried, key=lambda found: found[1])[0]
+        tried = [levenberg_marquardt(some, adam(some, start, adam_steps // 2), SHORT, tol) for start in starts]
+        tried.sort(key=lambda found: found[1])
+        finite = (model for model, _ in tried if some is loss or np.isfinite(loss.value(model, loss.run(model))))
+        best = next(finite, tried[0][0])
     return levenberg_marquardt(loss, best, max_iter, tol)

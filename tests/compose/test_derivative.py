@@ -204,3 +204,30 @@ def test_long_runs_window_by_window_are_those_of_the_loop(hold, monkeypatch):
     loop = model.predict(X, y0=first, groups=groups)
     monkeypatch.setattr("sksurrogate.compose._derivative.LONG_RUN", 10)
     assert np.allclose(model.predict(X, y0=first, groups=groups), loop, rtol=1e-9, atol=1e-11)
+
+
+def test_a_long_record_is_watched_on_a_part_of_it(monkeypatch):
+    """The substeps that some runs ask for are those that all ask for, and the errors are of one size."""
+    X, y, groups = make_reactor_runs(8, 100, random_state=0)
+    whole = DerivativeRegressor(true_terms(), 0.02).fit(X, y, groups=groups)
+    monkeypatch.setattr("sksurrogate.compose._derivative.MOST_WATCHED", 250)
+    some = DerivativeRegressor(true_terms(), 0.02).fit(X, y, groups=groups)
+    assert some.n_sub_ == whole.n_sub_
+    first, last = y[:100], y[700:]  # two runs of eight fit into 250 rows
+    free = np.concatenate([some.predict(X[a : a + 100], y0=y[a : a + 1, None]) for a in (0, 700)])
+    error = (free - np.r_[first, last])[np.arange(200) % 100 > 0]
+    assert some.free_run_rmse_ == pytest.approx(np.sqrt(np.mean(error**2)))
+    one = DerivativeRegressor(true_terms(), 0.02).fit(X[:300], y[:300])
+    assert one.n_sub_ == whole.n_sub_ and np.isfinite(one.free_run_rmse_)
+
+
+def test_few_runs_together_are_the_runs_one_by_one():
+    """Many samples at a time, or a step for all runs: one free run."""
+    X, y, groups = make_reactor_runs(3, 60, random_state=1)
+    model = DerivativeRegressor(true_terms(), 0.02).fit(X, y, groups=groups)
+    first = y.reshape(3, 60)[:, :1]
+    many = model.predict(
+        np.tile(X, (20, 1)), y0=np.tile(first, (20, 1))[:, :, None], groups=np.repeat(np.arange(60), 60)
+    )
+    few = model.predict(X, y0=first[:, :, None], groups=groups)
+    np.testing.assert_allclose(many[:180], few, rtol=1e-9, atol=1e-9)

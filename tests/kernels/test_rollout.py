@@ -114,3 +114,16 @@ def test_a_planted_network_is_found_by_its_free_run_from_small_random_weights():
         start = truth.at(0.1 * np.random.default_rng(seed).normal(size=truth.net.theta.size))
         found.append(fit_free_run(loss, [start], max_iter=300, tol=1e-9)[1])
     assert max(found) < 1e-4  # of squares that sum to some hundred; the valley below is flat
+
+
+def test_the_basin_is_found_on_a_part_of_the_runs(monkeypatch):
+    truth, loss = shots(np.array([1.0, 2.0, 0.5]), alpha=0.1)
+    some = loss.some(2 * loss.target.shape[1])
+    np.testing.assert_array_equal(some.target, loss.target[[0, 2]])
+    np.testing.assert_array_equal(some.weight, [1.0, 0.5])
+    assert some.alpha == pytest.approx(0.1 * 2 / 3) and loss.some(10**6) is loss
+    starts = [truth.at(0.1 * np.random.default_rng(seed).normal(size=truth.net.theta.size)) for seed in range(3)]
+    best = fit_free_run(loss, starts, tol=1e-10)[1]
+    monkeypatch.setattr("sksurrogate.kernels.shooting.BASIN_ROWS", loss.target.shape[1])
+    value = fit_free_run(loss, starts, tol=1e-10)[1]
+    assert value == pytest.approx(best, rel=1e-3)  # the end is that of all runs
