@@ -85,7 +85,7 @@ def _class_of(search: BaseSearch[C], named: C, i: int, found: PartialResults) ->
 
 def _plain(keys: Iterable[Key]) -> list[tuple[str, str, str | None]]:
     """Keys of effects as a report lists them."""
-    return [(str(name), str(location), variable) for name, location, variable in keys]
+    return [(str(key[0]), str(key[1]), key[2]) for key in keys]  # of an effect in a window a key has more
 
 
 def reported(
