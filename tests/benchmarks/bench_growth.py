@@ -259,7 +259,7 @@ GROUPS: dict[str, dict[str, tuple[int, Callable[[], Call]]]] = {
         "predict": (0, predict),
     },
     "states": {f"chain{n}": (n, lambda n=n: chain(n, n // 2 + 1)) for n in (2, 4, 8, 12, 20)},
-    "outputs": {f"outputs{n}": (n, lambda n=n: chain(8, n)) for n in (1, 2, 4, 8)},
+    "outputs": {f"outputs{n}": (n, lambda n=n: chain(4, n)) for n in (1, 2, 3, 4)},
     "rows": {f"rows{6 * n}": (6 * n, lambda n=n: springs(6, n)) for n in (300, 1000, 3000, 10_000, 30_000, 166_666)},
     "runs": {f"runs{n}": (n, lambda n=n: reactors(n)) for n in (10, 30, 100, 300, 1000)},
     "springs": {f"springs{n}": (n, lambda n=n: springs(n, 60)) for n in (10, 30, 100, 300)},
