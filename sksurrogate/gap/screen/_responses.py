@@ -70,44 +70,57 @@ class Responses:
 
     def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Change of the measured outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
-        problem, base = self.problem, self.base
-        n, x = base.model.n_states, self.smoothed.x
-        model = problem.augmented((*base.effects, effect))
-        fitted = np.repeat(base.fit.theta[:, None], starts.shape[1], axis=1)
-        theta = np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
-        paths = [x] * starts.shape[1]
-        hidden = isinstance(effect, HiddenEffect)
-        if isinstance(effect, HiddenEffect):
-            z = hidden_paths(effect, model, starts, x)
-            paths = [np.concatenate([x, z[:, s]]) for s in range(starts.shape[1])]
-        entering = isinstance(effect, (InputEffect, ParameterEffect)) or (model.wires[-1].port >= 0 and not hidden)
-        direct = isinstance(effect, SensorEffect) or (problem.plant.output_states is None and entering)
-        jumps = isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0
-        stepless = isinstance(effect, (BalanceEffect, LimitEffect)) or (jumps and not direct)
-        bound = None if stepless and not direct else model.bind(theta)
+        problem, theta = self.problem, self.theta_with(starts)
+        model = problem.augmented((*self.base.effects, effect))
+        paths = self.paths(effect, model, starts)
+        direct = self.acts_at_once(effect, model)
         out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
         if isinstance(effect, LimitEffect):
             out += np.einsum("oit,ist->ost", self.C, self.limited(effect, starts))
+        elif isinstance(effect, BalanceEffect):
+            out += self.acted(self.pushed(model, starts, np.stack(paths, axis=1)))
+            self.let_stick(out, effect, model, starts)
         elif not isinstance(effect, SensorEffect):
-            now = np.stack(paths, axis=1) if hidden else np.repeat(x[:, None], starts.shape[1], axis=1)
-            if isinstance(effect, BalanceEffect):
-                change = self.pushed(model, starts, now)
-            elif jumps:
-                change = self.switched(model, theta)
-            else:
-                assert bound is not None
-                change = bound(now)[:n] - self.after
-            out += self.acted(change)
-        stuck = sticks(effect, starts, model.wires[-1], problem.record.dt)
-        if isinstance(effect, BalanceEffect) and np.any(
-            stuck
-        ):  # along a path that sticks the sign is that of the noise
-            push = self.unit_push(str(effect.location)) if model.wires[-1].port >= 0 else None
-            moved = self.sampled(slowed(problem, effect, starts[:, stuck], x, push), int(np.sum(stuck)))
-            out[:, stuck] = np.einsum("oit,ist->ost", self.C, moved)
-        if direct and bound is not None:
-            out += bound.outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
+            out += self.acted(self.changed(effect, model, starts, theta))
+        if direct:
+            out += model.bind(theta).outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
         return problem.record.seen_of(out), paths
+
+    def theta_with(self, starts: np.ndarray) -> np.ndarray:
+        """Parameters of the base with those of one effect more (n_theta, n_starts)."""
+        fitted = np.repeat(self.base.fit.theta[:, None], starts.shape[1], axis=1)
+        return np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
+
+    def paths(self, effect: BaseEffect, model: AugmentedModel, starts: np.ndarray) -> list[np.ndarray]:
+        """The smoothed trajectory for every start, with the states of the effect's own."""
+        x = self.smoothed.x
+        if not isinstance(effect, HiddenEffect):
+            return [x] * starts.shape[1]
+        z = hidden_paths(effect, model, starts, x)
+        return [np.concatenate([x, z[:, s]]) for s in range(starts.shape[1])]
+
+    def acts_at_once(self, effect: BaseEffect, model: AugmentedModel) -> bool:
+        """Whether an effect changes the outputs at the same sample: at a sensor, or at what enters an output function."""
+        at_port = model.wires[-1].port >= 0 and not isinstance(effect, HiddenEffect)
+        enters = isinstance(effect, (InputEffect, ParameterEffect)) or at_port
+        return isinstance(effect, SensorEffect) or (self.problem.plant.output_states is None and enters)
+
+    def changed(self, effect: BaseEffect, model: AugmentedModel, starts: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """What an effect that is no force changes in the next states (n_states, n_starts, n_samples): a step of the plant a start."""
+        if isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0:
+            return self.switched(model, theta)
+        now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
+        return np.asarray(model.bind(theta)(now) - self.after)
+
+    def let_stick(self, out: np.ndarray, effect: BalanceEffect, model: AugmentedModel, starts: np.ndarray) -> None:
+        """Columns of a friction along a path that sticks, where the sign is that of the noise, from a run that is slowed."""
+        problem, wire = self.problem, model.wires[-1]
+        stuck = sticks(effect, starts, wire, problem.record.dt)
+        if not np.any(stuck):
+            return
+        push = self.unit_push(str(effect.location)) if wire.port >= 0 else None
+        moved = self.sampled(slowed(problem, effect, starts[:, stuck], self.smoothed.x, push), int(np.sum(stuck)))
+        out[:, stuck] = np.einsum("oit,ist->ost", self.C, moved)
 
     def acted(self, change: np.ndarray) -> np.ndarray:
         """Change of the outputs by a change of the next states (n_states, n_starts, n_samples)."""
