@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
@@ -57,9 +57,10 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender, tolerance: flo
     """Names of sets that differ by more than one effect in the place of one, and the nats by which they are likelier than what stands.
 
     Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it,
-    do not count. Where a law corrects what stands, the likelihood says too little of sets that are as inexact: none counts.
+    do not count. Where what stands leaves more than the noise, its forms are not exact, and the likelihood says too little of
+    others that are as inexact: none counts.
     """
-    if own.law.left.gain > 2.0 * NATS_THAT_SETTLE:
+    if final.left > SETTLED:
         return []
     keys, level = set(final.candidate.keys), search.evidence(final.candidate)
     apart = [
