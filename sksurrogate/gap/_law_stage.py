@@ -35,7 +35,7 @@ class LawStage(DiagnosisState[C]):
             self.withdraw_names(LEAVE_A_LAW)
         elif len(self.final.effects) >= STACK and rule.verdict in ("partial", "explained"):
             beside = self.law_in_place_of_names(found.held)
-        if beside is None and rule.verdict in ("partial", "unknown"):
+        if beside is None and rule.law and rule.verdict in ("partial", "unknown"):
             base = self.final if rule.verdict == "partial" else self.null
             beside = self.unnamed.law_beside(base, self.final, found.held)
         if beside is not None:

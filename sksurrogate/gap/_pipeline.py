@@ -18,7 +18,7 @@ from sksurrogate.gap.decide._equivalence import canonical_classes
 from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import name_of, next_experiment
 from sksurrogate.gap.decide._held_out import Baseline, held_out, notes_on_names, same_names, traces
-from sksurrogate.gap.decide._retuning import parameter_errors, retuned_table
+from sksurrogate.gap.decide._retuning import parameter_errors
 from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
@@ -87,7 +87,9 @@ class DiagnosisPipeline(LawStage[C]):
             _ = self.baseline
 
     def look_for_names(self) -> None:
-        """The search, and effects that begin or end within the runs."""
+        """The search, and effects that begin or end within the runs; nothing where time has another unit."""
+        if self.unnamed.clock:
+            return
         try:
             self.search.run()
             self.search.look_for_onsets()
@@ -98,6 +100,8 @@ class DiagnosisPipeline(LawStage[C]):
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
         self.unnamed.look(self.final)
+        if self.unnamed.clock:
+            return
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
             self.book = self.book.looked_at(self.search, self.rows, self.unnamed.law_gain)
 
@@ -156,16 +160,6 @@ class DiagnosisPipeline(LawStage[C]):
             share = found.shrink.fraction_power if found.shrink else float("nan")
             out = parameter_errors(self.retuned(), share, self.unnamed.imitated_by_retuning())
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
-
-    def retuned(self) -> Table:
-        """Free parameters with their intervals."""
-        values, theta = self.found.values, self.final.fit.theta
-        final = self.final if values is None else values.fitted
-        low, high = (theta, theta) if values is None else (values.low, values.high)
-        own = slice(final.candidate.n_parameters, None)
-        least, most = self.problem.bounds(final.effects)
-        ends = final.fit.theta[own], low[own], high[own], (least[own], most[own])
-        return retuned_table(self.problem.plant.params, self.problem.free, *ends)
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
         """The place of the named effects where these explain the gap, else the likely one."""

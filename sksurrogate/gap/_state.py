@@ -14,12 +14,14 @@ from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.decide._partial_results import PartialResults, Parts, WithIntervals
 from sksurrogate.gap.decide._posterior import Posterior
+from sksurrogate.gap.decide._retuning import retuned_table
 from sksurrogate.gap.decide._rules import DecisionFeatures, decide, share_left
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.faults._record_book import RecordBook
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
+from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 
 
@@ -106,6 +108,16 @@ class DiagnosisState(Generic[C]):
             larger = self.unnamed.larger(final)
             found.values = WithIntervals(larger, *intervals(larger))
 
+    def retuned(self) -> Table:
+        """Free parameters with their intervals."""
+        values, theta = self.found.values, self.final.fit.theta
+        final = self.final if values is None else values.fitted
+        low, high = (theta, theta) if values is None else (values.low, values.high)
+        own = slice(final.candidate.n_parameters, None)
+        least, most = self.problem.bounds(final.effects)
+        ends = final.fit.theta[own], low[own], high[own], (least[own], most[own])
+        return retuned_table(self.problem.plant.params, self.problem.free, *ends)
+
     def withdraw(self, why: str) -> HeldOut:
         """The names are withdrawn: the null stands. Its free runs on runs left out."""
         found, null, held = self.found, self.null, self.found.held
@@ -143,5 +155,7 @@ class DiagnosisState(Generic[C]):
             curve_moved=law.deviation if law is not None else 0.0,
             rounding=rounding.share if rounding is not None else 0.0,
             noisy_input=self.book.noise_of_inputs if self.book is not None else 0.0,
+            other_clock=bool(unnamed.clock),
+            at_bound=any(row["at_bound"] for row in self.retuned()),
             tolerance=self.search.tolerance,
         )

@@ -55,6 +55,21 @@ def test_retuning_alone_is_judged_as_a_name_is():
     assert rule_of(replace(alone, share_left=0.6, left=1.1)) == "most_left"
 
 
+def test_retuning_to_a_bound_explains_nothing():
+    retuned = DecisionFeatures(retuned=True, share_left=0.05, error=0.3, after=0.015)
+    assert decide(retuned)[0] == "explained"
+    assert (decide(replace(retuned, at_bound=True))[0], rule_of(replace(retuned, at_bound=True))) == (
+        "unknown",
+        "at_a_bound",
+    )
+    assert decide(replace(NAMED, at_bound=True))[0] == "explained"  # by what is named beside it
+
+
+def test_in_another_unit_of_time_nothing_is_explained():
+    assert rule_of(replace(NAMED, other_clock=True)) == "unit_of_time"
+    assert decide(replace(NAMED, other_clock=True))[0] == "unknown"
+
+
 def test_a_grid_that_nothing_names_is_not_explained():
     assert decide(replace(NAMED, rounding=0.02))[0] == "partial"
     assert decide(DecisionFeatures(error=0.1, rounding=0.02))[0] == "unknown"

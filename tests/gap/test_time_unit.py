@@ -56,6 +56,9 @@ def test_the_right_unit_of_time_is_not_doubted():
 def test_a_diagnosis_says_so_in_a_note_or_in_the_error():
     with pytest.raises(SimulatorError, match=r"1000 times shorter .* Write dt=0\.1\."):
         GapDiagnoser(plant(100.0), effects=["input_gain"], n_jobs=1).fit(U, measured(), groups=RUNS)
-    diagnoser = GapDiagnoser(plant(1e-4), effects=["input_gain"], n_jobs=1, random_state=0)
-    report = diagnoser.fit(U, measured(), groups=RUNS).report_
-    assert report.verdict == "unknown" and any("1000 times longer" in note for note in report.notes)
+    for effects in (["input_gain"], None):
+        diagnoser = GapDiagnoser(plant(1e-4), effects=effects, n_jobs=1, random_state=0)
+        report = diagnoser.fit(U, measured(), groups=RUNS).report_
+        assert (report.verdict, report.reasons.rule, report.effects) == ("unknown", "unit_of_time", [])
+        assert any("1000 times longer" in note for note in report.notes)
+        assert "another unit" in report.sentence and "Write dt" in report.sentence

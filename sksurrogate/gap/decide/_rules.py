@@ -40,6 +40,8 @@ class DecisionFeatures:
     curve_moved: float = 0.0
     rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
     noisy_input: float = 0.0  #: Share of the gap (power) that the noise of a measured input makes up
+    other_clock: bool = False  #: Whether the simulator alone explains the record with its time in another unit
+    at_bound: bool = False  #: Whether a re-tuned parameter ended at its bound
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 
 
@@ -89,6 +91,7 @@ class Rule:
     verdict: str  #: {"none", "explained", "partial", "unknown"}
     sentence: str  #: What it means
     withdraws: bool = False  #: Whether the names do not stand
+    law: bool = True  #: Whether what remains is looked for as a formula
 
 
 def certain(f: DecisionFeatures) -> bool:
@@ -97,6 +100,13 @@ def certain(f: DecisionFeatures) -> bool:
 
 
 RULES: tuple[Rule, ...] = (
+    Rule(
+        "unit_of_time",
+        lambda f: f.other_clock,
+        "unknown",
+        "The simulator alone explains the record with its time in another unit. Effects are not looked for.",
+        law=False,
+    ),
     Rule(
         "grid_beside_names",
         lambda f: f.rounding > GRID_SHARE and f.names > 0 and certain(f),
@@ -111,6 +121,12 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.names > 0 and not certain(f),
         "unknown",
         "An effect closes part of the gap, but another effect or a law without a name explains it as well.",
+    ),
+    Rule(
+        "at_a_bound",
+        lambda f: f.names == 0 and f.retuned and f.at_bound,
+        "unknown",
+        "A re-tuned parameter ended at its bound: re-tuning is not what explains the gap.",
     ),
     Rule(
         "closed",

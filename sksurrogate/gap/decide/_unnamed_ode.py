@@ -72,8 +72,6 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
     ----------
     instead : LawLeft or None
         The likeliest law in the place of all names, once it was asked for.
-    clock : str
-        A sentence where the record fits in another unit of time.
     """
 
     asks_early, among, channels_of = True, "of the catalogue", OdeChannels
@@ -87,7 +85,6 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         self.places_asked: PendingAnswer[list[Place]] | None = None
         self.instead: LawLeft | None = None
         self.beside_forces: np.ndarray | None = None  # sensor noise where every balance may have a force
-        self.clock = ""
 
     @property
     def most_noise(self) -> np.ndarray:

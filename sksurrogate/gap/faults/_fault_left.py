@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -60,29 +60,56 @@ def fault_left(
     """
     null = next(base.candidate for base in bases if not base.effects)
     smoother = [Proposal(moved[:, None], _smoother(fault)) for fault, moved in smoother_inputs(null)]
-    seen: list[tuple[float, _Fit, Proposal, int]] = []
+    seen = _seen(bases, run, smoother)
+    followed = [one.fit.followed(one.proposal, one.tried, search) for one in _first(seen, bases, null, smoother)]
+    clear = [one for one in followed if one is not None and one.gain > CERTAIN]
+    good = max((one for one in clear if one.enough), key=lambda one: one.score, default=None)
+    if good is not None and good.score >= least():
+        return good.fault
+    return _noise_of_an_input(clear, bases[0].candidate)
+
+
+class _Seen(NamedTuple):
+    """A fault beside a model at first sight."""
+
+    worth: float
+    fit: _Fit
+    proposal: Proposal
+    tried: int  #: Faults that were tried beside this model
+
+
+def _seen(bases: Sequence[Evidence], run: np.ndarray, smoother: Sequence[Proposal]) -> list[_Seen]:
+    """Every fault beside every model, the likeliest at first sight first."""
+    seen: list[_Seen] = []
     for base in bases:
         fit = fit_beside(base)
         if fit is None:
             continue
         record = base.candidate.problem.record
         tried = [*proposals(record, run, record.y - fit.linear.r, fit.linear.r), *smoother]
-        seen += [(fit.first_sight(proposal), fit, proposal, len(tried)) for proposal in tried]
-    seen.sort(key=lambda one: -one[0])
-    first = seen[:FOLLOWED]
-    # On top of what stands, and of nothing, the likeliest is followed in any case, and a smoother input, which noise hides.
+        seen += [_Seen(fit.first_sight(proposal), fit, proposal, len(tried)) for proposal in tried]
+    return sorted(seen, key=lambda one: -one.worth)
+
+
+def _first(
+    seen: Sequence[_Seen], bases: Sequence[Evidence], null: BaseCandidate, smoother: Sequence[Proposal]
+) -> list[_Seen]:
+    """Those that are followed: the likeliest; on top of what stands, and of nothing, the likeliest and the likeliest smoother input.
+
+    Noise hides a smoother input.
+    """
+    first = list(seen[:FOLLOWED])
     for base in (bases[0].candidate, null):
-        own = [one for one in seen if one[1].model is base]
-        likeliest = own[:1] + [one for one in own[1:] if one[2] in smoother][:1]
+        own = [one for one in seen if one.fit.model is base]
+        likeliest = own[:1] + [one for one in own[1:] if one.proposal in smoother][:1]
         first += [one for one in likeliest if one not in first]
-    followed = [fit.followed(proposal, tried, search) for _, fit, proposal, tried in first]
-    clear = [one for one in followed if one is not None and one.gain > CERTAIN]
-    good = max((one for one in clear if one.enough), key=lambda one: one.score, default=None)
-    if good is not None and good.score >= least():
-        return good.fault
-    noisy = [(one.score, one.fault) for one in clear if isinstance(one.fault, NoisyInput)]
-    known = [(score, fault, _made_up(bases[0].candidate, fault)) for score, fault in noisy]
-    known = [one for one in known if one[2] < MOST_MADE_UP]
+    return first
+
+
+def _noise_of_an_input(clear: Sequence[Found], model: BaseCandidate) -> BaseFault | None:
+    """The likeliest noise on an input with the share of the gap that it makes up, where no smoother removes it; None without one."""
+    noisy = [(one.score, one.fault, _made_up(model, one.fault)) for one in clear if isinstance(one.fault, NoisyInput)]
+    known = [one for one in noisy if one[2] < MOST_MADE_UP]
     if not known:
         return None
     _, fault, share = max(known, key=lambda one: one[0])
