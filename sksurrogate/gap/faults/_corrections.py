@@ -146,8 +146,10 @@ class NoisyInput(BaseFault):
         return replace(record, u=u)
 
     def deviation(self, record: Record) -> float:
-        """Of the noise."""
-        return float(np.std(record.u[self.input] - self.smoother(record).u[self.input]))
+        """Of the noise: no larger than what smoothing removes, nor than what is white in the input."""
+        u = record.u[self.input]
+        removed = float(np.std(u - self.smoother(record).u[self.input]))
+        return min(removed, white_deviation([u[a:b] for a, b in record.spans]))
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """With the deviation of the noise."""
@@ -157,13 +159,34 @@ class NoisyInput(BaseFault):
         return DataFault("input_noise", *where, size, self.removed, remedy=remedy, taken_out=self.taken_out)
 
 
+def white_deviation(runs: Sequence[np.ndarray]) -> float:
+    """Standard deviation of the white noise on a signal: its increments follow each other with opposite signs, ``E[d_t d_t+1] = - sigma^2``.
+
+    A signal that only moves fast (a walk, steps) has increments that know nothing of each other.
+
+    References
+    ----------
+    Roll (1984), A simple implicit measure of the effective bid-ask spread in an efficient market.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> slow, noise = np.sin(np.arange(5000) / 100.0), 0.1 * rng.normal(size=5000)
+    >>> bool(abs(white_deviation([slow + noise]) - 0.1) < 0.005), bool(white_deviation([np.cumsum(noise)]) < 0.03)
+    (True, True)
+    """
+    steps = [np.diff(run) for run in runs]
+    products = np.concatenate([step[1:] * step[:-1] for step in steps])
+    return float(np.sqrt(max(-np.mean(products), 0.0))) if len(products) else 0.0
+
+
 def smoother_inputs(model: BaseCandidate) -> list[tuple[NoisyInput, np.ndarray]]:
     """Every input smoothed in several ways, and what that moves the readings of a model by (n_outputs, n_samples)."""
     record, found = model.problem.record, []
     for i, u in enumerate(record.u):
         for way in range(len(SMOOTHINGS) if np.ptp(u) > 0 else 0):
             fault = NoisyInput(i, way)
-            other = model.refitted(fault.corrected(record))
+            other = model.refitted(fault.corrected(record)) if fault.deviation(record) > 0.0 else None
             if other is not None:
                 found.append((fault, other.fit.y - model.fit.y))
     return found
