@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.compose._left_out import LeftOut
-from sksurrogate.compose._support import SHARES, Support, block_powers, supported
+from sksurrogate.compose._support import CLEARLY_CLOSED, SHARES, Support, block_powers, supported
 
 __all__ = ["CorrectionReport", "keep_supported", "reach", "supported_reach", "surrogate_alone"]
 
@@ -72,8 +72,9 @@ def keep_supported(
     names : sequence of str
         Of the outputs.
     fade : float, optional
-        None: ``LONGEST`` where the correction halves the error of every left-out block at least; else as far as left-out
-        blocks have tested it, :func:`supported_reach`.
+        None: ``LONGEST`` where the correction halves the error of every left-out block at least, or surely removes more than
+        half of the squared error and more than with the shorter reach; else as far as left-out blocks have tested it,
+        :func:`supported_reach`.
     """
     o = measured[0].shape[1]
     left_out = LeftOut(correction, inputs, measured)
@@ -86,7 +87,8 @@ def keep_supported(
     judged = _judged_inside if correction.inside else _judged_outside
     best = judged(left_out, LONGEST if fade is None else fade, size)
     if fade is None and best.worst > HALVED**2:
-        best = judged(left_out, supported_reach(left_out.departures(correction)), size)
+        near = judged(left_out, supported_reach(left_out.departures(correction)), size)
+        best = best if best.sure > max(near.closed, CLEARLY_CLOSED) else near
     place = [int(np.argmin(np.abs(best.factors - support.factor))) for support in best.supports]
     kept = best.factors[place]
     changed = np.any(kept < 1.0) or best.fade != correction.domain.fade
@@ -121,6 +123,11 @@ class _Judged:
     def closed(self) -> float:
         """Gain, mean over outputs."""
         return float(np.mean([support.closed for support in self.supports]))
+
+    @property
+    def sure(self) -> float:
+        """What of it is sure, mean over outputs."""
+        return float(np.mean([support.sure for support in self.supports]))
 
 
 def supported_reach(departures: np.ndarray) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-__all__ = ["SHARES", "Support", "block_powers", "supported"]
+__all__ = ["CLEARLY_CLOSED", "SHARES", "Support", "block_powers", "supported"]
 
 #: Fewest blocks that a standard error is made of: with eight its own error is a quarter.
 FEWEST_BLOCKS = 8

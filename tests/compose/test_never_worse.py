@@ -99,6 +99,23 @@ def test_a_correction_reaches_as_far_as_two_left_out_runs_have_gone_beyond_the_o
     assert supported_reach(np.array([9.0, 7.0, 0.0])) == 1.0
 
 
+def test_a_correction_reaches_as_far_as_it_goes_where_the_left_out_runs_surely_gain_more():
+    """One run of nine lies outside. It does not test a reach, but the simulator alone would leave most of the gap there."""
+    rng = np.random.default_rng(0)
+    groups = np.repeat(np.arange(9), 60)
+    X, noise = rng.uniform(size=(540, 1)), 0.25 * rng.normal(size=540)
+    X[groups == 8] = 1.2 + 0.6 * X[groups == 8]
+
+    def fitted(beyond):
+        y = np.where(groups == 8, beyond, 1.5) * X[:, 0] + noise
+        simulator = CallableSimulator(identity)
+        return HybridRegressor(simulator, LinearRegression(), "static", n_lags=1).fit(X, y, groups=groups).report_
+
+    right, wrong = fitted(1.5), fitted(1.0)
+    assert right.fade == 1.0 and np.all(right.shrinkage == 1.0)
+    assert wrong.fade < 0.5  # the run outside speaks against the correction
+
+
 def test_a_run_that_starts_outside_the_measured_outputs_is_the_simulators():
     """Twice the reach outside a share of 1 / e of the correction is left, far outside nothing."""
     X, groups = np.random.default_rng(0).uniform(size=(180, 1)), np.repeat(np.arange(3), 60)
