@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["RunColumns", "take_out"]
+__all__ = ["UNSEEN", "RunColumns", "take_out"]
 
-#: Directions below this share of the largest, in the scale of the diagonal, have no weight.
+#: Directions below this share of the largest, in the scale of the diagonal, count as unseen: single precision squared.
 UNSEEN = 1e-10
 
 

@@ -15,7 +15,7 @@ from sksurrogate.gap.render._headline import (
     headline,
     next_steps,
     not_identified,
-    richer_forms,
+    related_forms,
     sentence_of,
     separating,
 )
@@ -80,10 +80,11 @@ def test_a_free_parameter_that_moved_is_a_change_too():
 def test_richer_forms_are_not_needed_and_ask_for_no_experiment():
     table = Table(({"experiment": "a faster run", "gain": 9.0, "between": "a and b", "within": True},))
     made = report(FRICTION, next_experiment=NextExperiment("", table))
-    assert richer_forms(FRICTION) == ["stribeck friction at speed"] and not_identified(FRICTION) == []
+    sentence = "Richer than coulomb friction at speed, not needed: stribeck friction at speed."
+    assert related_forms(FRICTION) == [sentence] and not_identified(FRICTION) == []
     assert next_steps(made) == ["Use diagnoser.augmented_ as the new simulator."]
     page = html_page(made)
-    assert "Richer, not needed: stribeck friction at speed" in page and "do not separate" not in page
+    assert sentence in page and "do not separate" not in page
 
 
 def test_experiments_that_separate_nothing_are_not_shown():

@@ -185,8 +185,8 @@ def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidenc
 def is_needed(whole: float, fewer: float, bar: float) -> bool:
     """Whether a set that leaves ``whole`` needs an effect without which, fitted again, it leaves ``fewer``.
 
-    Squared errors; ``bar``: the tolerance in power. It takes the tolerance away from the gap, or the set without it leaves more than
-    the tolerance and it closes most of that.
+    Squared errors; ``bar``: the tolerance in power. It does if the effect closes at least the tolerance, or if more than the
+    tolerance is left without it and the effect closes most of that.
 
     Examples
     --------

@@ -163,8 +163,8 @@ class _Fit:
 
     linear: LinearSet[BaseCandidate]
     noise: Noise
-    #: Grams of what faults move the readings by, run by run, by the identity of their columns
-    seen: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    #: By the identity of a fault's columns: these, which keeps them alive, and what they take of the Gram in every run
+    by_run: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @property
     def model(self) -> BaseCandidate:
@@ -202,15 +202,16 @@ class _Fit:
 
     def seen_by_run(self, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
         """Gram of residual and sensitivities, and what a fault takes of it in every run; computed once for all runs."""
-        if id(proposal.columns) not in self.seen:
+        columns = proposal.columns
+        if id(columns) not in self.by_run:
             assert proposal.of is not None
-            stack, k = self.projected(proposal.columns), proposal.columns.shape[1]
+            stack, k = self.projected(columns), columns.shape[1]
             edges = np.r_[np.flatnonzero(np.diff(proposal.of, prepend=-1)), len(proposal.of)]
             parts = (stack[:, :, a:b].reshape(len(stack), -1) for a, b in zip(edges[:-1], edges[1:]))
             grams = np.stack([part @ part.T for part in parts])
             known = grams[:, :-k, :-k]
-            self.seen[id(proposal.columns)] = known.sum(axis=0), known - take_out(grams, k)[0]
-        return self.seen[id(proposal.columns)]
+            self.by_run[id(columns)] = columns, known.sum(axis=0), known - take_out(grams, k)[0]
+        return self.by_run[id(columns)][1:]
 
     def cost(self, proposal: Proposal, tried: int) -> float:
         """``k ln N + 2 ln M``, and what the choice of its runs costs."""

@@ -10,9 +10,10 @@ import numpy as np
 
 from sksurrogate.gap.fit._backend import Backend, C
 from sksurrogate.gap.fit._linear_model import LinearModel
-from sksurrogate.gap.fit._normal_equations import UNSEEN, scaled, solve
+from sksurrogate.gap.fit._normal_equations import scaled, solve
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
+from sksurrogate.kernels.run_columns import UNSEEN
 
 #: Directions that move the outputs by less than this share of the most, or of what they moved before initial states and
 #: parameters followed (power), count as none.

@@ -18,7 +18,7 @@ Neighbours = Mapping[str, frozenset[str]]
 #: Up to so many states all are near: a list of all pairs is short.
 SMALL_PLANT = 6
 #: Samples of the path at which it is seen what moves what, and the share of its range by which a state is moved.
-POINTS, MOVED = 64, 1e-3
+SAMPLES_OF_PATH, MOVED_OF_RANGE = 64, 1e-3
 
 
 def neighbours(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Neighbours:
@@ -38,8 +38,8 @@ def neighbours(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -
     """
     if model.plant.access != "rhs" or len(model.plant.states) <= SMALL_PLANT:
         return {}
-    states, rows = model.plant.states, np.unique(np.linspace(0, len(t) - 1, POINTS).astype(int))
-    n, reach = len(states), MOVED * np.maximum(np.ptp(x, axis=1), 1e-6)
+    states, rows = model.plant.states, np.unique(np.linspace(0, len(t) - 1, SAMPLES_OF_PATH).astype(int))
+    n, reach = len(states), MOVED_OF_RANGE * np.maximum(np.ptp(x, axis=1), 1e-6)
     moved = x[:, None, rows] + np.concatenate([np.zeros((n, 1)), np.diag(reach)], axis=1)[:, :, None]
     given = np.broadcast_to(u[:, None, rows], (len(u), 1 + n, len(rows)))
     with np.errstate(all="ignore"):

@@ -7,8 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-#: Directions below this share of the largest, in the scale of the diagonal, count as unseen: single precision squared.
-UNSEEN = 1e-10
+from sksurrogate.kernels.run_columns import UNSEEN
 
 
 def scaled(H: np.ndarray, least: float = 1e-300) -> tuple[np.ndarray, np.ndarray]:

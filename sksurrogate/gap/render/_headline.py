@@ -21,10 +21,9 @@ __all__ = [
     "headline",
     "next_steps",
     "not_identified",
-    "richer_forms",
+    "related_forms",
     "sentence_of",
     "separating",
-    "simpler_forms",
 ]
 
 #: A formula longer than this (characters) is not read in a sentence.
@@ -99,6 +98,7 @@ def _closed(report: ReportData) -> str:
 
 
 def _which_closes(report: ReportData) -> str:
+    """The same as a relative clause."""
     closed = _closed(report)
     return f", which {closed}" if closed else ""
 
@@ -185,14 +185,13 @@ def _short(effect: EffectEstimate, report: ReportData) -> str:
     return f"{place_of(effect)} ({change}{window})" if change else place_of(effect)
 
 
-def richer_forms(effect: EffectEstimate) -> list[str]:
-    """Effects that contain the named one and fit no better."""
-    return [_key(key) for key in effect.richer]
-
-
-def simpler_forms(effect: EffectEstimate) -> list[str]:
-    """Special cases of the named effect that are as good up to the tolerance."""
-    return [_key(key) for key in effect.simpler]
+def related_forms(effect: EffectEstimate) -> list[str]:
+    """Sentences about forms that contain the named one and fit no better, and about special cases that are as good up to the tolerance."""
+    kinds = (
+        ("Richer than {}, not needed", effect.richer),
+        ("Simpler than {}, as good up to the tolerance", effect.simpler),
+    )
+    return [f"{text.format(place_of(effect))}: {first_of([_key(k) for k in keys])}." for text, keys in kinds if keys]
 
 
 def not_identified(effect: EffectEstimate) -> list[str]:

@@ -16,9 +16,8 @@ from sksurrogate.gap.render._headline import (
     headline,
     next_steps,
     not_identified,
-    richer_forms,
+    related_forms,
     separating,
-    simpler_forms,
 )
 from sksurrogate.gap.render._law import law_html, law_line
 from sksurrogate.gap.render._origin_html import origin_html
@@ -118,7 +117,7 @@ def _first_screen(report: ReportData) -> str:
 
 def _named(effect: EffectEstimate, report: ReportData) -> str:
     """One named effect: its form, its curve, what else explains the data."""
-    others, richer, simpler = not_identified(effect), richer_forms(effect), simpler_forms(effect)
+    others = not_identified(effect)
     parts = [
         f"<h2>{escape(place_of(effect)[0].upper() + place_of(effect)[1:])}</h2>",
         form_of(effect),
@@ -126,10 +125,7 @@ def _named(effect: EffectEstimate, report: ReportData) -> str:
     ]
     if others:
         parts.append(f"<p>These data do not separate it from: {escape(first_of(others))}. {escape(effect.why)}</p>")
-    if richer:
-        parts.append(f'<p class="small">Richer, not needed: {escape(first_of(richer))}.</p>')
-    if simpler:
-        parts.append(f'<p class="small">Simpler, as good up to the tolerance: {escape(first_of(simpler))}.</p>')
+    parts += [f'<p class="small">{escape(text)}</p>' for text in related_forms(effect)]
     return "".join(parts)
 
 

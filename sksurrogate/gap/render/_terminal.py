@@ -5,15 +5,7 @@ from __future__ import annotations
 import textwrap
 
 from sksurrogate.gap.render._budget import budget_lines
-from sksurrogate.gap.render._headline import (
-    changes,
-    first_of,
-    headline,
-    next_steps,
-    not_identified,
-    richer_forms,
-    simpler_forms,
-)
+from sksurrogate.gap.render._headline import changes, first_of, headline, next_steps, not_identified, related_forms
 from sksurrogate.gap.render._law import law_lines
 from sksurrogate.gap.render._origin_html import origin_line
 from sksurrogate.gap.render._record import record_lines
@@ -72,15 +64,9 @@ def _changes(report: ReportData, width: int) -> list[str]:
         lines += textwrap.wrap(f"- {what}" + (f": {sure}" if sure else ""), width, subsequent_indent="  ")
         lines += [f"    {value}" for value in values]
     for effect in report.effects:
-        others, richer, simpler = not_identified(effect), richer_forms(effect), simpler_forms(effect)
-        if others:
-            text = f"These data do not separate {place_of(effect)} from: {first_of(others)}. {effect.why}"
-            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
-        if richer:
-            text = f"Richer than {place_of(effect)}, not needed: {first_of(richer)}."
-            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
-        if simpler:
-            text = f"Simpler than {place_of(effect)}, as good up to the tolerance: {first_of(simpler)}."
+        others = not_identified(effect)
+        tied = f"These data do not separate {place_of(effect)} from: {first_of(others)}. {effect.why}"
+        for text in [*([tied] if others else []), *related_forms(effect)]:
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
     return lines
 
