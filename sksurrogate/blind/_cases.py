@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._big_plants import BIG_PLANTS
 from sksurrogate.blind._choose import Setting, as_truth, choose, disturbance, fine, make_setting, sized
 from sksurrogate.blind._excite import coloured, initial_states, inputs
 from sksurrogate.blind._gap import gap_beyond
@@ -42,6 +43,7 @@ ARMS: dict[str, tuple[str, str]] = {
     "trends": ("no effect, sensors that drift slowly or differ from run to run", "sensor"),
     "unequal": ("one effect, runs of unequal lengths", "explained"),
     "far": ("one effect, all parameters off by up to 20 % and free", "explained"),
+    "big": ("one effect, plants of 6 to 12 states", "explained"),
     "disturbed": ("no effect, coloured disturbance of 1.5 %", "none"),
     "coloured": ("no effect, coloured sensor noise of 1.5 %", "none"),
     "unexcited": ("an effect that these data never reach", "none"),
@@ -196,7 +198,8 @@ def draw(arm: str, entropy: int | None = None, *, plant: PlantSpec | None = None
 
 def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | None, runs: Any) -> Case | None:
     """One try; None where the effect does not fit the plant or cannot be made large enough."""
-    plant = given or PLANTS[str(rng.choice(list(PLANTS)))]
+    plants = BIG_PLANTS if arm == "big" else PLANTS
+    plant = given or plants[str(rng.choice(list(plants)))]
     setting = make_setting(rng, plant, runs, arm)
     if setting is None:
         return None

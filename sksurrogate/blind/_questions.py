@@ -157,6 +157,7 @@ PROMISES: tuple[Question, ...] = (
     Question("one effect, in all runs, a region or a time: named, nothing else", ("effect", "region", "time", "onset"), right, 0.98),
     Question("one effect, runs of unequal lengths: named, nothing else", ("unequal",), right, 0.98),
     Question("one effect, parameters 20 % off: named, nothing else", ("far",), right, 0.95),
+    Question("one effect, 6 to 12 states: named, nothing else", ("big",), right, 0.98),
     Question("two effects: both named, nothing else", ("two",), right, 0.94),
     Question("three effects: all named, nothing else", ("three",), right, 0.90),
     Question("a form that is not the catalogue's: its name, explained or partial, nothing else", ("inexact",), right, 0.95),

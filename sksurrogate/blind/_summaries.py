@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.blind._big_plants import BIG_PLANTS
 from sksurrogate.blind._limits import wilson
 from sksurrogate.blind._plants import PLANTS
 
@@ -39,7 +40,8 @@ def place_up_to_twins(row: Row) -> bool:
         group = [(effect["name"], effect["location"], effect["variable"]), *(tuple(e) for e in effect["equivalents"])]
         if any(truth in group for truth in truths):
             places |= {place for _, place, _ in group}
-    joined = PLANTS[row["plant"]].twin_places if row["plant"] in PLANTS else {}
+    plant = {**PLANTS, **BIG_PLANTS}.get(row["plant"])
+    joined = plant.twin_places if plant else {}
     places |= {b for a, b in joined.items() if a in places} | {a for a, b in joined.items() if b in places}
     return row["likely_place"] in places
 

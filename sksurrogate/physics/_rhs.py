@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._branches import Branches
 from sksurrogate.physics._foreign import REFUSALS, offered
 
 __all__ = ["PointwiseFunction", "locked"]
@@ -45,7 +46,8 @@ class PointwiseFunction:
     """``function(t, x, u, p)`` on points ``(n, *s)``, whatever the user wrote.
 
     The function is probed on a few points: one that handles ``(n_states, n_points)`` arrays is called once for all
-    points; one that branches on values is called point by point, with one warning that shows how to vectorise it. It
+    points, one that branches on values once for all points of a branch. What neither can call is called point by point, with
+    one warning that shows how to vectorise it. The function
     sees arrays that cannot be written; one that wants to write is handed copies, with one warning.
 
     Parameters
@@ -111,11 +113,12 @@ class PointwiseFunction:
                     self._check_refused(error)
             single, known = np.stack(list(answers.values()), axis=1), list(answers)
             xs, us, times = locked(xs[:, known]), locked(us[:, known]), times[: len(known)]
-            try:
-                together = self._many(times, xs, us, p, *extra)
-                self.vectorised = bool(np.allclose(single, together, rtol=1e-9, atol=1e-12, equal_nan=True))
-            except Exception:
-                self.vectorised = False
+            self.vectorised = self._agrees(single, times, xs, us, p, *extra)
+            if not self.vectorised:
+                alone, self.function = self.function, Branches(self.function, self.size)
+                self.vectorised = self._agrees(single, times, xs, us, p, *extra)
+                if not self.vectorised:
+                    self.function = alone
         self._tell()
         if not self.vectorised and _first_time(self.function):
             warnings.warn(
@@ -125,6 +128,13 @@ class PointwiseFunction:
                 UserWarning,
                 stacklevel=4,
             )
+
+    def _agrees(self, single: np.ndarray, *given: Any) -> bool:
+        """Whether the function gives for all points at once what it gives for single ones."""
+        try:
+            return bool(np.allclose(single, self._many(*given), rtol=1e-9, atol=1e-12, equal_nan=True))
+        except Exception:
+            return False
 
     def _ask(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
         """The user's function at locked points; on copies where it wants to write into them."""

@@ -13,8 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sksurrogate.blind import ARMS, PLANTS, BlindResult, Case, draw, run_blind_check, run_case
+from sksurrogate.blind import ARMS, BlindResult, Case, draw, run_blind_check, run_case
 from sksurrogate.blind import _score as scoring
+from sksurrogate.blind._big_plants import BIG_PLANTS
+from sksurrogate.blind._excite import initial_states, inputs
+from sksurrogate.blind._march import march
 from sksurrogate.blind._seal import Seal, close_seal
 from sksurrogate.blind._solve import Solver
 from sksurrogate.blind._truths import KINDS
@@ -103,7 +106,18 @@ def test_a_case_holds_what_its_arm_says(arm):
         assert question.effects is None
     assert (question.free_params == "all") == (arm in ("detuned", "far"))
     if arm not in ("detuned", "far"):
-        assert question.simulator.params == PLANTS[case.facts["plant"]].params
+        assert question.simulator.params == case.plant.params
+
+
+@pytest.mark.parametrize("plant", BIG_PLANTS.values(), ids=BIG_PLANTS)
+def test_a_big_plant_has_the_states_of_its_name_and_is_its_simulator(plant):
+    assert len(plant.states) == int(plant.name.rsplit("_", 1)[1]) in (6, 8, 10, 12)
+    rng = np.random.default_rng(0)
+    U = inputs(rng, plant, "steps", 2, 60)
+    X0 = initial_states(rng, plant, 2)
+    course = march(plant, U, X0, substeps=8)
+    expected = plant.simulator().simulate_batch(U, X0)
+    np.testing.assert_allclose(course.outputs, expected, atol=5e-5 * np.abs(expected).max())
 
 
 def test_a_seed_repeats_a_case_and_no_seed_does_not():

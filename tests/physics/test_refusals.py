@@ -121,7 +121,7 @@ def _silent(queue, function):
 @pytest.mark.skipif(sys.platform != "linux", reason="needs fork")
 def test_a_slow_function_is_said_once_also_to_processes_that_follow():
     def slow(t, x, u, p):
-        return (float(u[0]) - math.sqrt(abs(x[0])),)
+        return (u[0].item() - math.sqrt(abs(x[0].item())),)
 
     with pytest.warns(UserWarning, match="point by point"):
         ODESimulator(slow, **TANK).simulate(np.ones((4, 1)))
