@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.physics._call_loop import Call, CallLoop, Real, Row
 from sksurrogate.physics._fmu_signals import Signals
 from sksurrogate.physics._fmu_unit import Messages, new_instance
 from sksurrogate.physics._foreign import LARGEST_OFFERED, offered
@@ -68,6 +69,7 @@ class ExchangeUnit:
         self.instance = new_instance(self.folder, self.description, "ModelExchange", self.messages)
         self.calls = Calls(self.instance.dll, self.signals.version)
         self._begun, self._values = False, None
+        self._loops: dict[bool, CallLoop] = {}
 
     def close(self) -> None:
         """Free the instance."""
@@ -148,33 +150,41 @@ class ExchangeUnit:
     def _at_points(
         self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], size: int, asked: np.ndarray | None
     ) -> np.ndarray:  # fmt: skip
-        """Derivatives, or what is ``asked`` for by reference, (size, n_points).
-
-        Points are visited in the order of parameters, times and inputs, so that the unit hears of a change only, and of
-        equal points only once.
-        """
+        """Derivatives, or what is ``asked`` for by reference, (size, n_points)."""
         n_points = x.shape[1]
         if n_points == 1:
             return self._single(t, x[:, 0], u[:, 0], p, size, asked)
         T, P = np.broadcast_to(np.asarray(t, dtype=float), (n_points,)), self.parameter_rows(p, n_points)
         X = np.empty((n_points, len(self.signals.states)))
         X[:, self.signals.order] = x.T
-        good = np.flatnonzero(offered(T, x, u, P.T))
-        order, fresh, moved, new = _visits(good, P, np.column_stack([T, u.T]), X)
+        V = np.ascontiguousarray(u.T, dtype=float)
+        good = offered(T, x, u, P.T)
+        several = any(isinstance(value, np.ndarray) and value.ndim for value in p.values())
+        if not several and good.all() and self._loop(asked).native:
+            found = np.full((n_points, size), np.nan)
+            self._begun_at(P, [0, n_points], np.ascontiguousarray(T), X, V, np.ones(n_points, bool), found, asked)
+            return found.T
+        visit = _few_calls if not self._loop(asked).native else _as_they_come
+        order, fresh, moved, new = visit(np.flatnonzero(good), P, np.column_stack([T, V]), X)
         visited = order[new]
-        T, X, V, P = T[visited], X[visited], np.ascontiguousarray(u.T[visited], dtype=float), P[visited]
         found = np.full((len(visited), size), np.nan)
-        edges = np.flatnonzero(np.r_[fresh[new], True])
+        edges = [*np.flatnonzero(fresh[new]).tolist(), len(visited)]
+        self._begun_at(P[visited], edges, T[visited], X[visited], V[visited], moved[new], found, asked)
+        out = np.full((size, n_points), np.nan)
+        out[:, order] = found[np.cumsum(new) - 1].T
+        return out
+
+    def _begun_at(
+        self, P: np.ndarray, edges: list[int], T: np.ndarray, X: np.ndarray, V: np.ndarray, moved: np.ndarray, out: np.ndarray, asked: np.ndarray | None
+    ) -> None:  # fmt: skip
+        """Stretches of points with the same parameters; what the unit refuses stays nan."""
         for a, b in zip(edges[:-1], edges[1:]):
             try:
                 self._at(tuple(P[a].tolist()), V[a], float(T[a]))
             except Exception as error:  # these parameters are refused
                 self._failed(error)
                 continue
-            self._walk(T[a:b].tolist(), X[a:b], V[a:b], moved[new][a:b].tolist(), found[a:b], asked)
-        out = np.full((size, n_points), np.nan)
-        out[:, order] = found[np.cumsum(new) - 1].T
-        return out
+            self._walk(T[a:b], X[a:b], V[a:b], moved[a:b], out[a:b], asked)
 
     def _single(
         self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], size: int, asked: np.ndarray | None
@@ -191,39 +201,50 @@ class ExchangeUnit:
             except Exception as error:  # these parameters are refused
                 self._failed(error)
             else:
-                self._walk([now], X, V, [True], out, asked)
+                self._walk(np.array([now]), X, V, np.ones(1, bool), out, asked)
         return out.T
 
     def _walk(
-        self, times: list[float], X: np.ndarray, V: np.ndarray, moved: list[bool], out: np.ndarray, asked: np.ndarray | None
+        self, times: np.ndarray, X: np.ndarray, V: np.ndarray, moved: np.ndarray, out: np.ndarray, asked: np.ndarray | None
     ) -> None:  # fmt: skip
         """Point after point with the same parameters; what the unit refuses stays nan."""
-        s, calls, c, word = self.signals, self.calls, self.instance.component, X.itemsize
-        (_, n), (_, m), (_, size) = X.shape, V.shape, out.shape
-        set_time, set_states, set_real, get_rates, get_real = calls.set_time, calls.set_states, calls.set_real, calls.get_rates, calls.get_real  # fmt: skip
-        at_x, at_u, at_y, tail = X.ctypes.data, V.ctypes.data, out.ctypes.data, self._tail
-        inputs, wanted = s.inputs.ctypes.data, 0 if asked is None else asked.ctypes.data
-        behind_u, behind_y, stale = tail(m), tail(size), True
-        for k, (t, moves) in enumerate(zip(times, moved)):
-            bad = 0
-            if moves or stale:
-                bad, stale = set_time(c, t), False
-                if m:
-                    bad |= set_real(c, inputs, m, at_u + word * m * k, *behind_u)
-            bad |= set_states(c, at_x + word * n * k, n)
+        at = {"t": times, "x": X, "u": V, "moved": moved, "out": out}
+        k = 0
+        while True:
+            k, status = self._loop(asked)(k, at)
+            if k == len(X):
+                return
+            out[k], values = np.nan, self._values
+            try:
+                self.renew(bool(status & 4))  # status 4 is fatal
+                self.begin(values or (), V[k], min(float(times[k]), 0.0))
+            except Exception as error:  # it does not begin any more: the rest stays nan
+                out[k:] = np.nan
+                return self._failed(error)
+            k += 1
+            moved[k : k + 1] = True
+
+    def _loop(self, asked: np.ndarray | None) -> CallLoop:
+        """The calls at a point: time and inputs where they differ from the point before, states, and what is asked for."""
+        if (asked is None) not in self._loops:
+            s, c, calls = self.signals, self.instance.component, self.calls
+            n, m, size = len(s.states), len(s.inputs), 0 if asked is None else len(asked)
+
+            def address(function: Any) -> int:
+                return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
+
+            made = [Call(address(calls.set_time), (c, Real("t")), "moved")]
+            if m:
+                given = (c, s.inputs.ctypes.data, m, Row("u"), *self._tail(m))
+                made.append(Call(address(calls.set_real), given, "moved"))
+            made.append(Call(address(calls.set_states), (c, Row("x"), n)))
             if asked is None:
-                bad |= get_rates(c, at_y + word * size * k, size)
+                made.append(Call(address(calls.get_rates), (c, Row("out"), n)))
             else:
-                bad |= get_real(c, wanted, size, at_y + word * size * k, *behind_y)
-            if bad > 1:
-                out[k:], stale, values = np.nan, True, self._values
-                try:
-                    self.renew(bool(bad & 4))  # status 4 is fatal
-                    self.begin(values or (), V[k], min(t, 0.0))
-                except Exception as error:  # it does not begin any more: the rest stays nan
-                    return self._failed(error)
-                calls, c = self.calls, self.instance.component
-                set_time, set_states, set_real, get_rates, get_real = calls.set_time, calls.set_states, calls.set_real, calls.get_rates, calls.get_real  # fmt: skip
+                wanted = (c, asked.ctypes.data, size, Row("out"), *self._tail(size))
+                made.append(Call(address(calls.get_real), wanted))
+            self._loops[asked is None] = CallLoop(made)
+        return self._loops[asked is None]
 
     def _failed(self, error: Exception) -> None:
         """A unit that stopped begins anew at the next point."""
@@ -236,17 +257,27 @@ class ExchangeUnit:
             self.begin(values, u, min(t, 0.0))
 
 
-def _visits(
-    points: np.ndarray, P: np.ndarray, moving: np.ndarray, X: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points in the order of their visit; where parameters, times and inputs, or anything, differs from the point before."""
+#: Points in the order of their visit; where parameters, where times and inputs, and where anything differs from the point before.
+Visits = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def _as_they_come(points: np.ndarray, P: np.ndarray, moving: np.ndarray, X: np.ndarray) -> Visits:
+    """For calls that take less time than an order saves: only points of the same parameters stand together."""
+    order = points[np.lexsort(P[points].T)] if P.shape[1] else points
+    every = np.ones(len(order), bool)
+    return order, _changes(P[order]), every, every
+
+
+def _few_calls(points: np.ndarray, P: np.ndarray, moving: np.ndarray, X: np.ndarray) -> Visits:
+    """In the order of parameters, times and inputs, so that the unit hears of a change only, and of equal points only once."""
     few = len(points) <= _FEW
     keys = () if few else (*X[points].T[::-1], *moving[points].T[::-1], *P[points].T[::-1])
     order = points if few else points[np.lexsort(keys)]
+    fresh = _changes(P[order])
+    moved = np.ones(len(order), bool) if few else fresh | _changes(moving[order])
+    return order, fresh, moved, moved.copy() if few else moved | _changes(X[order])
 
-    def changes(rows: np.ndarray) -> np.ndarray:
-        return np.r_[True, np.any(rows[order[1:]] != rows[order[:-1]], axis=1)][: len(order)]
 
-    fresh = changes(P)
-    moved = np.ones(len(order), bool) if few else fresh | changes(moving)
-    return order, fresh, moved, moved.copy() if few else moved | changes(X)
+def _changes(rows: np.ndarray) -> np.ndarray:
+    """Which rows differ from the one before; the first does."""
+    return np.r_[True, np.any(rows[1:] != rows[:-1], axis=1)][: len(rows)]

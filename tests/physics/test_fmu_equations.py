@@ -35,6 +35,13 @@ def _unit(path, **options):
     return FMUSimulator(path, **{"outputs": ["angle"], "params": PARAMS, "dt": 0.05, **options})
 
 
+@pytest.fixture(params=["as it comes", "through ctypes"])
+def calls(request, monkeypatch):
+    """The calls at points as this machine makes them, and without machine code."""
+    if request.param == "through ctypes":
+        monkeypatch.setattr("sksurrogate.physics._call_loop.machine_code", lambda shape: None)
+
+
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_model_exchange_is_the_same_right_hand_side(swing_unit, hold):
     unit, plant = _unit(swing_unit, hold=hold), _equations(hold=hold)
@@ -62,7 +69,7 @@ def test_outputs_that_are_no_states_are_read_from_the_unit(swing_unit):
     check_simulator(unit, U)
 
 
-def test_points_of_any_order_with_parameters_of_their_own(swing_unit):
+def test_points_of_any_order_with_parameters_of_their_own(swing_unit, calls):
     unit, random = _unit(swing_unit), np.random.default_rng(2)
     n = 400
     x, u, t = random.normal(size=(2, n)), random.normal(size=(1, n)), random.uniform(size=n)
@@ -83,7 +90,7 @@ def test_states_stand_in_the_order_of_initial(swing_unit):
     np.testing.assert_array_equal(unit.simulate(U, x0=[0.0, 0.5]), _equations().simulate(U))
 
 
-def test_refused_points_are_nan_and_the_others_are_right(swing_unit, capfd):
+def test_refused_points_are_nan_and_the_others_are_right(swing_unit, capfd, calls):
     unit = _unit(swing_unit)
     x = np.random.default_rng(4).normal(size=(2, 60))
     expected = np.array(swing(0.0, x, np.ones((1, 60)), PARAMS))
@@ -98,7 +105,7 @@ def test_refused_points_are_nan_and_the_others_are_right(swing_unit, capfd):
     np.testing.assert_array_equal(unit.simulate(U), _equations().simulate(U))
 
 
-def test_co_simulation_with_a_copy_of_its_state_is_a_step(swing_unit):
+def test_co_simulation_with_a_copy_of_its_state_is_a_step(swing_unit, calls):
     unit, plant = _unit(swing_unit, fmi_type="CoSimulation"), _equations()
     assert describe(unit).access == "step" and not hasattr(unit, "rhs")
     np.testing.assert_allclose(unit.simulate(U), plant.simulate(U), atol=2e-7)
