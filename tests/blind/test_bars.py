@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binomtest
 
 from sksurrogate.blind import ARMS, BlindResult
-from sksurrogate.blind._limits import wilson
+from sksurrogate.blind._limits import mean, wilson
 from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms
 from sksurrogate.blind._probabilities import calibration_error, class_stated, name_stated
 from sksurrogate.blind._summaries import detection, experiments, place_up_to_twins, unknown_scores
@@ -207,3 +207,10 @@ def test_seconds_are_told_apart_where_the_catalogue_is_not_whole():
     assert found["processor seconds of two cores, the same"]["cleared"].startswith("yes")
     part = found["seconds where the true effect is taken out of the catalogue"]
     assert (part["figure"], part["cases"]) == (20.0, 1) and part["cleared"].startswith("no")
+
+
+def test_the_interval_of_a_mean_holds_nine_of_ten():
+    values = np.random.default_rng(0).normal(1.0, 2.0, size=(4000, 50))
+    rows = [mean("", value, 1.0) for value in values]
+    low, high = (np.array([row[name] for row in rows]) for name in ("low", "high"))
+    assert np.mean((low <= 1.0) & (high >= 1.0)) == pytest.approx(0.9, abs=0.02)

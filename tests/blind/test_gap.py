@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.blind._cases import draw
-from sksurrogate.blind._excite import inputs
+from sksurrogate.blind._excite import inputs, operating_log
 from sksurrogate.blind._gap import INTEGRATOR_SUBSTEPS, gap_beyond
 from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
@@ -49,3 +49,10 @@ def test_an_output_that_is_not_measured_does_not_count(experiment):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_drawn_gaps_are_at_least_four_times_the_noise(seed):
     assert draw("effect", seed).facts["gap_over_noise"] >= 4.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_log_holds_its_levels_and_moves_on_by_ramps(seed):
+    log = operating_log(np.random.default_rng(seed), 400)
+    assert len(log) == 400 and np.abs(log).max() < 2.0 and np.ptp(log[:10]) == 0.0
+    assert np.mean(np.diff(log) == 0) > 0.5 > np.mean(np.abs(np.diff(log)) > 0.3)

@@ -1,5 +1,6 @@
 """Withheld on real recordings: the nominal simulators are those of the literature; one recording goes end to end."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from sksurrogate.blind._recorded import HEAVY, recorded, run_recorded
 from sksurrogate.blind._truths import KINDS, twins_of
 from sksurrogate.exceptions import SurrogateError
 
-SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+SHARED = Path(os.environ.get("SKSURROGATE_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
 here = pytest.mark.skipif(not SHARED.exists(), reason="the real recordings are not on this machine")
 
 

@@ -2,6 +2,7 @@
 
 import http.server
 import io
+import os
 import threading
 import zipfile
 from dataclasses import replace
@@ -21,7 +22,7 @@ from sksurrogate.datasets import (
 )
 from sksurrogate.exceptions import DataError
 
-SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+SHARED = Path(os.environ.get("SKSURROGATE_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the real recordings are not on this machine")
@@ -29,6 +30,12 @@ def test_known_files_are_used():
     tanks, box = fetch_cascaded_tanks(SHARED), fetch_silverbox(SHARED)
     assert tanks.uEst.shape == tanks.yVal.shape == (1024,) and tanks.Ts == 4.0
     assert box.V1.shape == (131072,) and box.fs == pytest.approx(610.3516, abs=1e-3)
+    # the arrow, which grows, then the multisine; three quarters of this are for training
+    multisine = slice(box.train.start, box.test_multisine.stop)
+    assert box.train.stop == box.test_multisine.start and box.test_arrow.stop <= multisine.start
+    assert box.train.stop - multisine.start == pytest.approx(0.75 * (multisine.stop - multisine.start), abs=1)
+    arrow, steady = np.abs(box.V1[box.test_arrow]), np.abs(box.V1[multisine])
+    assert arrow[-2000:].max() > 4 * arrow[:2000].max() and steady[-2000:].max() < 2 * steady[:2000].max()
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the real recordings are not on this machine")

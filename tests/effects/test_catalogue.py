@@ -331,6 +331,14 @@ def test_every_line_lies_within_the_main_lobe_of_a_frequency_tried(share, n):
     w = share * np.pi / (3 * dt)
     nearest = np.min(np.abs(frequencies(n * dt, dt) - w))
     assert nearest <= 0.51 * 2 * np.pi / (n * dt) or w < np.pi / (n * dt)
+    assert np.max(frequencies(n * dt, dt)) < np.pi / (3 * dt) + 2 * np.pi / (n * dt)
+
+
+def test_of_many_lines_the_slowest_stay_and_the_others_keep_a_ratio():
+    dt, n = 0.05, 6000
+    found = frequencies(n * dt, dt) * n * dt / (2 * np.pi)
+    np.testing.assert_allclose(found[:5], [0.5, 0.75, 1, 2, 3])
+    assert found[-1] == pytest.approx(n / 6, abs=1) and np.max(found[21:] / found[20:-1]) < 1.1
 
 
 def test_quantizations_are_searched_closely_and_nothing_else_is():

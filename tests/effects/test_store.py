@@ -169,6 +169,8 @@ def stored(effects="[]", params="{}", more=""):
         (stored(lag({"time_constant": float("inf")})), "time_constant=inf, expected a finite number"),
         (stored(lag({"time_constant": True})), "time_constant=True, expected a number"),
         (stored(lag({"time_constant": "0.05"})), "time_constant='0.05', expected a number"),
+        (stored(lag({"time_constant": "x" * 38})), "time_constant='x{38}', expected a number"),
+        (stored(lag({"time_constant": "x" * 39})), r"time_constant='x{36}\.\.\., expected a number"),
         (stored(lag({"time_constant": 10**400})), "not a file of save_augmented"),
         (stored(lag({"time_constant": 0.05, "delay": 0.1})), r"has the params \['delay', 'time_constant'\], expected"),
         (stored(lag({"time_constant": 1.0}).replace("1.0", '1.0, "time_constant": 2.0')), "is listed twice"),

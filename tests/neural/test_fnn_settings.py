@@ -144,3 +144,10 @@ class Listener:
 def test_closeness_without_a_prior_is_refused():
     with pytest.raises(DataError, match=r"closeness=1.0 has nothing to be close to"):
         FNNRegressor(closeness=1.0).fit(np.eye(3), [1.0, 2.0, 3.0])
+
+
+def test_every_random_state_draws_other_weights():
+    first = [
+        FNNRegressor((2,), n_starts=1, max_epochs=1, random_state=k).fit(X[:8], y[:8]).coefs_[0] for k in range(40)
+    ]
+    assert len({weights.tobytes() for weights in first}) == 40
