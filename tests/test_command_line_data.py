@@ -72,6 +72,13 @@ def test_the_exit_status_and_what_is_saved_tell_an_early_end(folder, capsys):
     assert "(interrupted)" in shown.out and "Warning:" not in shown.err
 
 
+def test_an_interrupt_during_imports_is_said_in_one_line(tmp_path, capsys):
+    (tmp_path / "slow.py").write_text("raise KeyboardInterrupt")
+    (tmp_path / "data.csv").write_text("u,y\n1,2\n")
+    assert main(["diagnose", f"{tmp_path / 'slow.py'}:plant", str(tmp_path / "data.csv"), "--quiet"]) == 130
+    assert capsys.readouterr().err == "sksurrogate: interrupted before anything was known\n"
+
+
 @pytest.mark.parametrize(
     ("given", "ordered"),
     [

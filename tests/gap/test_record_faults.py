@@ -13,7 +13,8 @@ from scipy.signal import lfilter
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, Offsets, Shifts
 from sksurrogate.gap.faults._proposals import tone
-from sksurrogate.gap.faults._wrong_readings import outlying_rows, wrong_readings
+from sksurrogate.gap.faults._wrong_readings import _in_rows, _is_expected, outlying_rows, wrong_readings
+from sksurrogate.kernels.readings import Stretch
 from sksurrogate.kernels.record import Record
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -220,3 +221,20 @@ def test_a_slow_actuator_is_no_noise_of_the_input():
     runs = np.repeat(np.arange(4), 240)
     report = GapDiagnoser(case.simulator, effects=["sensor_bias"], n_jobs=1, random_state=0).fit(U, Y, runs).report_
     assert report.verdict == "unknown" and "input_noise" not in report.data.kinds
+
+
+@pytest.mark.parametrize("level", [0.0, 3.0, -3.0])
+@pytest.mark.parametrize("unit", [1e-2, 1.0, 1e2])
+def test_a_jump_is_expected_where_the_simulator_makes_it_too(level, unit):
+    jump = unit * np.array([0.0, 0.1, 0.0, 2.0, 2.1, 1.9, 2.0, 0.1, 0.0, 0.1])
+    stretch = Stretch(3, 7, 2.0 * unit)
+    assert _is_expected(jump, unit * level + jump, stretch) and _is_expected(jump, unit * level + 0.5 * jump, stretch)
+    assert not _is_expected(jump, np.full(10, unit * level), stretch)
+    assert not _is_expected(jump, unit * level - jump, stretch) and not _is_expected(jump, np.full(10, np.nan), stretch)
+
+
+def test_a_stretch_of_measured_readings_keeps_its_first_and_last_row():
+    rows = np.array([0, 2, 5, 6, 9])
+    assert _in_rows(Stretch(1, 4, 0.5), rows) == Stretch(2, 7, 0.5) and _in_rows(Stretch(4, 5, 0.5), rows) == Stretch(
+        9, 10, 0.5
+    )

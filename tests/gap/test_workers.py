@@ -1,12 +1,16 @@
 """Fits side by side: asked for by ``n_jobs`` or by joblib's own setting, with the same answer."""
 
 import re
+import socket
 
 import joblib
 import numpy as np
+import pytest
 
 from sksurrogate.datasets import make_reactor, make_reactor_runs
+from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.physics import CallableSimulator
 
 
 def printed(report):
@@ -32,3 +36,27 @@ def test_joblibs_setting_spreads_the_fits_and_changes_no_answer(monkeypatch):
         assert printed(diagnoser.fit(X, y, groups=groups).report_) == here
     assert asked and set(asked) == {2}
     assert np.isfinite(diagnoser.report_.shrink.fraction)
+
+
+class Connected:
+    """Answers through one connection: with two processes on it, each could read the other's answer."""
+
+    def __init__(self, pair):
+        self.pair = pair
+
+    def __call__(self, U, x0=None, t=None):
+        self.pair[0].sendall(np.ascontiguousarray(U, dtype=float))
+        return 2.0 * np.frombuffer(self.pair[1].recv(8 * len(U), socket.MSG_WAITALL)).reshape(-1, 1)
+
+
+def test_a_simulator_behind_a_connection_is_asked_by_one_process():
+    U = np.random.default_rng(0).normal(size=(60, 1))
+    ends = socket.socketpair()
+    simulator = CallableSimulator(Connected(ends), inputs=["u"], outputs=["y"])
+    with pytest.raises(SimulatorError, match=r"n_jobs=2: the simulator holds something.*socket.*leave out n_jobs"):
+        GapDiagnoser(simulator, effects=["sensor_bias"], n_jobs=2).fit(U, 2.0 * U + 0.5)
+    noise = 0.01 * np.random.default_rng(1).normal(size=U.shape)
+    report = GapDiagnoser(simulator, effects=["sensor_bias"], random_state=0).fit(U, 2.0 * U + 0.5 + noise).report_
+    assert [effect.name for effect in report.effects] == ["sensor_bias"]
+    for end in ends:
+        end.close()
