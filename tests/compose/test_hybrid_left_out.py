@@ -74,3 +74,6 @@ def test_runs_too_short_to_be_cut_support_no_correction():
     hybrid.fit(np.zeros((8, 1)), np.arange(8.0))
     np.testing.assert_array_equal(hybrid.predict(np.zeros((8, 1))), 0.0)
     assert hybrid.shrinkage_ == 0.0 and "too short" in str(hybrid.report_)
+    report = hybrid.report_  # nothing is kept, nothing gained, nothing was left out
+    assert report.shrinkage == report.gain == report.standard_error == report.n_blocks == 0
+    assert np.isnan([report.simulator_rmse, report.whole_rmse, report.rmse]).all()

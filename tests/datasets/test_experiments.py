@@ -55,10 +55,11 @@ def explode(t, x, u, p):
 
 def test_runs_that_diverge_are_left_out_and_said_so():
     plant = ODESimulator(explode, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
-    with pytest.warns(RuntimeWarning, match=r"runs diverged and were left out, the first is run \d"):
+    with pytest.warns(RuntimeWarning, match=r"runs diverged and were left out, the first is run \d") as told:
         data = simulate_experiments(
             plant, {"x": (-1.0, 2.0)}, {"u": (-0.1, 0.0)}, n_runs=2, n_samples=15, random_state=0
         )
+    assert told[0].filename == __file__
     assert data.failed and set(data.groups) == set(range(2)) - set(data.failed) and np.all(np.isfinite(data.y))
 
 

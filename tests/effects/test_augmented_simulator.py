@@ -8,7 +8,7 @@ from sklearn.base import clone
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
-from sksurrogate.physics import BaseSimulator, ODESimulator
+from sksurrogate.physics import BaseSimulator, CallableSimulator, ODESimulator
 from sksurrogate.physics._simulator import describe
 
 
@@ -258,6 +258,14 @@ def test_a_slow_sensor_on_a_trajectory_runs_between_the_samples():
     for k in range(20000):
         w[k + 1] = w[k] + h / 0.4 * (fine[k] - w[k])
     assert np.max(np.abs(found - np.interp(t, np.linspace(0, t[-1], 20001), w))) < 2e-3
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_slow_sensor_of_a_ramp_is_the_same_in_a_short_record(n):
+    plant = CallableSimulator(lambda U, x0=None, t=None: 2.0 * U, inputs=["u"], outputs=["y"], dt=0.1)
+    slow = AugmentedSimulator(plant, [CATALOGUE["sensor_lag"]("y")], [(0.4,)])
+    ramp = np.arange(10.0)[:, None]
+    np.testing.assert_allclose(slow.simulate(ramp[:n]), slow.simulate(ramp)[:n], atol=1e-12)
 
 
 def test_trajectories_refuse_effects_on_balances():

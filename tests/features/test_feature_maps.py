@@ -232,3 +232,10 @@ def test_the_fewest_thresholds_and_fewer():
     assert HeavisideFeatures(1).fit_transform(x).tolist() == [[1.0]] * 9  # one step at the least value
     with pytest.raises(ValueError, match="thresholds"):
         HeavisideFeatures(0).fit(x)
+
+
+@pytest.mark.parametrize("n, peaks", [(1, [5.0]), (2, [2.0, 8.0]), (4, [2.0, 4.0, 6.0, 8.0])])
+def test_so_many_bumps_stand_evenly_over_the_data(n, peaks):
+    x = np.linspace(2.0, 8.0, 601)[:, None]
+    Z = GaussianFeatures(n, interaction=False).fit_transform(x)
+    np.testing.assert_allclose(np.sort(x[np.argmax(Z, axis=0), 0]), peaks)
