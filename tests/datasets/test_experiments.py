@@ -133,6 +133,14 @@ def test_a_range_that_is_a_number_is_refused():
         simulate_experiments(make_reactor(), *RANGES, n_runs=2, n_samples=5, noise=-1)
 
 
+def test_a_multisine_has_whole_periods_from_one_a_run_to_the_fastest_and_no_others():
+    data = simulate_experiments(
+        make_reactor(), *RANGES, n_runs=2, n_samples=120, design="multisine", hold=(5, 5), random_state=0
+    )
+    power = np.abs(np.fft.rfft(data.X.reshape(2, 120), axis=1))[:, 1:] > 1e-9
+    assert power[:, 0].all() and power[:, 11].all() and not power[:, 12:].any()
+
+
 class Connected:
     """A simulator that holds an open connection."""
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._closed_loop import closed_loop
+from sksurrogate.gap.fit._closed_loop import RESIDUAL_LAGS, _past, closed_loop
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 
@@ -102,3 +102,12 @@ def test_a_loop_is_seen_through_an_error_of_the_model(seed):
             model[k + 1] = model[k] + 0.1 * (u[k] - model[k])
     record = Record(u[None], y[None], DT * np.arange(n), np.array([0]), DT)
     assert closed_loop(record, model[None], ["u"]) == "u"
+
+
+def test_an_operator_knows_the_past_of_inputs_and_of_the_model_and_nothing_of_this_sample():
+    u, y = np.random.default_rng(0).normal(size=(2, 1, 40))
+    record = Record.from_runs([u.T], [y.T], [DT * np.arange(40)], DT)
+    rows = np.arange(RESIDUAL_LAGS + 1, 40)
+    known = np.array(_past(record, y, rows, 2))
+    wanted = [u[0, rows - 1], u[0, rows - 2], *(y[0, rows - lag] for lag in range(1, RESIDUAL_LAGS + 1))]
+    np.testing.assert_array_equal(known, [*wanted, y[0, rows - 1] * np.abs(y[0, rows - 1])])
