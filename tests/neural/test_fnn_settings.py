@@ -6,7 +6,7 @@ import pytest
 from sksurrogate.exceptions import DataError
 from sksurrogate.neural import FNNRegressor
 from sksurrogate.neural._network import draw_layers
-from sksurrogate.neural._problems import Rows, squares
+from sksurrogate.neural._problems import Rows, Smoothness, squares
 from sksurrogate.neural._settings import BATCH, MANY_ROWS, epochs_of, read_batch
 from sksurrogate.neural._torch import build_net
 
@@ -64,6 +64,26 @@ def test_a_prior_counts_the_same_in_torch():
     values = net.infer({"X": torch.as_tensor(X)})
     loss = net.get_loss(values, torch.as_tensor(y[:, None]), {"X": torch.as_tensor(X)}, training=True)
     np.testing.assert_allclose(loss.item(), cost)
+
+
+@pytest.mark.parametrize(("slope", "curvature"), [(0.3, 0.0), (0.0, 0.2), (0.3, 0.2)])
+def test_slopes_and_curvatures_count_the_same_in_torch_and_as_calculus_says(slope, curvature):
+    import torch
+
+    layers = draw_layers((2, 1, 1), ("tanh", "identity"), rng)
+    (w, v), (b, _) = layers.weights, layers.biases
+    x, ones = rng.normal(size=(30, 2)), np.ones(2)
+    t, out = np.tanh(x @ w + b), v[0, 0]
+    steep, bent = out * (1 - t**2) * w.T, -2 * out * t * (1 - t**2) * w.T**2  # along each input, (n_rows, 2)
+    here = layers(x)
+    wanted = slope * np.mean(np.sum(steep**2, axis=1)) + curvature * np.mean(np.sum(bent**2, axis=1))
+    rows = Rows(x, here, None, 0 * ones, ones, np.zeros(1), np.ones(1), smooth=Smoothness(slope, curvature))
+    cost = squares(layers, rows, 0.0)(layers.theta)[0] / len(x)
+    np.testing.assert_allclose(cost, wanted, rtol=2e-3)  # central differences over 0.01
+    net = build_net(layers, slope=slope, curvature=curvature)
+    given = {"X": torch.as_tensor(x)}
+    loss = net.get_loss(net.infer(given), torch.as_tensor(here), given, training=True)
+    np.testing.assert_allclose(loss.item(), cost, rtol=1e-6)
 
 
 def test_scaling_and_back():
