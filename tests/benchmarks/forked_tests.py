@@ -60,7 +60,7 @@ class Forks:
     """Runs collected tests in forks."""
 
     def __init__(self, session: pytest.Session) -> None:
-        self.session, self.failed = session, False
+        self.session, self.failed, self.killed = session, False, False
         self.items = {item.nodeid: item for item in session.items}
         self.functions = Functions()
         self.at = mmap.mmap(-1, 8)
@@ -90,6 +90,7 @@ class Forks:
             _, status = os.waitpid(pid, 0)
         if not ended or (os.WIFEXITED(status) and os.WEXITSTATUS(status) == BROKEN):
             raise RuntimeError("the fork broke or waited before its tests ended: a loaded machine decides nothing")
+        self.killed = os.WIFSIGNALED(status)
         return None if status == 0 else names[int.from_bytes(self.at[:], "big")][0]
 
     def _run(self, fault: Fault | None, names: list[tuple[str, float]]) -> int:

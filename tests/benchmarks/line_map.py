@@ -13,6 +13,7 @@ import gc
 import importlib.machinery
 import mmap
 import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -23,6 +24,10 @@ import pytest
 from fault_draw import PACKAGE, ROOT
 
 _COMPOUND = ("body", "orelse", "finalbody")
+
+
+class TooLong(BaseException):
+    """A test took longer than the map allows: what it ran until then counts."""
 
 
 class Blocks:
@@ -96,13 +101,15 @@ class MapMaker:
     Parameters
     ----------
     folder : Path
-        Where the files are; a test file that has one is left out.
+        Where the files are; tests that they hold are left out.
     minutes : float
         No test file is begun after this time.
+    longest : float
+        A test is stopped after so many processor seconds.
     """
 
-    def __init__(self, folder: Path, minutes: float) -> None:
-        self.folder, self.minutes, self.blocks = folder, minutes, Blocks()
+    def __init__(self, folder: Path, minutes: float, longest: float) -> None:
+        self.folder, self.minutes, self.longest, self.blocks = folder, minutes, longest, Blocks()
         self.hits = mmap.mmap(-1, self.blocks.count)
         self.seen = np.frombuffer(self.hits, dtype=np.uint8)
         self.of_fixture: dict[str, np.ndarray] = {}
@@ -117,10 +124,13 @@ class MapMaker:
         ends, by_file = time.monotonic() + 60 * self.minutes, {}
         for item in session.items:
             by_file.setdefault(item.nodeid.split("::")[0], []).append(item)
+        known = {str(name) for path in self.folder.glob("[!b]*.npz") for name in np.load(path)["names"]}
         for file, items in by_file.items():
-            out = self.folder / (file.replace("/", "+") + ".npz")
-            if out.exists() or time.monotonic() > ends:
+            items = [item for item in items if item.nodeid not in known]
+            if not items or time.monotonic() > ends:
                 continue
+            parts = len(list(self.folder.glob(file.replace("/", "+") + ".*npz")))
+            out = self.folder / f"{file.replace('/', '+')}.{parts}.npz"
             pid = os.fork()
             if pid == 0:
                 try:
@@ -134,19 +144,26 @@ class MapMaker:
         session.config.pluginmanager.unregister(name="terminalreporter")
         self._watch_memories()
         rows, seconds, passed = [], [], []
+        signal.signal(signal.SIGPROF, self._stop)
         for item, following in zip(items, [*items[1:], None], strict=True):
-            self.seen[:], self.failed, started = 0, False, time.process_time()
+            self.seen[:], self.failed, self.stopped, started = 0, False, False, time.process_time()
+            signal.setitimer(signal.ITIMER_PROF, self.longest)
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            signal.setitimer(signal.ITIMER_PROF, 0)
             for name in getattr(item, "fixturenames", ()):
                 if name in self.of_fixture:
                     self.seen[:] |= self.of_fixture[name]
             rows.append(np.packbits(self.seen))
             seconds.append(time.process_time() - started)
-            passed.append(not self.failed)
+            passed.append(not self.failed or self.stopped)
         names = [item.nodeid for item in items]
         beside = out.with_name("beside-" + out.name)
         np.savez_compressed(beside, names=names, seconds=seconds, passed=passed, rows=np.array(rows))
         beside.rename(out)
+
+    def _stop(self, *_: Any) -> None:
+        self.stopped = True
+        raise TooLong
 
     def _watch_memories(self) -> None:
         """A remembered function marks again what its first call with the same arguments ran."""

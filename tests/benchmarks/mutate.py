@@ -1,13 +1,14 @@
 """Would the tests notice? Small faults are put into the package one at a time, and the tests that run the line are run.
 
-    python tests/benchmarks/mutate.py --map folder [--minutes 5]    # which test runs which lines; goes on where it stopped
+    python tests/benchmarks/mutate.py --map folder [--minutes 5] [--longest 60]  # which test runs which lines; goes on
     python tests/benchmarks/mutate.py --use folder --out rows.jsonl [--faults 200] [--seed 0] [--folders kernels effects]
                                       [--limit 60] [--minutes 5] [--again survivors.jsonl]
 
 A fault is a changed operator, comparison, constant, connective or a dropped term, drawn evenly over the folders. One process
 imports everything and collects the tests that are not slow. A fork of it gets the fault and runs those that run the line,
 quickest and nearest first. A fault is *caught* when a test fails, or takes ten times its time, and passes without the fault;
-a *survivor* when all pass; *undecided* when the limit left some out. With `--out` a draw goes on where it stopped; `--again`
+a *survivor* when all pass; *undecided* when the limit left some out, or a process waited too long. What takes effect on
+import is tried, with and without it, in a fresh process. With `--out` a draw goes on where it stopped; `--again`
 tries what was not caught once more, with the tests that are newer than the map.
 """
 
@@ -57,6 +58,7 @@ class Trial:
             if time.monotonic() > ends:
                 break
             started = time.monotonic()
+            self.forks.killed = False
             said, by, n = self.decided(fault)
             row = {
                 "file": fault.path.relative_to(ROOT).as_posix(),
@@ -67,6 +69,7 @@ class Trial:
                 "tests": n,
                 "said": said,
                 "by": by,
+                "longer": self.forks.killed,
                 "seconds": round(time.monotonic() - started, 1),
             }
             print(
@@ -90,34 +93,41 @@ class Trial:
             files = list(dict.fromkeys(name.split("::")[0] for name, _ in part))
             part.sort(key=lambda test: files.index(test[0].split("::")[0]))
             while part:
+                run = self.forks.first_failure if warm else in_fresh_process
                 try:
-                    by = self.forks.first_failure(fault, part) if warm else in_fresh_process(fault, part)
+                    by = run(fault, part)
+                    again, longer = [test for test in part if test[0] == by], self.forks.killed
+                    sound = run(None, again) if again else None
                 except RuntimeError:
                     return "undecided", None, len(tests)
                 if by is None:
                     break
-                again = [test for test in part if test[0] == by]
-                if self.forks.first_failure(None, again) is None:
+                if sound is None:
+                    self.forks.killed = longer
                     return "caught", by, len(tests)
                 part = [test for test in part if test[0] != by]
         return "undecided" if waiting else "survivor", None, len(tests)
 
 
-def in_fresh_process(fault: Fault, tests: list[tuple[str, float]]) -> str | None:
+def in_fresh_process(fault: Fault | None, tests: list[tuple[str, float]]) -> str | None:
     """The first test that fails with a copy of the package that has the fault, in a process of its own."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copytree(PACKAGE, folder / "sksurrogate", ignore=shutil.ignore_patterns("__pycache__"))
-        (folder / fault.path.relative_to(ROOT)).write_text(fault.faulty(), encoding="utf-8")
-        shutil.copytree(ROOT / "tests", folder / "tests", ignore=shutil.ignore_patterns("__pycache__", "benchmarks"))
+        if fault is not None:
+            (folder / fault.path.relative_to(ROOT)).write_text(fault.faulty(), encoding="utf-8")
+        shutil.copytree(ROOT / "tests", folder / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+        for beside in ROOT.iterdir():
+            if beside.name not in ("sksurrogate", "tests") and beside.name[0] != ".":
+                (folder / beside.name).symlink_to(beside)
         command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-rfE", "-p", "no:xdist"]
         command += ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(folder), *(test for test, _ in tests)]
         limit = 30 + 10 * sum(seconds for _, seconds in tests)
         env = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
         try:
             done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=limit)
-        except subprocess.TimeoutExpired:
-            return tests[0][0]
+        except subprocess.TimeoutExpired as error:
+            raise RuntimeError("a loaded machine decides nothing") from error
         found = re.findall(r"^(?:FAILED|ERROR) (\S+(?:\[.*?\])?)(?: - .*)?$", done.stdout, re.M)
         if done.returncode == 0:
             return None
@@ -142,6 +152,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folders", nargs="+", default=FOLDERS)
     parser.add_argument("--limit", type=float, default=60.0, help="seconds that the tests of one fault take without it")
+    parser.add_argument("--longest", type=float, default=60.0, help="seconds after which the map stops a test")
     parser.add_argument(
         "--minutes", type=float, default=float("inf"), help="no fault or test file is begun after this time"
     )
@@ -151,7 +162,7 @@ def main() -> None:
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)
     if given.map:
-        plugin: Any = MapMaker(given.map.absolute(), given.minutes)
+        plugin: Any = MapMaker(given.map.absolute(), given.minutes, given.longest)
     else:
         done = len(given.out.read_text(encoding="utf-8").splitlines()) if given.out.exists() else 0
         faults = listed_again(given.again) if given.again else drawn(given.faults, given.seed, given.folders)

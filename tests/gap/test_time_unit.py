@@ -40,6 +40,8 @@ def said(dt, y):
         (1e-4, "1000 times longer"),
         (100.0, "1000 times shorter"),
         (0.1 / 60, "60 times longer"),
+        (6.0, "60 times shorter"),
+        (0.1 / 3600, "3600 times longer"),
         (360.0, "3600 times shorter"),
     ],
 )
