@@ -32,7 +32,10 @@ ARMS: dict[str, tuple[str, str]] = {
     "effect_disturbed": ("one effect, coloured disturbance of 1 %", "explained"),
     "region": ("an effect in one region only", "explained"),
     "time": ("an effect from some time on", "explained"),
-    "onset": ("an effect of the whole catalogue that begins within the runs", "explained"),
+    "onset": (
+        "an effect of the whole catalogue that begins within the runs, or a parameter error that ends",
+        "explained",
+    ),
     "outside": ("the effect and its twins deleted from the catalogue", "unknown"),
     "novel": ("an effect that no catalogue holds", "unknown"),
     "law": ("a law that no catalogue holds: a balance, an input, a sensor, two signals, the recent past", "unknown"),

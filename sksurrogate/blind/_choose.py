@@ -45,12 +45,11 @@ DISTINCT = [
 ]
 REGIONAL = [name for name, kind in KINDS.items() if "region" in kind.marks]
 TIMED = [name for name, kind in KINDS.items() if "time" in kind.marks]
-#: Effects that may begin at some time: a constant that does so is a step disturbance, and has a name of its own.
+#: Effects that may begin at some time, or end: a constant that begins is a step disturbance, and has a name of its own.
 STARTING = [
     name
     for name, kind in KINDS.items()
-    if kind.place in ("balance", "hidden", "input", "sensor")
-    and name not in ("constant_bias", "periodic_disturbance", "sensor_rectification", *TIMED)
+    if name not in ("constant_bias", "periodic_disturbance", "sensor_rectification", "parameter_drift", *TIMED)
 ]
 #: Shares of a run within which they begin.
 ONSETS = (0.25, 0.75)
@@ -174,9 +173,10 @@ def choose(rng: np.random.Generator, arm: str, setting: Setting) -> list[Chosen]
 
 
 def _later(one: Chosen, moment: float) -> Chosen:
-    """The same effect from a moment on."""
+    """The same effect from a moment on; a parameter error until then, for one that begins is a step, and has a name of its own."""
     name, location, variable, kind, scene = one
-    return name, location, variable, replace(kind, size=lambda m, s: {**kind.size(m, s), "onset": moment}), scene
+    edge = "end" if kind.place == "parameter" else "onset"
+    return name, location, variable, replace(kind, size=lambda m, s: {**kind.size(m, s), edge: moment}), scene
 
 
 def several(rng: np.random.Generator, setting: Setting, count: int) -> list[Chosen] | None:

@@ -102,8 +102,9 @@ def equation(truth: Truth, kind: Kind) -> Term:
 
 
 def there(truth: Truth, t: float) -> Any:
-    """Whether an effect has begun at a time: all have, but those with an ``onset``."""
-    return t >= truth.params["onset"] - 1e-9 if "onset" in truth.params else 1.0
+    """Whether an effect acts at a time: all do, but those with an ``onset`` before it and those with an ``end`` after it."""
+    p = truth.params
+    return 1.0 * ((t >= p.get("onset", -np.inf) - 1e-9) & (t < p.get("end", np.inf) - 1e-9))
 
 
 class _Machine:
@@ -196,11 +197,11 @@ class _Machine:
             else:
                 v = u[self.plant.inputs.index(truth.variable)] if truth.variable else u[j]
                 felt[j] = equation(truth, kind)(t, u[j], v, 1.0, p, truth.width)
-            felt[j] = np.where(there(truth, middle), felt[j], u[j])
+            felt[j] = np.where(there(truth, middle) > 0.0, felt[j], u[j])
         return felt
 
-    def parameter_values(self, t: float) -> dict[str, Any]:
-        """Parameters at time t."""
+    def parameter_values(self, t: float, middle: float) -> dict[str, Any]:
+        """Parameters at time t; ``middle`` tells on which side of a window's edge."""
         values: dict[str, Any] = dict(self.plant.params)
         for truth in self.parameters:
             p, nominal = truth.params, values[truth.location]
@@ -208,7 +209,7 @@ class _Machine:
             if truth.name == "parameter_drift":
                 change = p["rate"] * t
             else:
-                change = p["relative_error"] * (t >= p.get("time", -np.inf))
+                change = there(truth, middle) * p["relative_error"] * (t >= p.get("time", -np.inf))
             values[truth.location] = np.where(np.equal(nominal, 0.0), change, nominal * (1.0 + change))
         return values
 
@@ -238,7 +239,7 @@ class _Machine:
         """All states at the start, before the filters know their first value."""
         for truth in self.limits:
             i = self.index[truth.location]
-            x0[i] = np.minimum(x0[i], truth.params["limit"])
+            x0[i] -= there(truth, 0.0) * np.maximum(x0[i] - truth.params["limit"], 0.0)
         z = np.zeros((self.size, x0.shape[1]))
         z[: self.n] = x0
         for truth in self.hidden:
@@ -289,7 +290,7 @@ class _Machine:
     def derivative(self, t: float, middle: float, k: int, z: np.ndarray) -> np.ndarray:
         """Derivatives of all states, (all states, n_runs)."""
         x, u = z[: self.n], self.inputs(t, middle, k, z)
-        p = self.parameter_values(t)
+        p = self.parameter_values(t, middle)
         dz = np.zeros_like(z)
         for i, value in enumerate(self.plant.rhs(t, x, u, p)):
             dz[i] = value
@@ -303,7 +304,7 @@ class _Machine:
             dz[self.index[truth.location]] += there(truth, middle) * self.pull(truth, x, u, z)
         for truth in self.limits:
             i = self.index[truth.location]
-            spilled = np.where((x[i] >= truth.params["limit"]) & (dz[i] > 0), dz[i], 0.0)
+            spilled = there(truth, middle) * np.where((x[i] >= truth.params["limit"]) & (dz[i] > 0), dz[i], 0.0)
             dz[i] -= spilled
             if truth.variable is not None:
                 dz[self.index[truth.variable]] += truth.params["share"] * spilled
@@ -364,7 +365,7 @@ class _Machine:
         z = z + h / 8 * (a + 3 * (b + c) + d)
         for truth in self.limits:
             i = self.index[truth.location]
-            excess = np.maximum(z[i] - truth.params["limit"], 0.0)
+            excess = there(truth, middle) * np.maximum(z[i] - truth.params["limit"], 0.0)
             z[i] -= excess
             if truth.variable is not None:
                 z[self.index[truth.variable]] += truth.params["share"] * excess
@@ -375,7 +376,7 @@ class _Machine:
     def clean(self, t: float, middle: float, k: int, z: np.ndarray) -> np.ndarray:
         """Outputs before the sensors' effects, (n_outputs, n_runs)."""
         u = self.inputs(t, middle, k, z)
-        return self.plant.read(t, z[: self.n], u, self.parameter_values(t))
+        return self.plant.read(t, z[: self.n], u, self.parameter_values(t, middle))
 
     def note(self, k: int, offset: float, t: float, z: np.ndarray) -> None:
         """Keep what a delayed sensor will show later."""
@@ -398,7 +399,7 @@ class _Machine:
             else:
                 v = y[self.plant.outputs.index(truth.variable)] if truth.variable else y[j]
                 shown[j] = equation(truth, kind)(t, y[j], v, 1.0, truth.params, truth.width)
-            shown[j] = np.where(there(truth, t), shown[j], y[j])
+            shown[j] = np.where(there(truth, t) > 0.0, shown[j], y[j])
         return shown
 
     def delayed(self, j: int, truth: Truth, k: int, now: np.ndarray) -> np.ndarray:

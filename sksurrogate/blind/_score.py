@@ -216,7 +216,7 @@ def _regions(case: Case, answer: Mapping[str, Any]) -> dict[str, Any]:
                 if name in truth.params and name in effect["params"] and effect["params"][name] is not None:
                     spread = _spread(case, truth)
                     found["edge_error"] = _number(abs(effect["params"][name] - truth.params[name]) / spread)
-            for name in ("time", "onset"):
+            for name in ("time", "onset", "end"):
                 if name in truth.params and effect["params"].get(name) is not None:
                     run = case.facts["n_samples"] * case.plant.dt
                     found["time_error"] = _number(abs(effect["params"][name] - truth.params[name]) / run)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from sksurrogate.effects._effect import BalanceEffect
+from sksurrogate.effects._effect import BalanceEffect, LimitEffect
 from sksurrogate.effects._model import BoundModel
+from sksurrogate.effects._onset import Starting
 from sksurrogate.kernels.integrate import close
 from sksurrogate.physics._free_run import TOLERANCE
 
@@ -178,7 +179,8 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
     """One sample by scipy's integrator; nan where it gives up, or would need :data:`MOST_CALLS`."""
     mean, half, h = bound._mean[..., row], bound._half, bound.h
     column: Any = (slice(None), slice(0, 1), None)
-    steady = half is None and bool(np.all(mean == mean[:1]))
+    windows = any(isinstance(effect, LimitEffect) and isinstance(effect, Starting) for effect in bound.a.effects)
+    steady = half is None and not windows and bool(np.all(mean == mean[:1]))
     for s in range(1 if steady else len(mean)):
         width = bound.record.dt if steady else h
         u, rise = mean[s][column], None if half is None else half[..., row][s][column]
@@ -189,7 +191,7 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
             if next(calls) > MOST_CALLS:
                 raise ValueError("runs away")
             acting = u if rise is None else u + (2 * (now - begin) / width - 1) * rise
-            return bound.derivative(np.array([now]), bound.clip(z[:, None, None]), acting)[:, 0, 0]
+            return bound.derivative(np.array([now]), bound.clip(z[:, None, None], now), acting)[:, 0, 0]
 
         try:
             solution = solve_ivp(rhs, (t, t + width), x, method=method, rtol=1e-8, atol=1e-10)
@@ -197,5 +199,6 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
             return np.full(len(x), np.nan)  # a state that is not finite: the caller reports the divergence
         if not solution.success:
             return np.full(len(x), np.nan)
-        x, t = bound.clip(solution.y[:, -1][:, None, None], True)[:, 0, 0], t + width
+        t = t + width
+        x = bound.clip(solution.y[:, -1][:, None, None], t, True)[:, 0, 0]
     return x

@@ -7,15 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import LimitEffect, Parameter, Probe
+from sksurrogate.effects._effect import BaseEffect, LimitEffect, Parameter, Probe
+from sksurrogate.effects._onset import Starting
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Overflow", "StateSaturation"]
+__all__ = ["Overflow", "StateSaturation", "in_force"]
 
 #: Quantiles of the reached range at which limits are tried: a run may begin above a limit.
 LIMIT_QUANTILES = (0.998, 0.97, 0.9, 0.75, 0.5, 0.25)
 #: Depths below the top of the range, over the range: a limit may have cut off a few peaks only.
 DEPTHS = (0.001, 0.004, 0.016)
+
+
+def in_force(effect: BaseEffect, t: Any, theta: Sequence[Any], width: float, free: Any, limited: Any) -> Any:
+    """What a limit makes of states or rates, for the share of its window at a time; as they are for the rest.
+
+    A state that is beyond the limit where that sets in is brought back in the substep after it, so that a run is smooth in the onset.
+    """
+    if not isinstance(effect, Starting):
+        return limited
+    return free + effect.within(t, theta, width) * (limited - free)
 
 
 def limits_inside(probe: Probe) -> list[float]:

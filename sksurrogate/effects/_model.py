@@ -18,7 +18,9 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
+from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._onset import Starting, edges_of, timed
+from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.effects._readings import read_sensors
 from sksurrogate.effects._whole_step import held_for, whole_step
 from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
@@ -205,7 +207,7 @@ class BoundModel:
             self._widths[i] = self._widths[i], self.h
         effects = augmented.effects
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in effects)
-        self._drift = any(isinstance(e, ParameterEffect) and e.name != "parameter_error" for e in effects)
+        self._drift = any(isinstance(e, ParameterEffect) and not constant_in_time(e) for e in effects)
         self._constant_params = None
         self._constant_params = None if self._drift else self._varied(0.0)
         self._mean, self._half, self.shown = self._inputs()
@@ -261,7 +263,7 @@ class BoundModel:
         if self.a.plant.access == "step":
             has_rates = bool(self._balances or self.a._hidden)
             x = whole_step(self, t, x, mean, self._varied(t), has_rates, bool(self._at_ports))
-            return self.clip(x, True) if self._has_limits else x
+            return self.clip(x, t + self.record.dt, True) if self._has_limits else x
         clip = self.clip if self._has_limits else None
         h: float | np.ndarray = self.h
         if self.record.steps is not None:
@@ -291,7 +293,9 @@ class BoundModel:
         for i, effect in enumerate(self.a.effects if self._has_limits else ()):
             if isinstance(effect, LimitEffect) and effect.variable:
                 place, other = states.index(str(effect.location)), states.index(effect.variable)
-                dx[place], dx[other] = effect.flow(x[place], dx[place], dx[other], self._parameters[i])
+                how, rates = (effect, t, self._parameters[i], self.h), (dx[place], dx[other])
+                at_limit = effect.flow(x[place], *rates, self._parameters[i])
+                dx[place], dx[other] = (in_force(*how, *pair) for pair in zip(rates, at_limit))
         return dx
 
     def rates_of_effects(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
@@ -313,20 +317,20 @@ class BoundModel:
         """Inputs that act in substep t (n_inputs, n_columns | 1, n_samples)."""
         return self._mean[t]
 
-    def clip(self, x: np.ndarray, final: bool = False) -> np.ndarray:
-        """Limits on states."""
-        x = x.copy()
+    def clip(self, x: np.ndarray, t: Any, final: bool = False) -> np.ndarray:
+        """Limits on states at a time: of what a step has brought beyond a limit, the share of the step that the limit is in force."""
+        x, step = x.copy(), self.record.dt if self.a.plant.access == "step" else self.h
         states = self.a.plant.states
         for i, effect in enumerate(self.a.effects):
             if isinstance(effect, LimitEffect):
                 place = states.index(str(effect.location))
                 other = states.index(effect.variable) if effect.variable else None
-                limited, received = effect.clip(
-                    x[place], None if other is None else x[other], self._parameters[i], final
-                )
-                x[place] = limited
+                theta = self._parameters[i]
+                how = effect, t - 0.5 * step, theta, 0.5 * step
+                limited, received = effect.clip(x[place], None if other is None else x[other], theta, final)
+                x[place] = in_force(*how, x[place], limited)
                 if other is not None and received is not None:
-                    x[other] = received
+                    x[other] = in_force(*how, x[other], received)
         return x
 
     def start(self, x0: np.ndarray) -> np.ndarray:
@@ -342,7 +346,7 @@ class BoundModel:
                     range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rest(v, self._parameters[i])
                 ):
                     out[row] = value
-        return self.clip(out) if self._has_limits else out
+        return self.clip(out, self.record.t[self.record.starts]) if self._has_limits else out
 
     # ---- outputs ----------------------------------------------------------------------------------------------------
     def outputs(self, x: np.ndarray, sharp: bool = False) -> np.ndarray:

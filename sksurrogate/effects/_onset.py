@@ -1,4 +1,4 @@
-"""Effects that begin, and end, at a time in the run: any law, actuator or sensor within a window of time.
+"""Effects that begin, and end, at a time in the run: within a window of time.
 
 The window is a part of the effect: its last parameters are ``onset`` and ``end``, in the unit of time. Within a sample the
 window is the share of it that lies inside, so that results depend smoothly on both times.
@@ -7,6 +7,7 @@ window is the share of it that lies inside, so that results depend smoothly on b
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -18,7 +19,9 @@ from sksurrogate.effects._effect import (
     BaseEffect,
     HiddenEffect,
     InputEffect,
+    LimitEffect,
     Parameter,
+    ParameterEffect,
     Probe,
     SensorEffect,
     SensorPath,
@@ -27,10 +30,12 @@ from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.signals import Signal
 
-__all__ = ["EDGE_SHARES", "WINDOW", "Starting", "can_start", "edges_of", "starting", "timed", "window"]
+__all__ = ["EDGE_SHARES", "WINDOW", "WINDOW_SHARES", "Starting", "can_start", "edges_of", "starting", "timed", "window"]
 
 #: Shares of the longest run at which windows are tried to begin or end.
 EDGE_SHARES = tuple(np.arange(1, 16) / 16.0)
+#: Those of windows that begin and end: every other one.
+WINDOW_SHARES = tuple(itertools.combinations(EDGE_SHARES[::2], 2))
 #: What begins is so many times rarer than what is always there, as drifts and jumps are.
 TIMES_RARER = 10.0
 #: Places to each side to which an edge is moved, once it was fitted.
@@ -99,13 +104,16 @@ class Starting(BaseEffect):
         return self.rows_at if self.rows_at is not None else _ages(starts, n_samples) * dt
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Those of the effect, with windows that begin, or end, at fifteen times."""
-        return [
-            (*theta, *(share * probe.duration if name == first else _open(name, probe) for name in self.span))
-            for theta in super().starts(probe)
-            for first in self.span
-            for share in EDGE_SHARES
-        ]
+        """Those of the effect, in windows."""
+        return self._in_windows(super().starts(probe), probe)
+
+    def _in_windows(self, starts: Sequence[tuple[float, ...]], probe: Probe) -> list[tuple[float, ...]]:
+        """Starting values in every window that is tried."""
+        both = [dict(zip(WINDOW, shares)) for shares in WINDOW_SHARES]
+        one = [dict.fromkeys(self.span, share) for share in EDGE_SHARES]
+        shares = both if len(self.span) > 1 else one
+        places = [[found[name] * probe.duration for name in self.span] for found in shares]
+        return [(*theta, *place) for theta in starts for place in places]
 
     def evident(self, probe: Probe) -> list[tuple[float, ...]]:
         """None."""
@@ -145,11 +153,6 @@ class Starting(BaseEffect):
         return (*super().canonical(self.own(theta)), *self.bounds(theta))
 
 
-def _open(name: str, probe: Probe) -> float:
-    """Where a window begins or ends that is as wide as the longest run, nearly."""
-    return probe.dt if name == "onset" else max(probe.duration - probe.dt, probe.dt)
-
-
 class _StartingLaw(Starting, BalanceEffect):
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: Any) -> Any:
         """The term within the window; ``width`` is that of its kinks, or a pair of that and of the window's edges."""
@@ -161,13 +164,7 @@ class _StartingLaw(Starting, BalanceEffect):
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Those of the effect as it is always there, in windows."""
-        always = self.always(**self.get_params(deep=False)).starts(probe)
-        return [
-            (*theta, *(share * probe.duration if name == first else _open(name, probe) for name in self.span))
-            for theta in always
-            for first in self.span
-            for share in EDGE_SHARES
-        ]
+        return self._in_windows(self.always(**self.get_params(deep=False)).starts(probe), probe)
 
 
 class _StartingHidden(_StartingLaw, HiddenEffect):
@@ -261,6 +258,29 @@ class _StartingSensor(Starting, SensorEffect):
         )
 
 
+class _StartingLimit(Starting, LimitEffect):
+    def clip(
+        self, x: np.ndarray, v: np.ndarray | None, theta: Sequence[Any], final: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """That of the effect; the window is applied where the time is known."""
+        return super().clip(x, v, self.own(theta), final)  # type: ignore[safe-super]
+
+    def flow(
+        self, x: np.ndarray, dx: np.ndarray, dv: np.ndarray, theta: Sequence[Any]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Likewise."""
+        return super().flow(x, dx, dv, self.own(theta))
+
+
+class _StartingParameter(Starting, ParameterEffect):
+    access = "step"
+
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
+        """That of the effect within the window, the parameter itself outside."""
+        changed = super().value(p, t, self.own(theta), width)  # type: ignore[safe-super]
+        return p + self.within(t, theta, width) * (changed - p)
+
+
 def window_share(middle: np.ndarray, bounds: Sequence[Any], span: Sequence[str], h: float) -> Any:
     """Share of intervals of length ``h`` about times that lies within the window."""
     out: Any = 1.0
@@ -282,6 +302,8 @@ _FAMILIES: tuple[tuple[type[BaseEffect], type[Starting]], ...] = (
     (BalanceEffect, _StartingLaw),
     (InputEffect, _StartingInput),
     (SensorEffect, _StartingSensor),
+    (LimitEffect, _StartingLimit),
+    (ParameterEffect, _StartingParameter),
 )
 
 #: Classes that were made, so that two instances of one kind are of one class.
@@ -289,8 +311,10 @@ _KINDS: dict[tuple[type[BaseEffect], tuple[str, ...]], type[BaseEffect]] = {}
 
 
 def can_start(effect: BaseEffect) -> bool:
-    """Whether an effect can have a window: laws, actuators and sensors that have parameters and no times of their own."""
+    """Whether an effect can have a window: one that has parameters and no times of its own."""
     timed = any(p.name in ("time", "phase", *WINDOW) for p in effect.parameters)
+    if isinstance(effect, ParameterEffect):  # a parameter that drifts does so from the start
+        timed = timed or any(p.name == "rate" for p in effect.parameters)
     return bool(effect.parameters) and not timed and isinstance(effect, tuple(family for family, _ in _FAMILIES))
 
 
@@ -300,7 +324,7 @@ def starting(effect: BaseEffect, span: Sequence[str] = ("onset",)) -> BaseEffect
     Parameters
     ----------
     effect : BaseEffect
-        A law of a balance or at a port, an effect of an input or of a sensor.
+        Any that has parameters and no time of its own.
     span : sequence of {"onset", "end"}
         What the window has: a beginning, an end, or both.
 
@@ -325,8 +349,7 @@ def starting(effect: BaseEffect, span: Sequence[str] = ("onset",)) -> BaseEffect
         raise DataError(f"span={span!r}: expected ('onset',), ('end',) or ('onset', 'end').")
     if not can_start(effect):
         raise DataError(
-            f"{effect!r} has no onset: expected a law of a balance or at a port, an effect of an input or of a sensor, with "
-            "parameters and no time of its own; a parameter that jumps is parameter_step, a load that sets in step_disturbance."
+            f"{effect!r} has no onset: expected an effect with parameters and no time of its own, as step_disturbance has."
         )
     return _rebuilt(type(effect), wanted, copy.copy(effect.__dict__))
 

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import Parameter, ParameterEffect, Probe
+from sksurrogate.effects._effect import BaseEffect, Parameter, ParameterEffect, Probe
+from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._smooth import after
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["ParameterDrift", "ParameterError", "ParameterStep", "within_the_runs"]
+__all__ = ["ParameterDrift", "ParameterError", "ParameterStep", "constant_in_time", "within_the_runs"]
 
 #: Times, as shares of the longest run, at which jumps are tried.
 JUMPS = tuple(float(share) for share in (np.arange(40) + 0.5) / 40)
@@ -42,6 +43,11 @@ class ParameterError(ParameterEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A twentieth."""
         return [(0.05,)]
+
+
+def constant_in_time(effect: BaseEffect) -> bool:
+    """Whether an effect gives a parameter one value that it always has."""
+    return effect.name == "parameter_error" and not isinstance(effect, Starting)
 
 
 def _unless_nil(plant: Plant, location: str) -> Sequence[str | None]:

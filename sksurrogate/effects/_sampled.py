@@ -142,7 +142,7 @@ class SampledForm:
         for i, effect in enumerate(a.effects):
             if isinstance(effect, HiddenEffect):
                 out += list(effect.rest(a.variable(i, x, u), a.parameters_of(i, self.bound.theta)))
-        return list(self.bound.clip(stacked(out))) if self.bound._has_limits else out
+        return list(self.bound.clip(stacked(out), 0.0)) if self.bound._has_limits else out
 
     def _acting(self, t: Any, x: Sequence[Any], u: Sequence[Any]) -> tuple[list[Pieces], dict[int, list[Any]]]:
         """Inputs that act over the sample, and the memories of actuators after it by place."""
@@ -178,7 +178,7 @@ class SampledForm:
         if self.plant.access == "step":
             has_rates = bool(bound._balances or bound.a._hidden)
             x = whole_step(bound, t, x, means, bound._varied(t), has_rates, bool(bound._at_ports))  # type: ignore[arg-type]
-            return bound.clip(x, True) if bound._has_limits else x
+            return bound.clip(x, t + self.plant.dt, True) if bound._has_limits else x
         held = all(p.half is None for p in acts)
         halves = None if held else [stacked([p.rises()[s] for p in acts]) for s in range(self.n_sub)]
         return rk4(bound.derivative, t, x, means, halves, bound.h, bound.clip if bound._has_limits else None)  # type: ignore[arg-type]

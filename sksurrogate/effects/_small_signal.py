@@ -156,7 +156,8 @@ class SmallSignal:
         for i, effect in enumerate(a.effects):
             if isinstance(effect, LimitEffect):
                 limit, name = a.parameters_of(i, self.bound.theta)[0], str(effect.location)
-                if np.any(given[self.plant.states.index(name)] >= limit):
+                in_force = np.any(_share(effect, a.parameters_of(i, self.bound.theta), 0.0))
+                if in_force and np.any(given[self.plant.states.index(name)] >= limit):
                     raise SimulatorError(
                         f"{effect.name}: {name!r} is at its limit {limit:g}, where it has no slope. Linearise below the limit."
                     )
@@ -245,7 +246,7 @@ def _through(part: Any, x: Sequence[Any], room: slice, value: Any, rates: Any, f
     return part.passed(x[room], value)
 
 
-def _share(effect: BaseEffect, values: Sequence[float], t: Any) -> Any:
+def _share(effect: BaseEffect, values: Sequence[Any], t: Any) -> Any:
     """1 within the effect's window, 0 outside."""
     return window(t, effect.bounds(values), effect.span, 0.0) if isinstance(effect, Starting) else 1.0
 

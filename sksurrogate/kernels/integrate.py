@@ -20,7 +20,7 @@ __all__ = ["close", "closing_weight", "march", "moved_one_by_one", "rk4", "state
 DIFFERENCE = 1e-5
 
 Derivative = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-Clip = Callable[[np.ndarray], np.ndarray]
+Clip = Callable[..., np.ndarray]
 
 
 def rk4(
@@ -45,7 +45,7 @@ def rk4(
     h : float or ndarray (*s)
         Width of a substep.
     clip : callable, optional
-        Limits on the states, in force at every stage so that other balances see the limited state; a second argument
+        Limits on the states at a time, in force at every stage so that other balances see the limited state; a third argument
         is True at the end of a substep, where what was cut off may go elsewhere.
 
     Returns
@@ -59,19 +59,19 @@ def rk4(
         k = derivative(t, x, u0)
         total = k
         z = _ahead(x, h / 2, k)
-        k = derivative(middle, z if clip is None else clip(z), u)
+        k = derivative(middle, z if clip is None else clip(z, middle), u)
         total = _ahead(total, 2.0, k)
         z = _ahead(x, h / 2, k)
-        k = derivative(middle, z if clip is None else clip(z), u)
+        k = derivative(middle, z if clip is None else clip(z, middle), u)
         total += 2 * k
         z = _ahead(x, h, k)
-        k = derivative(end, z if clip is None else clip(z), u1)
+        k = derivative(end, z if clip is None else clip(z, end), u1)
         total += k
         total *= h / 6
         total += x
         x = total
         if clip is not None:
-            x = clip(x, True)  # type: ignore[call-arg]
+            x = clip(x, end, True)
         t = end
     return x
 

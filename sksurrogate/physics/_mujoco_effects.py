@@ -69,7 +69,7 @@ def as_parameters(
     for i, (effect, given) in enumerate(zip(effects, values)):
         size = next(iter(given.values()), 0.0)
         found = _as_parameter(engine, effect, size, now, laws)
-        plain = not any(getattr(effect, name, None) is not None for name in ("onset", "end", "runs"))
+        plain = not getattr(effect, "span", ()) and getattr(effect, "runs", None) is None
         if found is None or not plain:
             left.append(i)
             continue

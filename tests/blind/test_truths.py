@@ -145,6 +145,26 @@ def test_two_ways_to_one_effect_that_begins(plant_name, effect):
     assert np.sqrt(np.mean((course.outputs - theirs) ** 2)) < 0.03 * change
 
 
+ENDS = [case for case in CAN_START if case[1][0] in ("parameter_error", "state_saturation", "overflow", "input_gain")]
+
+
+@pytest.mark.parametrize("plant_name, effect", ENDS, ids=[one[0] for _, one in ENDS])
+def test_two_ways_to_one_effect_that_begins_and_ends(plant_name, effect):
+    """No state is beyond its limit where that sets in: it is brought back within a substep, not at once."""
+    name, location, variable, params = effect
+    plant = PLANTS[plant_name]
+    U, X0 = experiment(plant)
+    within = {**params, "onset": 13.4 * plant.dt, "end": 17.7 * plant.dt}
+    course = march(plant, U, X0, [Truth(name, location, variable, within, 3e-3)], substeps=20)
+    effects = [starting(CATALOGUE[name](location, variable), ("onset", "end"))]
+    augmented = AugmentedSimulator(plant.simulator(), effects, [within])
+    theirs = np.stack([augmented.simulate(u, x0=x) for u, x in zip(U, X0)])
+    without = plant.simulator().simulate_batch(U, X0)
+    change = np.sqrt(np.mean((theirs - without) ** 2))
+    assert change > 1e-3 * np.std(without)
+    assert np.sqrt(np.mean((course.outputs - theirs) ** 2)) < 0.03 * change
+
+
 def test_a_lag_and_a_delay_are_exact_in_continuous_time():
     """An integrator behind a lag falls behind by tau times the step; a delay of whole samples shifts the input."""
     plant, tau = PLANTS["battery"], 1.3

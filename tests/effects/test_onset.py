@@ -8,9 +8,9 @@ from sklearn.base import clone
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
 from sksurrogate.effects._onset import Starting, can_start, starting, timed, window
-from sksurrogate.exceptions import DataError
+from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.signals import hold
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import ODESimulator, StepSimulator, linearise
 
 DT, N = 0.05, 200
 U = np.sin(0.1 * np.arange(N))[:, None]
@@ -27,11 +27,14 @@ CASES = {
     "sensor_bias": ("q", None, {"value": 0.1}),
     "hidden_mode": ("v", "q", {"gain": 1.0, "angular_frequency": 3.0, "damping": 0.2}),
     "hysteresis": ("v", "q", {"stiffness": 2.0, "limit": 0.1}),
+    "state_saturation": ("q", None, {"limit": 0.05}),
+    "overflow": ("q", "v", {"limit": 0.05, "share": 0.5}),
+    "parameter_error": ("k", None, {"relative_error": 0.2}),
 }
 
 
 def oscillator(t, x, u, p):
-    return x[1], u[0] - 4 * x[0] - 0.3 * x[1]
+    return x[1], u[0] - p["k"] * x[0] - 0.3 * x[1]
 
 
 class Outside:
@@ -44,7 +47,7 @@ class Outside:
 
 
 def plant():
-    return ODESimulator(oscillator, states=["q", "v"], inputs=["F"], outputs=["q"], params={}, dt=DT)
+    return ODESimulator(oscillator, states=["q", "v"], inputs=["F"], outputs=["q"], params={"k": 4.0}, dt=DT)
 
 
 def case(name):
@@ -74,6 +77,40 @@ def test_nothing_before_the_onset_and_from_the_start_the_effect_itself(name):
     np.testing.assert_allclose(both, late, atol=1e-9)
 
 
+def test_a_parameter_error_that_begins_is_the_parameter_step():
+    late = simulated(starting(CATALOGUE["parameter_error"]("k")), {"relative_error": 0.2, "onset": ONSET})
+    np.testing.assert_allclose(
+        late, simulated(CATALOGUE["parameter_step"]("k"), {"relative_error": 0.2, "time": ONSET}), atol=1e-12
+    )
+
+
+def test_a_limit_is_in_force_within_its_window_alone():
+    window = {"limit": 0.05, "onset": 3.0, "end": 7.0}
+    q = simulated(starting(CATALOGUE["state_saturation"]("q"), ("onset", "end")), window)
+    t = DT * np.arange(N)
+    inside = (t >= 3.0 + DT) & (t <= 7.0 - DT)
+    assert q[inside].max() == pytest.approx(0.05) and min(q[t < 3.0].max(), q[t > 7.0].max()) > 0.1
+    whole = StepSimulator(
+        lambda t, x, u, p, dt: (x[0] + dt * u[0],), states=["x"], inputs=["F"], outputs=["x"], params={}, dt=DT
+    )
+    x = simulated(starting(CATALOGUE["state_saturation"]("x"), ("onset", "end")), {**window, "limit": 0.5}, whole)
+    free = whole.simulate(U)[:, 0]
+    np.testing.assert_allclose(x[t <= 3.0 - DT], free[t <= 3.0 - DT], rtol=1e-12)
+    assert x[inside].max() == pytest.approx(0.5) and free[inside].max() > 0.9
+    np.testing.assert_allclose(np.diff(x[t > 7.0]), np.diff(free[t > 7.0]), atol=1e-12)
+
+
+def test_a_limit_that_is_not_in_force_does_not_stop_a_linearisation():
+    def at_rest(effect, values):
+        return linearise(AugmentedSimulator(plant(), [effect], [values]), [0.5, 0.0], [2.0]).A
+
+    limit = CATALOGUE["state_saturation"]("q")
+    with pytest.raises(SimulatorError, match="at its limit"):
+        at_rest(limit, {"limit": 0.1})
+    later = at_rest(starting(limit), {"limit": 0.1, "onset": 5.0})
+    np.testing.assert_allclose(later, [[0.0, 1.0], [-4.0, -0.3]], atol=1e-6)
+
+
 @pytest.mark.parametrize("name", ["input_dead_zone", "sensor_gain", "sensor_lag", "input_gain"])
 def test_a_simulator_seen_from_outside_gives_the_same(name):
     effect, values = case(name)
@@ -88,7 +125,7 @@ def test_a_force_that_sets_in_is_the_step_disturbance():
     )
 
 
-@pytest.mark.parametrize("name", ["coulomb_friction", "input_gain", "quadratic_drag", "input_lag"])
+@pytest.mark.parametrize("name", ["coulomb_friction", "input_gain", "quadratic_drag", "input_lag", "parameter_error"])
 def test_the_free_run_is_smooth_in_the_onset(name):
     effect, values = case(name)
     times = ONSET + DT * np.linspace(0.0, 1.0, 9)
@@ -136,11 +173,11 @@ def test_it_is_cloned_pickled_saved_and_read_back(tmp_path):
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
-def test_every_law_actuator_and_sensor_with_parameters_can_begin(name):
+def test_every_effect_with_parameters_and_no_time_of_its_own_can_begin(name):
     kind = CATALOGUE[name]
     effect = kind("a", "b" if getattr(kind, "drivers", ()) else None)
     times = {"step_disturbance", "periodic_disturbance", "parameter_step"}
-    others = {"parameter_error", "parameter_drift", "state_saturation", "overflow", "sensor_rectification"}
+    others = {"parameter_drift", "sensor_rectification"}
     assert can_start(effect) == (name not in times | others)
 
 
@@ -148,5 +185,5 @@ def test_mistakes_are_named():
     effect, _ = case("coulomb_friction")
     with pytest.raises(DataError, match=r"span=\('begin',\): expected"):
         starting(effect, ("begin",))
-    with pytest.raises(DataError, match=r"has no onset.*parameter_step"):
-        starting(CATALOGUE["parameter_error"]("k"))
+    with pytest.raises(DataError, match=r"has no onset.*no time of its own"):
+        starting(CATALOGUE["parameter_step"]("k"))

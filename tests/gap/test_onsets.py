@@ -96,6 +96,8 @@ def test_a_part_of_a_column_is_found_and_a_whole_one_is_not():
     assert found[0].drop == pytest.approx(np.sum(columns[1][age >= 125] ** 2), rel=0.1)
     ended = confined(*screen_of(columns, noise + columns[2] * (age < 75)), least=5.0)
     assert ended[0].effect.name == "coulomb_friction" and ended[0].span == ("end",)
+    within = confined(*screen_of(columns, noise + columns[0] * ((age >= 62) & (age < 138))), least=5.0)
+    assert within[0].effect.name == "linear_loss" and within[0].span == ("onset", "end")
     assert confined(*screen_of(columns, noise + columns[1]), least=5.0) == []
     assert confined(*screen_of(columns, noise), least=20.0) == []
 

@@ -13,6 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.exceptions import DataError
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
@@ -134,7 +135,7 @@ def value_of(nominal: float, phi: float) -> float:
 
 def _place_of_error(effect: BaseEffect) -> str:
     """The parameter whose relative error an effect is; no name where it is another effect."""
-    return str(effect.location) if effect.name == "parameter_error" else ""
+    return str(effect.location) if constant_in_time(effect) else ""
 
 
 def _as_error(nominal: float) -> Callable[[float], float]:

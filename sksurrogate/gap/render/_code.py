@@ -65,7 +65,8 @@ def code_of(report: ReportData) -> str:
 def _built(report: ReportData) -> str:
     """How the corrected simulator is made."""
     retuned = {str(row["parameter"]): float(row["value"]) for row in report.retuned}
-    effects = [e for e in report.effects if not (e.name == "parameter_error" and e.location in retuned)]
+    always = [e for e in report.effects if e.name == "parameter_error" and not set(WINDOW) & set(e.params)]
+    effects = [e for e in report.effects if not (e in always and e.location in retuned)]
     law = report.missing_term.law if report.missing_term is not None else None
     if not all(effect.name in CATALOGUE for effect in effects) or (law is not None and law.certified):
         return _FROM_DIAGNOSER

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._units import TIME, with_unit
 from sksurrogate.gap.render._values import change_of, confidence, number, percent, place_of, readable
@@ -41,7 +42,8 @@ def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     for effect in report.effects:
         what = f"parameter {effect.location}" if effect.name == "parameter_error" else place_of(effect)
         out.append((what, change_of(effect, report.nominal, report.units), confidence(effect.probability)))
-    named = {effect.location for effect in report.effects if effect.name == "parameter_error"}
+    always = [e for e in report.effects if e.name == "parameter_error" and not set(WINDOW) & set(e.params)]
+    named = {effect.location for effect in always}
     rows = [row for row in report.retuned if "value" in row and row["parameter"] not in named]
     moved = [_retuned(row, report) for row in rows if row.get("moved")]
     as_before = [str(row["parameter"]) for row in rows if not row.get("moved")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -106,7 +107,8 @@ def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mappi
     """
     before = nominal.get(effect.location)
     if before is not None and effect.name == "parameter_error" and "relative_error" in effect.params:
-        return [_moved(effect, before, units)]
+        rest = {name: value for name, value in effect.params.items() if name != "relative_error"}
+        return [_moved(effect, before, units), *change_of(replace(effect, params=rest), {}, units)]
     if before is not None and effect.name == "parameter_step":
         when = with_unit(number(effect.params["time"]), units.get(TIME, ""))
         return [f"{_moved(effect, before, units)} from t = {when} on"]

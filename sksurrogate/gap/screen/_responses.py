@@ -18,6 +18,7 @@ from sksurrogate.effects._effect import (
     ParameterEffect,
     SensorEffect,
 )
+from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parameter import ParameterStep
@@ -132,16 +133,17 @@ class Responses:
 
         An unmeasured state may lie far beyond the limit along a path that knows of none.
         """
-        x, states = self.smoothed.x, self.problem.plant.states
+        x, states, record = self.smoothed.x, self.problem.plant.states, self.problem.record
         place, other = states.index(str(effect.location)), states.index(effect.variable or str(effect.location))
         theta = [row[:, None] for row in starts]
 
         def limit(s: np.ndarray, rows: np.ndarray) -> np.ndarray:
             near = x[:, None, rows]
             within, received = effect.clip(s[place] + near[place], s[other] + near[other], theta, True)
-            s[place] = within - near[place]
+            how = effect, record.t[rows] - 0.5 * record.dt, theta, 0.5 * record.dt
+            s[place] = in_force(*how, s[place], within - near[place])
             if received is not None:
-                s[other] = received - near[other]
+                s[other] = in_force(*how, s[other], received - near[other])
             return s
 
         return self.sampled(limit, starts.shape[1])

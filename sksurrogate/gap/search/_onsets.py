@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._onset import EDGE_SHARES, can_start, starting
+from sksurrogate.effects._onset import EDGE_SHARES, WINDOW_SHARES, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.fit._normal_equations import project_starts
+from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.screen._pairs import COLLINEAR
 from sksurrogate.gap.screen._screen import Screen, grown, grows
 from sksurrogate.gap.search._base import Wanted
@@ -22,13 +24,15 @@ from sksurrogate.gap.search._stopping import grows_in_vain
 MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
 #: A window is worth a fit where it explains this much more of the squared residual than the same effect always does.
 LENGTHENED = 1.05
+#: What a window may have.
+SPANS = (("onset",), ("end",), ("onset", "end"))
 
 
 class Confined(NamedTuple):
     """An effect that explains more within a window."""
 
     effect: BaseEffect
-    span: tuple[str, ...]  #: ("onset",) or ("end",)
+    span: tuple[str, ...]  #: One of :data:`SPANS`
     drop: float  #: Drop of the squared residual over the noise, initial states free on both sides of the edge
     always: float  #: That of the same effect always
 
@@ -61,26 +65,40 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     whole = project_starts(stack, J_x, starts).reshape(len(stack), -1)
     total = float(whole[0] @ whole[0])
     always = _drop(whole[1:] @ whole[0], np.einsum("kn,kn->k", whole[1:], whole[1:]), low)
-    best, span = np.zeros(len(order)), np.zeros(len(order), bool)
+    best, kind = np.zeros(len(order)), np.zeros(len(order), int)
     ages = np.arange(stack.shape[-1]) - np.repeat(starts, lengths)
-    for share in EDGE_SHARES:
-        edge = max(int(share * lengths.max()), 1)
-        later = ages >= edge
-        breaks = np.sort(np.r_[starts, (starts + edge)[lengths > edge + len(J_x[0])]])
+    for edges, windows in _windows(ages, int(lengths.max())):
+        later = [(starts + edge)[lengths > edge + len(J_x[0])] for edge in edges]
+        breaks = np.sort(np.concatenate([starts, *later]))
         parts = project_starts(stack, J_x, breaks)
         r = parts[0]
         restarted = total - float(np.sum(r * r)) - J_x.shape[1] * np.log(r.size) * (len(breaks) - len(starts))
-        for first, rows in ((True, later), (False, ~later)):
+        for span, rows in windows.items():
             own, left = parts[1:, :, rows], r[:, rows]
             drop = restarted + _drop(np.einsum("kon,on->k", own, left), np.einsum("kon,kon->k", own, own), low)
-            better = drop > best
-            best, span = np.where(better, drop, best), np.where(better, first, span)
+            better = drop > (LENGTHENED * best if len(span) > 1 else best)
+            best, kind = np.where(better, drop, best), np.where(better, SPANS.index(span), kind)
     found: dict = {}
     for k in np.argsort(-best):
         effect = screen.starts[order[k]].effect
         if best[k] > max(least, LENGTHENED * always[k]) and effect.key not in found:
-            found[effect.key] = Confined(effect, ("onset",) if span[k] else ("end",), float(best[k]), float(always[k]))
+            found[effect.key] = Confined(effect, SPANS[kind[k]], float(best[k]), float(always[k]))
     return list(found.values())
+
+
+def _windows(ages: np.ndarray, longest: int) -> Iterator[tuple[list[int], dict[tuple[str, ...], np.ndarray]]]:
+    """Edges in samples, with the rows of every window that they make: first those of one edge."""
+
+    def sample(share: float) -> int:
+        return max(int(share * longest), 1)
+
+    for share in EDGE_SHARES:
+        later = ages >= sample(share)
+        yield [sample(share)], {("onset",): later, ("end",): ~later}
+    for shares in WINDOW_SHARES:
+        first, last = map(sample, shares)
+        if first < last:
+            yield [first, last], {("onset", "end"): (ages >= first) & (ages < last)}
 
 
 def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[tuple[BaseEffect, np.ndarray]]:
@@ -125,6 +143,13 @@ def _drop(g: np.ndarray, h: np.ndarray, low: np.ndarray) -> np.ndarray:
     return np.asarray(g**2 / np.maximum(h, 1e-12), dtype=float)
 
 
+def fewer_with_a_time(one: OdeCandidate, other: OdeCandidate) -> bool:
+    """Whether a set takes the place of a larger one whose time was looked for as its own was: an error that ends, for an error that a
+    jump takes back."""
+    timed = any(parameter.jumps for effect in other.effects for parameter in effect.parameters)
+    return timed and len(one.effects) < len(other.effects)
+
+
 def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
@@ -139,6 +164,7 @@ def look_for_onsets(search: Expander) -> None:
         return
     search.report("effects that begin or end within the runs")
     windowed = [starting(one.effect, one.span) for one in found]
+    n_windows = sum(len(WINDOW_SHARES if len(one.span) > 1 else EDGE_SHARES) for one in found)
     base = null.candidate
     trial = search.ranked(search.expand(base, Wanted(MOST_WINDOWED, 2, windowed)), base)
     if not trial:
@@ -146,7 +172,7 @@ def look_for_onsets(search: Expander) -> None:
     top = search.best_polished(trial)
     stands = final.candidate
     worth = search.order([top, stands])
-    price = CERTAIN + 2.0 * np.log(len(windowed) * len(EDGE_SHARES))
+    price = 0.0 if fewer_with_a_time(top, stands) else CERTAIN + 2.0 * np.log(n_windows)
     if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
         return
     search.library.extend(windowed)

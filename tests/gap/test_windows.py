@@ -1,0 +1,73 @@
+"""Errors of parameters that end, limits that set in, effects within a window: named with their times."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.physics import ODESimulator
+
+RUNS, N = 2, 300
+EFFECTS = [
+    "parameter_error", "parameter_step", "parameter_drift", "input_bias", "sensor_bias", "sensor_gain", "state_saturation",
+    "overflow", "coulomb_friction", "linear_loss",
+]  # fmt: skip
+
+
+def oscillator(t, x, u, p):
+    return x[1], p["gain"] * u[0] - 9.0 * x[0] - 0.6 * x[1]
+
+
+def tanks(t, x, u, p):
+    return u[0] - p["out"] * x[0], p["out"] * x[0] - 0.8 * x[1]
+
+
+OSCILLATOR = ODESimulator(oscillator, states=["q", "v"], inputs=["F"], outputs=["q"], params={"gain": 1.0}, dt=0.05)
+TANKS = ODESimulator(
+    tanks, states=["h", "g"], inputs=["F"], outputs=["h", "g"], params={"out": 0.5}, dt=0.2, x0=[1.0, 0.7]
+)
+
+
+def diagnosed(simulator, effect, values):
+    rng = np.random.default_rng(0)
+    low, high, held = (-4.0, 4.0, 10) if simulator is OSCILLATOR else (0.0, 2.0, 15)
+    U = np.repeat(rng.uniform(low, high, size=(RUNS, N // held, 1)), held, axis=1)
+    plant = AugmentedSimulator(simulator, [effect], [values])
+    Y = np.stack([plant.simulate(u) for u in U])
+    Y = Y + 0.005 * np.std(Y, axis=(0, 1)) * rng.normal(size=Y.shape)
+    diagnoser = GapDiagnoser(simulator, effects=EFFECTS, n_jobs=1, random_state=0)
+    return diagnoser.fit(U.reshape(-1, 1), Y.reshape(-1, Y.shape[2]), groups=np.repeat(np.arange(RUNS), N)).report_
+
+
+@pytest.mark.parametrize(
+    ("simulator", "name", "place", "values"),
+    [
+        (OSCILLATOR, "parameter_error", ("gain",), {"relative_error": 0.3, "end": 8.33}),
+        (OSCILLATOR, "parameter_error", ("gain",), {"relative_error": 0.3, "onset": 4.2, "end": 8.33}),
+        (TANKS, "state_saturation", ("h",), {"limit": 2.0, "onset": 28.3}),
+        pytest.param(
+            OSCILLATOR, "coulomb_friction", ("v", "v"), {"level": 0.5, "onset": 4.2, "end": 8.33}, marks=pytest.mark.slow
+        ),
+        pytest.param(
+            TANKS, "overflow", ("h", "g"), {"limit": 2.0, "share": 0.8, "onset": 28.3}, marks=pytest.mark.slow
+        ),
+    ],
+)  # fmt: skip
+def test_it_is_named_with_its_times(simulator, name, place, values):
+    span = [key for key in values if key in ("onset", "end")]
+    report = diagnosed(simulator, starting(CATALOGUE[name](*place), span), values)
+    assert report.verdict == "explained"
+    (effect,) = report.effects
+    assert (effect.name, effect.location) == (name, place[0]) and list(effect.params) == list(values)
+    for key in span:
+        low, high = effect.intervals[key]
+        assert low <= values[key] <= high and high - low < 0.02 * N * simulator.dt
+    size = next(iter(values))
+    assert effect.params[size] == pytest.approx(values[size], rel=0.01)
+    assert ("from t = " in report.sentence) == ("onset" in span)
+    assert ("until t = " in report.sentence) == ("end" in span)
+
+
+def test_a_parameter_that_is_always_wrong_has_no_window():
+    (effect,) = diagnosed(OSCILLATOR, CATALOGUE["parameter_error"]("gain"), {"relative_error": 0.3}).effects
+    assert list(effect.params) == ["relative_error"]
