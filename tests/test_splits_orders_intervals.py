@@ -12,6 +12,7 @@ from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.displays import FreeRunDisplay
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.model_selection import BlockedSplit, ConformalFreeRun, FreeRunScorer, scan_orders, split_runs
+from sksurrogate.model_selection._conformal import _scale
 
 
 def planted(n_runs, n=40, noise=0.1, seed=0, delay=1):
@@ -169,3 +170,11 @@ def test_as_few_runs_as_there_are_sets_give_one_each(shares, sets):
     found = split_runs(np.repeat(np.arange(n), 7), validation=shares[0], grading=shares[1], random_state=0)
     assert [len(rows) for rows in found] == [7 * k for k in sets]
     assert sorted(np.concatenate(found)) == list(range(7 * n))
+
+
+def test_errors_of_one_size_have_one_scale_however_many_runs_reach_a_row():
+    lengths = [60, 60, 100, 100, 200]
+    errors = [np.where(np.arange(n)[:, None] < 2, np.nan, [[3.0, 0.5]]) for n in lengths]
+    np.testing.assert_allclose(_scale(errors, errors)[1:], np.tile([3.0, 0.5], (199, 1)))
+    growing = [np.linspace(1.0, 2.0, n)[:, None] for n in (100, 100)]
+    np.testing.assert_allclose(_scale(growing, growing)[10:-10, 0], growing[0][10:-10, 0], rtol=0.01)

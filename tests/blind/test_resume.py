@@ -1,11 +1,14 @@
 """Which stored rows answer what is asked now, and that none is lost where the file cannot be written."""
 
 import json
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from sksurrogate.blind import BlindResult, _campaign, run_blind_check
-from sksurrogate.blind._solve import DEFAULT
+from sksurrogate.blind._solve import DEFAULT, predict
+from sksurrogate.cli import main
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import ODESimulator
 
@@ -61,3 +64,36 @@ def test_a_full_disk_does_not_cost_the_rows(asked, tmp_path, monkeypatch):
         assert [json.dumps(row) for row in check(tmp_path / "rows.jsonl").rows] and len(asked) == 2
     with pytest.raises(SurrogateError, match="is a folder: name a file in it"):
         check(tmp_path)
+
+
+def test_rows_of_the_built_in_plants_name_no_simulator(asked, tmp_path):
+    assert not any("simulator" in row for row in check(tmp_path / "rows.jsonl").rows)
+    assert all("simulator" in row for row in check(tmp_path / "rows.jsonl", gain=1.0).rows)
+
+
+def test_a_page_that_could_not_be_written_is_told_by_the_status(asked, tmp_path, monkeypatch, capsys):
+    def full(self, path):
+        raise OSError(28, "No space left on device")
+
+    words = ["blind", "--cases", "1", "--arms", "none", "--seed", "1", "--quiet"]
+    page = ["--html", str(tmp_path / "page.html")]
+    monkeypatch.setattr(BlindResult, "__str__", lambda self: "")
+    monkeypatch.setattr(BlindResult, "to_html", lambda self, path: None)
+    assert main([*words, *page]) == 0
+    monkeypatch.setattr(BlindResult, "to_html", full)
+    assert main(words) == 0 and main([*words, *page]) == 1
+    assert "the page was not written to" in capsys.readouterr().err
+
+
+def test_a_prediction_that_fails_is_none():
+    def simulate(U, x0=None):
+        if U[0, 0] > 1:
+            raise FloatingPointError
+        return np.ones((len(U), 2)) * x0[0]
+
+    runs, starts = [np.zeros((3, 1)), np.full((4, 1), 2.0)], [[5.0], [6.0]]
+    question = SimpleNamespace(X_test=runs, x0_test=starts, X_far=runs[1:], x0_far=starts[1:], y=np.zeros((9, 2)))
+    near, none = predict(SimpleNamespace(simulate=simulate), question)
+    np.testing.assert_array_equal(near, np.full((3, 2), 5.0))
+    np.testing.assert_array_equal(none, np.full((4, 2), np.nan))
+    np.testing.assert_array_equal(predict(SimpleNamespace(simulate=simulate), question, far=True), [none])

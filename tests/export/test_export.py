@@ -129,6 +129,30 @@ def test_a_recursive_predictor_runs_freely_as_predict(lags):
         np.testing.assert_allclose(free(step, state, X[run][n:])[:, 0], expected[n:], rtol=1e-9)
 
 
+def test_two_outputs_run_freely_with_their_lags_and_those_of_two_inputs():
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(80, 2)), np.zeros((80, 2))
+    for k in range(2, 80):
+        y[k] = 0.4 * y[k - 1] - 0.2 * y[k - 2, ::-1] + X[k] + [0.5, -0.3] * X[k - 1] + 0.1 * X[k - 2, ::-1]
+    model = RecursivePredictor(LinearRegression(), [0, 1, 2], [1, 2]).fit(X, y)
+    n = model.n_initial_
+    state = np.r_[y[n - 2 : n][::-1].ravel(), X[n - 2 : n][::-1].ravel()]
+    graph = to_graph(model)
+    for step in (numpy_step(graph), casadi_step(graph), onnx_step(graph)):
+        np.testing.assert_allclose(free(step, state, X[n:]), model.predict(X, y0=y[:n])[n:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e9])
+def test_a_steady_state_is_found_in_every_unit(size):
+    plant = StepSimulator(
+        lambda t, x, u, p, dt: [0.999 * x[0] + size * u[0] + 0.1 * size * np.tanh(x[0] / size)],
+        states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.02,
+    )  # fmt: skip
+    found = state_space(plant, [1.0])
+    np.testing.assert_allclose(found.x0, 1100.0 * size)
+    np.testing.assert_allclose(found.A, [[0.999]])
+
+
 def leaky(t, x, u, p, dt):
     return [0.9 * x[0] + 0.1 * np.tanh(p["gain"] * u[0])]
 

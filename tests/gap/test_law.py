@@ -7,6 +7,8 @@ from sksurrogate.effects import AugmentedSimulator, LawEffect, load_augmented, s
 from sksurrogate.effects._formula import Term
 from sksurrogate.effects._law import law_effect
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.render._law import law_line
+from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.physics import ODESimulator
 
 
@@ -82,6 +84,14 @@ def test_the_law_is_written_for_latex_and_sympy(monod):
     expression, h = law.sympy(), sympy.Symbol("h", real=True)
     assert r"\frac" in law.latex
     assert float(expression.subs(h, 1.3)) == pytest.approx(float(law.value({"h": 1.3})))
+
+
+def test_the_law_is_drawn_over_its_own_variable(monod):
+    at = np.linspace(0.5, 2.0, 7)
+    (line,) = law_line(monod.report_, Curve("h", at, at, at, at, 1.0))
+    np.testing.assert_allclose(line.y, monod.report_.missing_term.law.value({"h": line.x}))
+    assert (line.x[0], line.x[-1]) == (0.5, 2.0)
+    assert law_line(monod.report_, Curve("flow", at, at, at, at, 1.0)) == []
 
 
 def test_the_page_shows_the_law_with_its_numbers(monod):

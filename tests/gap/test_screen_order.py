@@ -94,4 +94,6 @@ def test_a_base_without_a_linearisation_has_no_screen_however_short_its_list(pro
         return replace(lin, J_theta=np.full_like(lin.J_theta, 1e200))
 
     monkeypatch.setattr("sksurrogate.gap.screen._responses.linearise", burst)
-    assert screen(effects("quadratic_drag"), base, smoothed.x, None, first=first).starts == []
+    nothing = screen(effects("quadratic_drag"), base, smoothed.x, None, first=first)
+    assert nothing.starts == [] and nothing.low.size == nothing.high.size == 0
+    np.testing.assert_array_equal(nothing.left_by, base.fit.cost)

@@ -210,6 +210,17 @@ def test_curvature_counts_mixed_derivatives_twice():
     assert not targets.any()
 
 
+@pytest.mark.parametrize("zero", [0.0, 1000.0, -1000.0])
+def test_curvature_does_not_depend_on_where_zero_is(zero):
+    x = np.linspace(0.0, 1.0, 60)[:, None]
+    model = PenalizedRegressor([Curvature(zero + x[10:50])], features=SplineFeatures(8)).fit(
+        zero + x, np.sin(9 * x[:, 0])
+    )
+    plain = PenalizedRegressor([Curvature(x[10:50])], features=SplineFeatures(8)).fit(x, np.sin(9 * x[:, 0]))
+    rows, wanted = model._penalty_rows()[0], plain._penalty_rows()[0]
+    np.testing.assert_allclose(rows, wanted, atol=1e-5 * np.abs(wanted).max())
+
+
 def test_curvature_of_a_sine_is_its_integral():
     x = np.linspace(0.05, 0.95, 500)[:, None]
     model = PenalizedRegressor([Curvature(x)], alpha=0.0, features=SplineTransformer(30, degree=5, include_bias=False))

@@ -13,6 +13,7 @@ from sksurrogate.datasets import simulate_experiments
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.subsets import eliminate, log_evidence, refit, threshold_refit
 from sksurrogate.linear import SparseRegressor
+from sksurrogate.linear._equation import equation
 from sksurrogate.physics import ODESimulator
 
 ESTIMATORS = [
@@ -110,6 +111,9 @@ def test_equations_name_their_terms():
     assert lines == ["a = 4 + 1 x2 - 2 x7 + 0.5 x11", "b = -1 + 3 x0 + 0.7 x19"]
     with pytest.raises(DataError, match=r"output_names=\['a'\] has 1 entries; the model has 2"):
         SparseRegressor().fit(X, Y).equations(output_names=["a"])
+    small = [0.5, -0.25, 0.125]
+    assert equation("y", np.array(small), ["u", "1", "v"], 0.0) == "y = 0.5 u - 0.25 + 0.125 v"
+    assert equation("y", -np.array(small), ["u", "1", "v"], -0.1) == "y = -0.1 - 0.5 u + 0.25 - 0.125 v"
     nothing = SparseRegressor(fit_intercept=False).fit(X, np.zeros(300))
     assert nothing.equations() == ["y = 0"]
 

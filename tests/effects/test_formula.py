@@ -1,0 +1,35 @@
+"""A form of a law says the same as a function, as text and to sympy."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects._formula import SHAPES
+
+FUNCTIONS = {name: getattr(np, name) for name in ("sin", "cos", "tanh", "exp", "sqrt", "log", "sign")}
+#: Of positive signals only; a B-spline is no word of sympy's, time is not the signal.
+POSITIVE, OWN = {"flow", "hill"}, {"spline", "after"}
+
+
+@pytest.mark.parametrize("name", sorted(set(SHAPES) - OWN))
+@pytest.mark.parametrize("v", [0.4, 1.3, -0.4, -1.3])
+def test_function_text_and_expression_are_one(name, v):
+    sympy = pytest.importorskip("sympy")
+    if name in POSITIVE:
+        v = abs(v)
+    shape, c, d = SHAPES[name], 0.7, 1.6
+    constants = (c, 0.0, d)[: shape.value.__code__.co_argcount - 1]  # 0: kinks that are not rounded
+    signal = sympy.Symbol("v", real=True)
+    expression = sympy.sympify(shape.symbolic(sympy, signal, c, d)).subs(signal, v)
+    text = shape.text.format(v=f"({v})", c=f"({c})", d=f"({d})").replace("^", "**")
+    value = float(shape.value(np.array(v), *constants))
+    assert float(expression) == pytest.approx(value, abs=1e-9)
+    assert float(eval(text, {"abs": abs, "max": max, "min": min, **FUNCTIONS})) == pytest.approx(value, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+def test_what_latex_says_holds_the_signal_and_the_constants_of_the_text(name):
+    shape, given = SHAPES[name], {"v": "VVV", "c": "CCC", "d": "DDD"}
+    text, latex = shape.text.format(**given), shape.latex.format(**given)
+    for letter in ("CCC", "DDD", *(["VVV"] if name != "after" else [])):
+        assert (letter in latex) == (letter in text)
+    assert latex.count("{") == latex.count("}")
