@@ -68,8 +68,11 @@ class Blocks:
 
     def of(self, file: str, line: int) -> int:
         """Block of the statement that holds a line."""
-        lines = self.lines[file]
-        return lines[max(first for first in lines if first <= line)]
+        return self.lines[file][self.begin(file, line)]
+
+    def begin(self, file: str, line: int) -> int:
+        """First line of the statement that holds a line."""
+        return max(first for first in self.lines[file] if first <= line)
 
 
 def _is_docstring(one: ast.stmt) -> bool:

@@ -81,8 +81,10 @@ class Trial:
 
     def decided(self, fault: Fault) -> tuple[str, str | None, int]:
         """What the tests say, the one that noticed it, and how many run the line."""
-        line = fault.path.read_text(encoding="utf-8").splitlines()[fault.line - 1]
-        found = self.lines.tests_of(fault.path, fault.line, re.findall(r"\w+(?= *(?::[^:]*)?=)", line)[:1])
+        text = fault.path.read_text(encoding="utf-8").splitlines()
+        begun = self.lines.blocks.begin(fault.path.relative_to(ROOT).as_posix(), fault.line)
+        words = [re.findall(r"\w+(?= *(?::[^:]*)?=)", text[k - 1])[:1] for k in (fault.line, begun)]
+        found = self.lines.tests_of(fault.path, fault.line, words[0] or words[1])
         tests = self.newer + [(self.lines.names[k], float(self.lines.seconds[k])) for k in found]
         warm, spent, waiting = self.forks.functions.can_take(fault), 0.0, list(tests)
         for stage in STAGES if warm else (FRESH,):

@@ -1,5 +1,7 @@
 """Scores of regions, shapes and follow-ups against cases where the answer is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,21 @@ def test_the_suggested_experiment_is_scored_against_the_same_run_again(regional)
     assert followed(regional, answer, {"classes": [1]}, ask) == {}
     untold = followed(regional, {"effects": [effect], "next_experiment": None}, {"classes": [2]}, ask)
     assert untold["experiment"] is None and untold["class_after"] is None and len(asked) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "location", "variable", "params", "rows"),
+    [
+        ("end_stop", "speed", "angle", {"edge": 2.0}, [False, True, True]),
+        ("end_stop", "angle", None, {"edge": 2.0}, [False, True, True]),
+        ("state_saturation", "angle", None, {"limit": 3.0}, [False, False, True]),
+        ("state_saturation", "angle", "speed", {"limit": 3.0}, [False, False, True]),
+        ("end_stop", "elsewhere", None, {"edge": 2.0}, None),
+    ],
+)
+def test_a_stop_acts_where_its_position_is_and_a_limit_where_its_state_is(name, location, variable, params, rows):
+    states = np.column_stack([[1.0, 2.0, 3.0], np.zeros(3)])
+    plant = SimpleNamespace(states=["angle", "speed"], inputs=["torque"])
+    case = SimpleNamespace(truths=[Truth(name, location, variable, params)], plant=plant, states=states)
+    found = active(case)
+    assert found is None if rows is None else found.tolist() == rows

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from sksurrogate.effects._formula import SHAPES
+from sksurrogate.effects import InputLawEffect
+from sksurrogate.effects._formula import SHAPES, Term
+from sksurrogate.kernels.signals import Signal
 
 FUNCTIONS = {name: getattr(np, name) for name in ("sin", "cos", "tanh", "exp", "sqrt", "log", "sign")}
 #: Of positive signals only; a B-spline is no word of sympy's, time is not the signal.
@@ -33,3 +35,16 @@ def test_what_latex_says_holds_the_signal_and_the_constants_of_the_text(name):
     for letter in ("CCC", "DDD", *(["VVV"] if name != "after" else [])):
         assert (letter in latex) == (letter in text)
     assert latex.count("{") == latex.count("}")
+
+
+def test_a_law_at_an_input_of_ramps_is_exact_where_it_is_linear_or_square():
+    mean, half = np.array([[[1.0, 2.0, -1.0]]]), np.array([[[0.5, -0.25, 0.0]]])
+    for shape, wanted in [("v", 1.4 * mean), ("square", mean + 0.4 * (mean**2 + half**2 / 3))]:
+        law = InputLawEffect("u", "u", (Term(((shape, "u", 0.0, 0.0),)),), (0.4,))
+        found = law.transform(Signal(mean, half), None, [np.full((1, 1), 0.4)], 0.1, np.array([0]))
+        np.testing.assert_allclose(found.mean, wanted)
+        ends = [end + 0.4 * (end if shape == "v" else end**2) for end in (mean - half, mean + half)]
+        np.testing.assert_allclose(2 * found.half, ends[1] - ends[0])
+        held = law.transform(Signal(mean), None, [np.full((1, 1), 0.4)], 0.1, np.array([0]))
+        assert held.half is None
+        np.testing.assert_allclose(held.mean, mean + 0.4 * (mean if shape == "v" else mean**2))

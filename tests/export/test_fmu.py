@@ -10,7 +10,7 @@ from sksurrogate.datasets import make_reactor
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.export import to_fmu, to_graph
-from sksurrogate.export._fmu import _plain
+from sksurrogate.export._fmu import _described, _plain
 from sksurrogate.export._graph import BINARY, UNARY, Graph
 from sksurrogate.export._unit_step import evaluate
 from sksurrogate.physics import FMUSimulator, ODESimulator, StepSimulator
@@ -135,3 +135,12 @@ def test_what_is_no_number_stays_none():
 def test_what_cannot_be_a_unit_says_why(model, path, words, tmp_path):
     with pytest.raises(SurrogateError, match=words):
         to_fmu(model, tmp_path / path, x0=[1.0, 2.0])
+
+
+@pytest.mark.parametrize(("dt", "said"), [(0.25, 0.25), (None, 1.0)])
+def test_a_unit_without_a_sample_time_steps_by_one(dt, said):
+    graph = Graph()
+    x, u = graph.input("x", 1), graph.input("u", 1)
+    graph.outputs.update(x_next=graph.binary("add", x, u), y=x)
+    graph.dt = dt
+    assert _described(graph, None, None, None, None)["dt"] == said

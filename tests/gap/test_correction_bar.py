@@ -3,12 +3,14 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from sklearn.neighbors import KNeighborsRegressor
 
 from sksurrogate.compose import HybridRegressor
 from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
 from sksurrogate.gap.decide._generic_correction import generic_correction
-from sksurrogate.gap.render._waterfall import waterfall
+from sksurrogate.gap.render._waterfall import closed, waterfall
+from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.kernels.record import Record
 
 FOLD = np.arange(6) % 2
@@ -54,3 +56,16 @@ def test_what_makes_left_out_runs_worse_is_called_no_help():
     )
     labels = [label for label, _ in waterfall(SimpleNamespace(shrink=shrink, effects=["friction"], missing_term=None))]
     assert labels == ["simulator", "parameters re-tuned (no help)", "generic correction", "with the effects", "noise"]
+
+
+@pytest.mark.parametrize(
+    ("effects", "retuned", "said"),
+    [(["lag"], [], "Closed: "), (["lag"], ["k"], "Closed: "), ([], ["k"], "Closed by re-tuning: "), ([], [], None)],
+)
+def test_what_is_closed_is_said_where_something_closes_it(effects, retuned, said):
+    shrink = Shrink(0.5, 0.1, 0.02, 0.8, (0.7, 0.9), fraction_power=0.96)
+    report = SimpleNamespace(shrink=shrink, effects=effects, retuned=retuned, missing_term=None)
+    lines = closed(report)
+    assert len(lines) == (said is not None)
+    if said:
+        assert lines[0].startswith(said) and "90 % interval 70.0 to 90.0 %" in lines[0]

@@ -3,7 +3,8 @@
 import numpy as np
 
 from sksurrogate.gap.decide._estimates import when_they_part
-from sksurrogate.gap.decide._experiment import suggestion
+from sksurrogate.gap.decide._experiment import suggestion, variations
+from sksurrogate.kernels.record import Record
 
 
 def test_an_exact_twin_does_not_hide_the_experiment_that_parts_another_candidate():
@@ -54,3 +55,26 @@ def test_an_experiment_within_the_recorded_inputs_comes_first_where_it_settles_t
     assert "recorded range" not in found.sentence
     apart["a faster run"] = np.array([1.0])
     assert "make sure that the plant allows" in suggestion(apart, ["drag", "friction"], {"a larger run"}).sentence
+
+
+def test_inputs_that_could_be_applied_are_what_their_names_say():
+    t = np.arange(40)
+    u = np.stack([3.0 + np.sin(0.3 * t), np.where(t < 20, -1.0, 1.0)])
+    record = Record.from_runs([u.T, u.T + 9], [np.zeros((40, 1))] * 2, [t, t], 1.0)
+    varied = variations(record, ["force", "valve"])
+    mean, away = u.mean(axis=1), u - u.mean(axis=1, keepdims=True)
+    spread = np.abs(away).max(axis=1)
+    np.testing.assert_array_equal(varied.pop("the same run again"), u)
+    for words, factor in [("twice the amplitude", 2.0), ("half the amplitude", 0.5)]:
+        np.testing.assert_allclose(varied.pop(f"a run with inputs of {words}"), mean[:, None] + factor * away)
+    shifted = varied.pop("a run with inputs shifted up by their amplitude")
+    np.testing.assert_allclose(shifted - u, np.tile(spread[:, None], 40))
+    np.testing.assert_array_equal(varied.pop("a run with inputs twice as fast")[:, :20], u[:, ::2])
+    np.testing.assert_array_equal(varied.pop("a run with inputs half as fast")[:, ::2], u[:, :20])
+    step = varied.pop("a run with a step in every input")
+    np.testing.assert_allclose(step, np.where(t < 10, (mean - 0.5 * spread)[:, None], (mean + spread)[:, None]))
+    for i, name in enumerate(("force", "valve")):
+        only = varied.pop(f"a run in which only {name} moves")
+        np.testing.assert_array_equal(only[i], u[i])
+        np.testing.assert_allclose(only[1 - i], mean[1 - i])
+    assert not varied and len(variations(record, ["force"])) == 7

@@ -5,6 +5,7 @@ from types import SimpleNamespace as Made
 import pytest
 
 from sksurrogate.physics._fmu_signals import Unfit, read_signals
+from sksurrogate.physics._fmu_steps import CoSteps
 
 
 def variable(name, reference, **other):
@@ -66,3 +67,12 @@ def test_a_signal_that_is_no_real_scalar(name, how):
 def test_another_version_of_the_standard():
     with pytest.raises(Unfit, match=r"FMI 1\.0 shows no equations here"):
         read(unit(version="1.0"))
+
+
+@pytest.mark.parametrize(("version", "name"), [(2, "freeFMUstate"), (3, "freeFMUState")])
+def test_a_copy_of_a_unit_is_freed_by_the_name_of_its_standard(version, name):
+    done = []
+    instance = Made(**{name: done.append, "freeInstance": lambda: done.append("instance")})
+    steps = Made(_state="copy", instance=instance, signals=Made(version=version))
+    CoSteps.close(steps)
+    assert done == ["copy", "instance"] and steps._state is None
