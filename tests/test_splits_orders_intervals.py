@@ -178,3 +178,11 @@ def test_errors_of_one_size_have_one_scale_however_many_runs_reach_a_row():
     np.testing.assert_allclose(_scale(errors, errors)[1:], np.tile([3.0, 0.5], (199, 1)))
     growing = [np.linspace(1.0, 2.0, n)[:, None] for n in (100, 100)]
     np.testing.assert_allclose(_scale(growing, growing)[10:-10, 0], growing[0][10:-10, 0], rtol=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_set_ends_where_one_run_more_would_be_further_from_its_share(seed):
+    lengths = np.random.default_rng(seed).integers(10, 60, 30)
+    sets = split_runs(np.repeat(np.arange(30), lengths), validation=0.25, grading=0.4, random_state=seed)
+    for rows, share in zip(sets[1:], (0.25, 0.4)):
+        assert abs(len(rows) - share * lengths.sum()) <= 30  # half of the longest run

@@ -85,7 +85,11 @@ class Trial:
         begun = self.lines.blocks.begin(fault.path.relative_to(ROOT).as_posix(), fault.line)
         words = [re.findall(r"\w+(?= *(?::[^:]*)?=)", text[k - 1])[:1] for k in (fault.line, begun)]
         found = self.lines.tests_of(fault.path, fault.line, words[0] or words[1])
-        tests = self.newer + [(self.lines.names[k], float(self.lines.seconds[k])) for k in found]
+        own, stem = fault.path.relative_to(PACKAGE).parts[0], fault.path.stem
+        near = {file for file in {name.split("::")[0] for name, _ in self.newer} if _is_near(file, own, stem)}
+        tests = [test for test in self.newer if test[0].split("::")[0] in near] + [
+            (self.lines.names[k], float(self.lines.seconds[k])) for k in found
+        ]
         warm, spent, waiting = self.forks.functions.can_take(fault), 0.0, list(tests)
         for stage in STAGES if warm else (FRESH,):
             part: list[tuple[str, float]] = []
@@ -109,6 +113,11 @@ class Trial:
                     return "caught", by, len(tests)
                 part = [test for test in part if test[0] != by]
         return "undecided" if waiting else "survivor", None, len(tests)
+
+
+def _is_near(file: str, own: str, stem: str) -> bool:
+    """Whether a test file is in the folder of a module, or names it."""
+    return f"/{own}/" in file or stem in (ROOT / file).read_text(encoding="utf-8")
 
 
 def in_fresh_process(fault: Fault | None, tests: list[tuple[str, float]]) -> str | None:

@@ -10,6 +10,7 @@ from sksurrogate.blind import draw, run_blind_check
 from sksurrogate.blind._campaign import _belongs, run_case
 from sksurrogate.blind._march import march
 from sksurrogate.blind._records import RECORDS, as_recorded
+from sksurrogate.blind._seal import close_seal
 from sksurrogate.blind._solve import Solver
 from sksurrogate.blind._table import stored_rows
 from sksurrogate.exceptions import SurrogateError
@@ -84,3 +85,9 @@ def test_rows_that_were_stored_earlier_have_the_keys_of_today(tmp_path):
     file = tmp_path / "rows.jsonl"
     file.write_text('{"arm": "effect", "seed": 1, "accused": "speed", "abreast": 2}\n', encoding="utf-8")
     assert stored_rows(file) == [{"arm": "effect", "seed": 1, "likely_place": "speed", "cases_at_once": 2}]
+
+
+def test_the_length_of_a_seal_tells_nothing(tmp_path):
+    seals = [close_seal({"name": "x" * size}, tmp_path) for size in (1, 300, 4000)]
+    assert len({len(seal.path.read_bytes()) for seal in seals}) == 1
+    assert [len(seal.open()["name"]) for seal in seals] == [1, 300, 4000]

@@ -7,6 +7,7 @@ from sklearn.ensemble import RandomForestRegressor
 from sklearn.neighbors import KNeighborsRegressor
 
 from sksurrogate.compose import HybridRegressor
+from sksurrogate.compose._left_out import _joined
 from sksurrogate.datasets import linear_reactor, make_reactor_runs
 from sksurrogate.physics import CallableSimulator
 
@@ -77,3 +78,8 @@ def test_runs_too_short_to_be_cut_support_no_correction():
     report = hybrid.report_  # nothing is kept, nothing gained, nothing was left out
     assert report.shrinkage == report.gain == report.standard_error == report.n_blocks == 0
     assert np.isnan([report.simulator_rmse, report.whole_rmse, report.rmse]).all()
+
+
+def test_blocks_that_follow_each_other_in_a_run_are_one():
+    blocks = [(0, 20, 30), (0, 0, 10), (1, 0, 10), (0, 10, 20), (1, 15, 20), (2, 20, 30)]
+    assert _joined(blocks) == [(0, 0, 30), (1, 0, 10), (1, 15, 20), (2, 20, 30)]

@@ -141,6 +141,15 @@ def test_a_multisine_has_whole_periods_from_one_a_run_to_the_fastest_and_no_othe
     assert power[:, 0].all() and power[:, 11].all() and not power[:, 12:].any()
 
 
+@pytest.mark.parametrize("n_samples", [40, 41, 44])
+def test_a_binary_sequence_has_two_levels_that_stay_for_a_bit(n_samples):
+    data = simulate_experiments(
+        make_reactor(), *RANGES, n_runs=3, n_samples=n_samples, design="prbs", hold=(5, 9), random_state=0
+    )
+    for run in data.X.reshape(3, n_samples):
+        assert len(np.unique(run)) == 2 and set(np.flatnonzero(np.diff(run)) % 5) <= {4}
+
+
 class Connected:
     """A simulator that holds an open connection."""
 

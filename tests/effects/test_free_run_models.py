@@ -8,6 +8,7 @@ import pytest
 from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.effects._sampled import names_of_memory
 from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
@@ -111,3 +112,9 @@ def test_sensitivities_beside_hidden_states_that_begin_at_rest_or_anywhere_are_t
             slope = (ends[0] - ends[1]) / 2e-5
             # forward differences of step 1e-4
             np.testing.assert_allclose(found[:, k], slope, rtol=0, atol=2e-3 * max(np.abs(slope).max(), 0.1))
+
+
+def test_states_of_a_memory_are_numbered_where_there_are_several():
+    lag = CATALOGUE["input_lag"]("u")
+    assert names_of_memory(lag, 1) == ["input_lag_u"] and names_of_memory(lag, 0) == []
+    assert names_of_memory(lag, 3) == ["input_lag_u_0", "input_lag_u_1", "input_lag_u_2"]

@@ -18,7 +18,7 @@ from sklearn.preprocessing import (
 )
 
 from sksurrogate.exceptions import DataError, SurrogateError
-from sksurrogate.export import input_jacobian
+from sksurrogate.export import Graph, input_jacobian
 from sksurrogate.features import FourierFeatures, GaussianFeatures, SplineFeatures
 from sksurrogate.linear import NonlinearBasisRegressor, PCRRegressor, PenalizedRegressor, Ridge
 from sksurrogate.neural import FNNRegressor
@@ -71,3 +71,12 @@ def test_parts_without_slopes_are_named():
         input_jacobian(odd, X)
     with pytest.raises(DataError, match="give finite rows"):
         input_jacobian(LinearRegression().fit(X, Y), X[:, 0])
+
+
+def test_a_graph_asks_for_its_inputs_and_no_others():
+    graph = Graph()
+    graph.outputs["y"] = graph.binary("add", graph.input("x", 1), graph.input("u", 1))
+    assert graph(x=[1.0], u=[2.0])["y"] == 3.0
+    for given in ({"x": [1.0]}, {"x": [1.0], "u": [2.0], "p": [0.0]}, {"x": [1.0], "p": [0.0]}):
+        with pytest.raises(ValueError, match=r"the graph has the inputs \['x', 'u'\], but"):
+            graph(**given)

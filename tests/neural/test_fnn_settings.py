@@ -171,3 +171,21 @@ def test_every_random_state_draws_other_weights():
         FNNRegressor((2,), n_starts=1, max_epochs=1, random_state=k).fit(X[:8], y[:8]).coefs_[0] for k in range(40)
     ]
     assert len({weights.tobytes() for weights in first}) == 40
+
+
+@pytest.mark.parametrize("sizes", [(), (3,), (4, 3), (4, 3, 5)])
+@pytest.mark.parametrize("columns", [1, 2])
+def test_blocks_have_the_outputs_of_the_first_one_whatever_the_layers(sizes, columns):
+    Y = np.column_stack([y, -y])[:, :columns]
+    model = FNNRegressor(sizes, max_epochs=2, solver="lm", random_state=0).partial_fit(X, Y)
+    model.partial_fit(X, Y)
+    with pytest.raises(DataError, match=f"y has 3 columns; the first block had {columns}"):
+        model.partial_fit(X, np.column_stack([Y[:, 0]] * 3))
+
+
+def test_the_loss_of_a_linear_net_is_what_it_minimises():
+    alpha, z = 0.3, (X - X.mean(axis=0)) / X.std(axis=0)
+    net = FNNRegressor((), alpha=alpha).fit(X, y)
+    t = (y - y.mean()) / y.std()
+    theta = np.linalg.solve(z.T @ z / 60 + alpha * np.eye(2), z.T @ t / 60)
+    assert net.loss_curve_[-1] == pytest.approx(np.mean((t - z @ theta) ** 2) + alpha * np.sum(theta**2))
