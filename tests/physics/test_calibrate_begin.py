@@ -153,3 +153,12 @@ def test_a_plant_without_inputs_is_calibrated():
     y = decay.set_params(params__k=0.6).simulate(np.zeros((50, 0)), x0=[2.0])[:, 0]
     found = CalibratedSimulator(decay.set_params(params__k=1.0)).fit(np.zeros((50, 0)), y)
     assert found.params_["k"] == pytest.approx(0.6, rel=1e-4)
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+def test_which_rows_tell_does_not_depend_on_the_unit_of_the_outputs(unit):
+    t = 0.01 * np.arange(4000)
+    u, y = np.sin(t)[:, None], np.cos(3 * t)[:, None]
+    one, other = (Record.from_runs([u], [size * y], [t], 0.01) for size in (1.0, unit))
+    _, every = begin._telling_rows(one, np.array([1e-9]), True)
+    assert every > 1 and begin._telling_rows(other, unit * np.array([1e-9]), True)[1] == every
