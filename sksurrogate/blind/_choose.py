@@ -242,6 +242,8 @@ def _variable(rng: np.random.Generator, kind: Kind, location: str, setting: Sett
         choices = list(plant.states)
         if kind.variable == "gate":
             choices = [f"{a}*{b}" for a in plant.states for b in plant.inputs]
+    elif kind.variable == "signal":
+        choices = [*plant.states, *plant.inputs]
     elif kind.variable == "product":
         choices = ["*".join(sorted((a, b))) for a in plant.states for b in plant.inputs]
     else:
@@ -253,7 +255,7 @@ def _variable(rng: np.random.Generator, kind: Kind, location: str, setting: Sett
 def _signal(setting: Setting, name: str, place: str) -> np.ndarray:
     """Samples of a signal in the nominal runs, runs pooled."""
     plant = setting.plant
-    if place == "parameter":
+    if place == "parameter" and name in plant.params:
         return np.zeros(1)
     if place == "sensor":
         return setting.nominal.outputs[..., plant.outputs.index(name)].ravel()

@@ -200,14 +200,16 @@ class _Machine:
             felt[j] = np.where(there(truth, middle) > 0.0, felt[j], u[j])
         return felt
 
-    def parameter_values(self, t: float, middle: float) -> dict[str, Any]:
-        """Parameters at time t; ``middle`` tells on which side of a window's edge."""
+    def parameter_values(self, t: float, middle: float, x: np.ndarray, u: np.ndarray) -> dict[str, Any]:
+        """Parameters at time t, states x and inputs u; ``middle`` tells on which side of a window's edge."""
         values: dict[str, Any] = dict(self.plant.params)
         for truth in self.parameters:
             p, nominal = truth.params, values[truth.location]
             change: Any
             if truth.name == "parameter_drift":
                 change = p["rate"] * t
+            elif truth.name == "parameter_dependence":
+                change = p["slope"] * self.factors(truth, x, u)[0] + p["relative_error"]
             else:
                 change = there(truth, middle) * p["relative_error"] * (t >= p.get("time", -np.inf))
             values[truth.location] = np.where(np.equal(nominal, 0.0), change, nominal * (1.0 + change))
@@ -290,7 +292,7 @@ class _Machine:
     def derivative(self, t: float, middle: float, k: int, z: np.ndarray) -> np.ndarray:
         """Derivatives of all states, (all states, n_runs)."""
         x, u = z[: self.n], self.inputs(t, middle, k, z)
-        p = self.parameter_values(t, middle)
+        p = self.parameter_values(t, middle, x, u)
         dz = np.zeros_like(z)
         for i, value in enumerate(self.plant.rhs(t, x, u, p)):
             dz[i] = value
@@ -376,7 +378,7 @@ class _Machine:
     def clean(self, t: float, middle: float, k: int, z: np.ndarray) -> np.ndarray:
         """Outputs before the sensors' effects, (n_outputs, n_runs)."""
         u = self.inputs(t, middle, k, z)
-        return self.plant.read(t, z[: self.n], u, self.parameter_values(t, middle))
+        return self.plant.read(t, z[: self.n], u, self.parameter_values(t, middle, z[: self.n], u))
 
     def note(self, k: int, offset: float, t: float, z: np.ndarray) -> None:
         """Keep what a delayed sensor will show later."""

@@ -190,6 +190,12 @@ def _relaxation(m: Any, scene: Scene) -> dict[str, Any]:
     }
 
 
+def _dependence(m: Any, scene: Scene) -> dict[str, Any]:
+    """The parameter has its nominal value where the signal has its mean."""
+    slope = scene.sign * 0.25 * m / scene.spread()
+    return {"slope": slope, "relative_error": -slope * float(np.mean(scene.v))}
+
+
 def _mode(m: Any, scene: Scene) -> dict[str, Any]:
     w = 1.0 / (scene.dt * (2.0 + 5.0 * scene.dice[0]))
     return {
@@ -223,13 +229,13 @@ def _stribeck_form(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
 
 
 _DRY = "coulomb_friction asymmetric_friction stribeck_friction lugre_friction hysteresis input_dead_zone input_backlash power_law"
-_SMOOTH = "linear_loss quadratic_loss quadratic_drag cubic_stiffness power_law sqrt_leak parameter_error exchange gravity_tilt bilinear radiation"
+_SMOOTH = "parameter_dependence linear_loss quadratic_loss quadratic_drag cubic_stiffness power_law sqrt_leak parameter_error exchange gravity_tilt bilinear radiation"
 _TIME = "drift step_disturbance periodic_disturbance parameter_step parameter_drift constant_bias sensor_drift sensor_bias input_bias"
 _STOP = "end_stop state_saturation overflow sensor_saturation cubic_stiffness quadratic_loss power_law quadratic_drag"
 _LATE = (
     "input_delay input_lag sensor_delay sensor_lag hidden_relaxation hidden_mode rate_limit input_backlash hysteresis"
 )
-_ACT = "input_gain input_bias input_curve input_dead_zone input_saturation input_quantization parameter_error power_law constant_bias"
+_ACT = "parameter_dependence input_gain input_bias input_curve input_dead_zone input_saturation input_quantization parameter_error power_law constant_bias"
 
 _BALANCE = {
     "constant_bias": term(lambda t, x, v, w, p, h: p["value"] + 0.0 * x, _TIME + " input_bias parameter_error parameter_drift",
@@ -304,7 +310,7 @@ _INPUT = {
     "input_lag": Kind("input", lambda m, s: {"time_constant": 2.0 * m * s.dt}, tuple(_LATE.split())),
 }  # fmt: skip
 
-_READ = "sensor_gain sensor_bias sensor_nonlinearity sensor_coupling sensor_drift sensor_saturation sensor_quantization sensor_rectification parameter_error constant_bias"
+_READ = "parameter_dependence sensor_gain sensor_bias sensor_nonlinearity sensor_coupling sensor_drift sensor_saturation sensor_quantization sensor_rectification parameter_error constant_bias"
 _SENSOR = {
     "sensor_lag": Kind("sensor", lambda m, s: {"time_constant": 2.0 * m * s.dt}, tuple(_LATE.split())),
     "sensor_delay": Kind("sensor", lambda m, s: {"delay": 1.6 * m * s.dt}, tuple(_LATE.split())),
@@ -328,6 +334,7 @@ _SENSOR = {
 _PARAMETER = {
     "parameter_error": Kind("parameter", lambda m, s: {"relative_error": s.sign * 0.15 * m}, (*_SMOOTH.split(), *_ACT.split())),
     "parameter_drift": Kind("parameter", lambda m, s: {"rate": s.sign * 0.3 * m / s.duration}, tuple(_TIME.split())),
+    "parameter_dependence": Kind("parameter", _dependence, (*_SMOOTH.split(), *_ACT.split()), variable="signal"),
     "parameter_step": Kind("parameter", lambda m, s: {"relative_error": s.sign * 0.2 * m, **_moment(s)}, tuple(_TIME.split()),
                            marks=("time",)),
 }  # fmt: skip

@@ -27,6 +27,7 @@ _ORDER: tuple[type[BaseEffect], ...] = (
     parameter.ParameterError,
     parameter.ParameterDrift,
     parameter.ParameterStep,
+    parameter.ParameterDependence,
     balance.ConstantBias,
     balance.LinearLoss,
     balance.QuadraticLoss,

@@ -80,6 +80,7 @@ class BaseEffect(PriorOdds, BaseEstimator):
     access: ClassVar[str] = "step"
     linear: ClassVar[bool] = True
     order: ClassVar[int] = 0
+    late: ClassVar[bool] = False  #: Asked only where something without a name remains beside all others
 
     def __init__(self, location: str | None = None, variable: str | None = None):
         self.location = location
@@ -171,7 +172,7 @@ class ParameterEffect(BaseEffect):
 
     @abstractmethod
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
-        """The parameter, given its nominal value ``p`` and the time; jumps in time are smoothed over ``width``."""
+        """The parameter, given its nominal value ``p`` and the time, jumps smoothed over ``width``; values of a ``variable`` come last."""
 
 
 class BalanceEffect(BaseEffect):

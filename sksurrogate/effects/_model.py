@@ -213,18 +213,18 @@ class BoundModel:
         self._mean, self._half, self.shown = self._inputs()
 
     # ---- parameters -------------------------------------------------------------------------------------------------
-    def _varied(self, t: Any) -> dict[str, np.ndarray]:
-        """Parameters that differ from their nominal values, (n_columns, 1) or (n_columns, n_samples)."""
+    def _varied(self, t: Any, x: Any = None, u: Any = None) -> dict[str, np.ndarray]:
+        """Parameters that differ from their nominal values, (n_columns, 1) or (n_columns, n_samples), at a time, states and inputs."""
         if self._constant_params is not None:
             return self._constant_params
         params, varied = self.a.plant.params, {}
         for name, row in zip(self.a.free, self.theta[self.a.free_slice]):
             varied[name] = retuned(params[name], row[:, None])
-        for effect, values in zip(self.a.effects, self._parameters):
+        for i, (effect, values) in enumerate(zip(self.a.effects, self._parameters)):
             if isinstance(effect, ParameterEffect) and effect.location is not None:
-                varied[effect.location] = effect.value(
-                    varied.get(effect.location, params[effect.location]), t, values, self.h
-                )
+                driver = () if effect.variable is None else (self.a.variable(i, x, u),)
+                before = varied.get(effect.location, params[effect.location])
+                varied[effect.location] = effect.value(before, t, values, self.h, *driver)
         for i in self._as_parameters:
             name, value = self.a.wires[i].parameter or ("", 0.0)
             varied[name] = varied.get(name, value) + self._parameters[i][0]
@@ -262,7 +262,7 @@ class BoundModel:
             t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]
         if self.a.plant.access == "step":
             has_rates = bool(self._balances or self.a._hidden)
-            x = whole_step(self, t, x, mean, self._varied(t), has_rates, bool(self._at_ports))
+            x = whole_step(self, t, x, mean, self._varied(t, x, np.mean(mean, axis=0)), has_rates, bool(self._at_ports))
             return self.clip(x, t + self.record.dt, True) if self._has_limits else x
         clip = self.clip if self._has_limits else None
         h: float | np.ndarray = self.h
@@ -281,7 +281,7 @@ class BoundModel:
     def derivative(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the effects."""
         n = self.a.n_nominal
-        nominal = self.a.model.derivative(t, x[:n], self.entering(t, x, u), self._varied(t))
+        nominal = self.a.model.derivative(t, x[:n], self.entering(t, x, u), self._varied(t, x, u))
         if not self.a.effects:
             return nominal
         dx = nominal
@@ -356,7 +356,7 @@ class BoundModel:
         """
         a, record = self.a, self.record
         shown = self.shown if a.plant.output_states is not None else self.entering(record.t, x, self.shown)
-        y = a.model.output(record.t, x[: a.n_nominal], shown, self._varied(record.t))
+        y = a.model.output(record.t, x[: a.n_nominal], shown, self._varied(record.t, x, self.shown))
         sensors = [(i, effect) for i, effect in enumerate(a.effects) if isinstance(effect, SensorEffect)]
         if not sensors and record.offset is None:
             return y
@@ -374,7 +374,7 @@ class BoundModel:
         moves, end = not np.array_equal(before, first), None
         if moves and plant.output_states is None:
             enters = self.entering(record.t, x, before)
-            end = self.a.model.output(record.t, x[: self.a.n_nominal], enters, self._varied(record.t))[place]
+            end = self.a.model.output(record.t, x[: self.a.n_nominal], enters, self._varied(record.t, x, before))[place]
             end[:, record.starts] = y[place][:, record.starts]
         if plant.access == "step":
             before_rows = y[place] if end is None else end
@@ -393,7 +393,7 @@ class BoundModel:
         if a.plant.output_states is not None:
             return dx[a.plant.output_states[place]]
         eps = 1e-6 * self.record.dt
-        varied, later = self._varied(t), x + eps * dx
+        varied, later = self._varied(t, x, u), x + eps * dx
         ahead = a.model.output(t + eps, later[:n], self.entering(t + eps, later, u), varied)[place]
         return (ahead - a.model.output(t, x[:n], self.entering(t, x, u), varied)[place]) / eps
 

@@ -275,9 +275,9 @@ class _StartingLimit(Starting, LimitEffect):
 class _StartingParameter(Starting, ParameterEffect):
     access = "step"
 
-    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, *driver: Any) -> Any:
         """That of the effect within the window, the parameter itself outside."""
-        changed = super().value(p, t, self.own(theta), width)  # type: ignore[safe-super]
+        changed = super().value(p, t, self.own(theta), width, *driver)  # type: ignore[safe-super]
         return p + self.within(t, theta, width) * (changed - p)
 
 

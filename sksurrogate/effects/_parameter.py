@@ -12,7 +12,14 @@ from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._smooth import after
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["ParameterDrift", "ParameterError", "ParameterStep", "constant_in_time", "within_the_runs"]
+__all__ = [
+    "ParameterDependence",
+    "ParameterDrift",
+    "ParameterError",
+    "ParameterStep",
+    "constant_in_time",
+    "within_the_runs",
+]
 
 #: Times, as shares of the longest run, at which jumps are tried.
 JUMPS = tuple(float(share) for share in (np.arange(40) + 0.5) / 40)
@@ -78,6 +85,38 @@ class ParameterDrift(ParameterEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth at the end of the longest run."""
         return [(0.1 / max(probe.duration, probe.dt),)]
+
+
+class ParameterDependence(ParameterEffect):
+    """A parameter depends on a signal: ``p (1 + c v + c2)``, as a heat transfer on a flow or an inductance on its current.
+
+    It is asked where something without a name remains beside all other effects.
+    """
+
+    name = "parameter_dependence"
+    rarity = 10.0
+    late = True
+    linear = False
+    parameters = (Parameter("slope", unit="1 over v"), Parameter("relative_error", grows=True))
+    equation = "p (1 + c v + c2)"
+    signature = "a residual as that of a wrong parameter, whose size goes with a signal"
+    twins = ("parameter_error", "bilinear", "quadratic_loss", "input_curve", "sensor_nonlinearity")
+    access = "step"
+
+    @classmethod
+    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
+        """Every state and input, on parameters whose nominal value is not 0."""
+        return (*plant.states, *plant.inputs) if plant.params[location] != 0 else ()
+
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = 0.0) -> Any:
+        """``p (1 + c v + c2)``."""
+        return p * (1 + theta[0] * v + theta[1])
+
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """A tenth more or less for a deviation of the signal, none at its mean."""
+        v = np.zeros(1) if probe.v is None else np.asarray(probe.v)
+        slope = 0.1 / max(float(np.std(v)), 1e-12)
+        return [(sign * slope, -sign * slope * float(np.mean(v))) for sign in (1.0, -1.0)]
 
 
 class ParameterStep(ParameterEffect):

@@ -33,15 +33,21 @@ class Augmented(Protocol):
 
 def term_at(model: Augmented, effect: BalanceEffect, given: Any, t: Any, x: Any, u: Any, own: Any) -> Any:
     """What a law adds, ``own`` being the state or input of its location."""
-    states, inputs = list(model.states), list(model.inputs)
+    states = list(model.states)
     sizes = None if model.scale is None else np.broadcast_to(np.asarray(model.scale, dtype=float), (len(states),))
     names = effect.variable.split("*") if effect.variable else []
-    found = [x[states.index(name)] if name in states else u[inputs.index(name)] for name in names]
+    found = [_signal(model, name, x, u) for name in names]
     width = 0.0
     if sizes is not None and names and set(names) <= set(states):
         width = float(np.prod([sizes[states.index(name)] for name in names])) / model.sharpness
     v = None if not found else found[0] if len(found) == 1 else tuple(found)
     return effect.term(t, own, v, values_of(effect, given), width)
+
+
+def _signal(model: Augmented, name: str, x: Any, u: Any) -> Any:
+    """A state or input by name."""
+    states = list(model.states)
+    return x[states.index(name)] if name in states else u[list(model.inputs).index(name)]
 
 
 def entering_at(
@@ -61,11 +67,12 @@ def entering_at(
     return np.stack(np.broadcast_arrays(*enters)) if enters else u, (np.stack(forces),) if beyond else ()
 
 
-def acting_params(model: Augmented, t: Any, p: Mapping[str, Any]) -> dict[str, Any]:
+def acting_params(model: Augmented, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters with the effects on them."""
     acting = dict(p)
     for effect, given in zip(model.effects, model.values):
         if isinstance(effect, ParameterEffect):
             name = str(effect.location)
-            acting[name] = effect.value(acting[name], t, values_of(effect, given), 0.0)
+            driver = () if effect.variable is None else (_signal(model, effect.variable, x, u),)
+            acting[name] = effect.value(acting[name], t, values_of(effect, given), 0.0, *driver)
     return acting

@@ -274,7 +274,7 @@ class AugmentedSimulator(BaseSimulator):
     @available_if(_has_rhs)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
         """dx/dt with the effects (kinks are sharp unless ``scale`` is given)."""
-        states, acting = list(self.states), acting_params(self, t, p)
+        states, acting = list(self.states), acting_params(self, t, x, u, p)
         laws = [(e, g) for e, g in zip(self.effects, self.values) if isinstance(e, BalanceEffect)]
         at_ports = [(e, g) for e, g in laws if e.location not in states]
         enters, forces = entering_at(self, t, x, u, at_ports)
@@ -290,7 +290,7 @@ class AugmentedSimulator(BaseSimulator):
         """Readings of the sensors."""
         names = list(self.outputs)
         if callable(getattr(self.simulator, "output", None)):
-            plain = list(self.simulator.output(t, x, u, acting_params(self, t, p)))
+            plain = list(self.simulator.output(t, x, u, acting_params(self, t, x, u, p)))
         else:
             plain = [x[list(self.states).index(name)] for name in names]
         y = list(plain)

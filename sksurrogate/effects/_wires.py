@@ -55,10 +55,12 @@ def factors(effect: BaseEffect) -> list[str]:
 def wire_of(effect: BaseEffect, model: PlantModel, width: Callable[[BaseEffect], float]) -> Wire:
     """The wiring of an effect; ``width`` tells that of its kinks."""
     plant = model.plant
-    if effect.kind != "state":
+    if effect.kind not in ("state", "parameter"):
         return Wire(-1, (), None)
     states, inputs = plant.states, plant.inputs
     drivers = tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in factors(effect))
+    if effect.kind == "parameter":
+        return Wire(-1, drivers, None)
     smoothed = width(effect) if effect.variable else None
     if not at_port(effect, plant):
         own = isinstance(effect, BalanceEffect) and effect.variable == effect.location

@@ -86,7 +86,8 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
-    distant = {} if effects is not None else {e.key: e for e in library if not _acts_near(e, problem)}
+    late = {e.key: e for e in library if e.late or (effects is None and not _acts_near(e, problem))}
+    distant = late if len(late) < len(library) else {}
     search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, later_asked=distant, **common)
     unnamed = OdeUnnamed(search, task.seed, whole, excluded_places(diagnoser.exclude))
     return _prepared(diagnoser, task, search, unnamed, rows)

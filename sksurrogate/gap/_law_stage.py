@@ -33,7 +33,7 @@ class LawStage(DiagnosisState[C]):
         rule, beside = first_rule(features), None
         if rule.withdraws:
             self.withdraw_names(LEAVE_A_LAW)
-        elif len(self.final.effects) >= STACK and rule.verdict in ("partial", "explained"):
+        elif self.names_may_imitate(rule.verdict):
             beside = self.law_in_place_of_names(found.held)
         if beside is None and rule.law and rule.verdict in ("partial", "unknown"):
             base = self.final if rule.verdict == "partial" else self.null
@@ -42,6 +42,11 @@ class LawStage(DiagnosisState[C]):
             found.held, found.beside = beside.held, beside
             self.measure()
             found.law = law_of(beside, self.problem.plant, found.shrink)
+
+    def names_may_imitate(self, verdict: str) -> bool:
+        """Whether so many names stand, or several that leave a law, that one effect without a name may be behind them."""
+        names = len(self.final.effects)
+        return (names >= STACK and verdict == "explained") or (names > 1 and verdict == "partial")
 
     def law_in_place_of_names(self, held: HeldOut) -> CertifiedLaw | None:
         """One formula that is clearly likelier than all names: these are withdrawn. None where they stand."""

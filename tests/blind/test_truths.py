@@ -50,6 +50,8 @@ OSCILLATOR = [  # name, location, variable, params
     ("parameter_error", "stiffness", None, {"relative_error": 0.1}),
     ("parameter_drift", "stiffness", None, {"rate": 0.05}),
     ("parameter_step", "damping", None, {"relative_error": 0.5, "time": 1.5}),
+    ("parameter_dependence", "stiffness", "velocity", {"slope": 0.1, "relative_error": 0.05}),
+    ("parameter_dependence", "gain", "force", {"slope": 0.08, "relative_error": -0.1}),
     ("constant_bias", "velocity", None, {"value": -0.4}),
     ("linear_loss", "velocity", "velocity", {"coefficient": 0.3}),
     ("quadratic_loss", "velocity", "position", {"coefficient": 0.4}),

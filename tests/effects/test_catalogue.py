@@ -23,6 +23,7 @@ TABLE = {
     "parameter_error": ["relative_error"],
     "parameter_drift": ["rate"],
     "parameter_step": ["relative_error", "time"],
+    "parameter_dependence": ["slope", "relative_error"],
     "constant_bias": ["value"],
     "linear_loss": ["coefficient"],
     "quadratic_loss": ["coefficient"],
@@ -75,6 +76,7 @@ SIGNED = {
         "parameter_error",
         "parameter_drift",
         "parameter_step",
+        "parameter_dependence",
         "constant_bias",
         "linear_loss",
         "quadratic_loss",
@@ -195,7 +197,7 @@ def test_runs_do_not_see_each_other(make_tanks):
 def test_whole_catalogue_over_a_plant_is_not_too_long_and_nothing_comes_twice(make_oscillator):
     plant = describe(make_oscillator())
     found = build_effects(plant, ["v"])
-    assert 50 <= len(found) <= 80
+    assert 50 <= len(found) <= 100
     assert len({effect.key for effect in found}) == len(found)
     coupling = {"input_coupling", "sensor_coupling"}  # one input, one output: nothing to couple with
     assert {effect.name for effect in found} == set(CATALOGUE) - coupling

@@ -189,11 +189,19 @@ def test_a_simulation_that_blows_up_names_time_and_state():
     assert caught.value.time > 0
 
 
-def test_a_branching_rhs_works_with_one_warning():
+def test_a_branching_rhs_works_and_one_that_takes_single_points_alone_warns_once():
     def rhs(t, x, u, p):
         return [-x[0] if x[0] > 0 else u[0]]
 
+    def of_one_point(t, x, u, p):
+        return [-x[0].item()]
+
     plant = ODESimulator(rhs, states=["a"], inputs=["u"], outputs=["a"], params={}, dt=0.1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Y = plant.simulate(np.ones((4, 1)), x0=[1.0])
+    np.testing.assert_allclose(Y[:, 0], np.exp(-0.1 * np.arange(4)), rtol=1e-7)
+    plant = ODESimulator(of_one_point, states=["a"], inputs=["u"], outputs=["a"], params={}, dt=0.1)
     with pytest.warns(UserWarning, match=r"np\.where"):
         Y = plant.simulate(np.ones((4, 1)), x0=[1.0])
     np.testing.assert_allclose(Y[:, 0], np.exp(-0.1 * np.arange(4)), rtol=1e-7)

@@ -17,6 +17,7 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
+from sksurrogate.gap.decide._one_curve import moved_by, only_shapes
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -57,7 +58,7 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
     none = _without(final.candidate, tuple(range(n)))
-    moved = _moved_by(final.candidate)
+    moved = moved_by(final.candidate)
     nothing = judged_law(search, final, none, tolerance, along=True, instead=moved[0] if n == 1 else None)
     seeds = [] if nothing is None else [nothing.seed]
     own = judged_law(search, final, final.candidate, tolerance, along=False, seeds=seeds)
@@ -77,18 +78,11 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
 
 
-def _moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
-    """What the magnitude of each effect moves the outputs by (n_outputs, n_samples); None where that is not known."""
-    J = candidate.columns()[1]
-    own = [J[:, candidate.slice_of(i)][:, :1] for i in range(len(candidate.effects))]
-    return [one[:, 0] if one.any() and np.isfinite(one).all() else None for one in own]
-
-
 def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
     """The set that is likeliest beside a law, without effects that the practical bar does not need. And its posterior.
 
-    Effects in whose place a law does as well are taken out, the least probable first; another effect takes the place of one
-    where that is likelier. Names that leave most of the gap in the data that they were fitted to close no more of it on runs
+    Effects in whose place a law does as well are taken out, the least probable first, and those that only shape the curve of another;
+    another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they were fitted to close no more of it on runs
     left out: they are not weighed.
     """
     final = needed_only(search, final, tolerance)
@@ -99,7 +93,11 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
     while final.effects and not leaves_most(final, search.gap_cost):
         posterior = weigh(search, final, tolerance)
         least = int(np.argmin(posterior.probabilities))
-        if posterior.probabilities[least] >= (CERTAIN_NAME if len(final.effects) > 1 else LEAST_ALONE):
+        several, enough = len(final.effects) > 1, posterior.probabilities[least] >= CERTAIN_NAME
+        shapes = only_shapes(final) if several and enough and final.left > SETTLED else None
+        if shapes is not None:
+            least = shapes
+        elif enough or (not several and posterior.probabilities[least] >= LEAST_ALONE):
             stood.add(frozenset(final.candidate.keys))
             if posterior.law is None:
                 return final, posterior
@@ -185,15 +183,15 @@ def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidenc
 def is_needed(whole: float, fewer: float, bar: float) -> bool:
     """Whether a set that leaves ``whole`` needs an effect without which, fitted again, it leaves ``fewer``.
 
-    Squared errors; ``bar``: the tolerance in power. It does if the effect closes at least the tolerance, or if more than the
-    tolerance is left without it and the effect closes most of that.
+    Squared errors; ``bar``: the tolerance in power. It does if more than the tolerance is left without it, and the effect closes most
+    of that.
 
     Examples
     --------
-    >>> is_needed(30.0, 140.0, bar=100.0), is_needed(10.0, 104.0, bar=100.0), is_needed(90.0, 104.0, bar=100.0)
-    (True, True, False)
+    >>> is_needed(10.0, 104.0, bar=100.0), is_needed(90.0, 204.0, bar=100.0), is_needed(10.0, 90.0, bar=100.0)
+    (True, False, False)
     """
-    return fewer - whole > bar or (fewer > bar and whole < MOST_LEFT**2 * fewer)
+    return fewer > bar and whole < MOST_LEFT**2 * fewer
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:

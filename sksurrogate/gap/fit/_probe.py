@@ -24,7 +24,7 @@ def probe_of(
     plant, record = problem.plant, problem.record
 
     def signal(name: str) -> np.ndarray:
-        if name in plant.states and effect.kind == "state":
+        if name in plant.states and effect.kind in ("state", "parameter"):
             return x[plant.states.index(name)]
         if name in plant.inputs:
             return record.u[plant.inputs.index(name)]

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import MOST_LEFT, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
-from sksurrogate.gap.screen._screen import Start, screen
+from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._shortlist import MOST_LISTED
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import best_starts, mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._restart import revived, scanned
-from sksurrogate.gap.search._stopping import is_stack
+from sksurrogate.gap.search._stopping import HARDLY_LESS, is_stack
 
 #: Candidates fitted from where the others stand, with one effect of what stands taken out.
 MOST_ANEW = 6
@@ -67,20 +68,38 @@ class OdeSearch(Expander):
         found = super().run()
         if not self.later_asked or found.left < NEARLY_WHITE:
             return found
-        self.report("effects of distant signals")
-        likely = {
-            start.effect.key for base in {self.fitted_null.candidate, found.candidate} for start in self.distant(base)
-        }
-        self.later_asked = {key: effect for key, effect in self.later_asked.items() if key not in likely}
-        self.screens.clear()
-        self.first_screen = None
+        bases = {self.fitted_null.candidate, found.candidate}
+        likely = [key for base in bases for key in self.late_ones(base, HARDLY_LESS * found.candidate.fit.cost)]
+        if not likely:
+            return found
+        self.report("effects that were left for later")
+        self.ask_now(likely)
         return super().run()
 
-    def distant(self, base: OdeCandidate) -> list[Start]:
-        """The effects left for later of which the screen expects most beside a base."""
+    def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
+        """The null with one effect; those left for later too that are expected to close most of what the best of the others leaves."""
+        found = super().singles(null)
+        least = min((candidate.fit.cost for candidate in found), default=0.0)
+        if not self.later_asked or least < NEARLY_WHITE**2 * self.n_values:
+            return found
+        leading = self.late_ones(null, MOST_LEFT**2 * least)
+        if not leading:
+            return found
+        self.ask_now(leading)
+        return super().singles(null)
+
+    def late_ones(self, base: OdeCandidate, most: float) -> list[Any]:
+        """Keys of the effects left for later of which the screen expects most beside a base, if they leave no more than ``most``."""
         later, noise = list(self.later_asked.values()), self.noise_of(base)
         starts = screen(later, self.as_searched(base), self.guess(base), noise, second=self.second).starts
-        return [group[0] for group in best_starts(starts, MOST_LISTED, MOST_LISTED, self.n_values)]
+        best = [group[0] for group in best_starts(starts, MOST_LISTED, MOST_LISTED, self.n_values)]
+        return [start.effect.key for start in best if start.left < most]
+
+    def ask_now(self, keys: Sequence[Any]) -> None:
+        """Effects that were left for later are candidates from now on."""
+        self.later_asked = {key: effect for key, effect in self.later_asked.items() if key not in keys}
+        self.screens.clear()
+        self.first_screen = None
 
     def refitted_without(self, candidate: OdeCandidate, i: int) -> OdeCandidate | None:
         """Without effect i; a step may have been off, and effect i have made up for it."""

@@ -1,0 +1,56 @@
+"""Effects of a set that only shape a curve together with another: their sizes are not known, or they cancel each other."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.decide._intervals import intervals
+from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._ode import OdeCandidate
+
+__all__ = ["driver_of", "moved_by", "only_shapes"]
+
+
+def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
+    """What a unit of the first parameter of each effect moves the outputs by, (1, n_outputs, n_samples); None where that is not known."""
+    J = candidate.columns()[1]
+    own = [J[:, candidate.slice_of(i)][:, :1] for i in range(len(candidate.effects))]
+    return [one[:, 0] if one.any() and np.isfinite(one).all() else None for one in own]
+
+
+def only_shapes(final: Evidence[OdeCandidate]) -> int | None:
+    """The effect of a set that is not exact that is there for the form of another; None where there is none.
+
+    Either its interval holds zero, or it and an effect of the same signal at the same place move the outputs by more, each of them, than
+    both together do: then the two are terms of one curve, and the smaller one is it.
+    """
+    candidate = final.candidate
+    low, high = intervals(final)
+    unsure = {}
+    for i, effect in enumerate(candidate.effects):
+        first = candidate.slice_of(i).start
+        if effect.linear and low[first] < 0.0 < high[first]:
+            unsure[i] = (high[first] - low[first]) / abs(final.fit.theta[first])
+    if unsure:
+        return max(unsure, key=lambda i: unsure[i])
+    moved = [None if one is None else one * candidate.theta_of(i)[0] for i, one in enumerate(moved_by(candidate))]
+    for i, j in combinations(range(len(moved)), 2):
+        one, other = moved[i], moved[j]
+        if one is not None and other is not None and driver_of(candidate.effects[i]) == driver_of(candidate.effects[j]):
+            sizes = _size(one), _size(other)
+            if _size(one + other) < min(sizes):
+                return i if sizes[0] < sizes[1] else j
+    return None
+
+
+def driver_of(effect: BaseEffect) -> tuple[Any, Any]:
+    """Where an effect acts, and the signal that drives it: its own where no other does."""
+    return effect.location, effect.variable or effect.location
+
+
+def _size(outputs: np.ndarray) -> float:
+    return float(np.linalg.norm(outputs))
