@@ -209,7 +209,7 @@ class _Machine:
             if truth.name == "parameter_drift":
                 change = p["rate"] * t
             elif truth.name == "parameter_dependence":
-                change = p["slope"] * self.factors(truth, x, u)[0] + p["relative_error"]
+                change = there(truth, middle) * (p["slope"] * self.factors(truth, x, u)[0] + p["relative_error"])
             else:
                 change = there(truth, middle) * p["relative_error"] * (t >= p.get("time", -np.inf))
             values[truth.location] = np.where(np.equal(nominal, 0.0), change, nominal * (1.0 + change))

@@ -167,12 +167,11 @@ class ParameterEffect(BaseEffect):
     3.0
     """
 
-    kind = "parameter"
-    access = "trajectory"
+    kind, access = "parameter", "trajectory"
 
     @abstractmethod
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
-        """The parameter, given its nominal value ``p`` and the time, jumps smoothed over ``width``; values of a ``variable`` come last."""
+        """The parameter, given its nominal value ``p`` and the time; jumps are smoothed over ``width``, a variable comes last."""
 
 
 class BalanceEffect(BaseEffect):
