@@ -22,7 +22,7 @@ from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
 from sksurrogate.compose._starts import Starts, fitted_starts, plain_starts
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._simulator import describe, simulated, simulated_batch
+from sksurrogate.physics._simulator import describe, recorded, simulated, simulated_batch
 
 __all__ = ["Free", "OutputCorrection", "simulate_runs"]
 
@@ -126,6 +126,7 @@ class OutputCorrection:
         base = simulate_runs(self.simulator, inputs, measured, self.n_outputs, x0=at)
         if self.simulator is not None:
             plant = describe(self.simulator, n_inputs=inputs[0].shape[1], n_outputs=self.n_outputs)
+            plant = recorded(plant, inputs)
             rate = PlantModel(plant).derivative if plant.access == "rhs" else None
             self.n_sub = training_substeps(plant, rate, inputs, at or plain_starts(self.simulator, measured))
         deviation = [y - b for y, b in zip(measured, base)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any, ClassVar
 
@@ -26,7 +25,7 @@ from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._asked import asked_bounds, asked_priors
-from sksurrogate.physics._simulator import describe
+from sksurrogate.physics._simulator import describe, recorded
 from sksurrogate.runs import resolve_runs
 
 
@@ -214,8 +213,7 @@ class GapDiagnoser(BaseEstimator):
         if runs[0].y is None:
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
-        recorded = np.concatenate([run.X for run in runs])
-        plant = replace(plant, input_range=np.stack([recorded.min(axis=0), recorded.max(axis=0)]))
+        plant = recorded(plant, [run.X for run in runs])
         free = _free(self.free_params, plant.params)
         _refuse_still([run.y for run in runs], plant.outputs)
         user_knows = _known(self.bounds, self.priors, plant.params)

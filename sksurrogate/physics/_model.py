@@ -33,11 +33,10 @@ class PlantModel:
         ported = wired(plant)
         #: All that the user's functions raised at points that they refused.
         self.said: dict[str, None] = {}
-        answered = plant.input_range is not None  # the first point of the data: no mistake in it
 
         def pointwise(what: str, names: Sequence[str]) -> PointwiseFunction:
             return PointwiseFunction(
-                ported(getattr(plant.simulator, what)), len(names), what, names, answered, self.said
+                ported(getattr(plant.simulator, what)), len(names), what, names, plant.input_range, self.said
             )
 
         self._rhs = pointwise("rhs", plant.states) if plant.access == "rhs" else None

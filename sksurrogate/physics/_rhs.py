@@ -59,9 +59,9 @@ class PointwiseFunction:
         How the message calls it: "rhs", "output" or "step".
     names : sequence of str
         Names of the components.
-    any_error : bool, default=False
-        Whether every exception refuses a point, as of a function that has answered before; else those that arithmetic raises do,
-        and others are mistakes in it.
+    input_range : ndarray (2, n_inputs), optional
+        Least and largest recorded inputs, of a function that has answered at such: its probe stays within them, and every exception
+        refuses a point; else those that arithmetic raises do, and others are mistakes in it.
     said : dict, optional
         Takes up all that it raises at points that it refuses.
     """
@@ -72,14 +72,14 @@ class PointwiseFunction:
         size: int,
         what: str,
         names: Sequence[str],
-        any_error: bool = False,
+        input_range: np.ndarray | None = None,
         said: dict[str, None] | None = None,
     ):
         self.function = function
         self.size = size
         self.what = what
         self.names = tuple(names)
-        self.any_error = any_error
+        self.input_range = input_range
         self.said = {} if said is None else said
         self.vectorised: bool | None = None
         #: What the function said when it last refused a point.
@@ -101,7 +101,10 @@ class PointwiseFunction:
             return
         spread = np.array([0.0, 1e-3, -1e-3, 0.5, -0.5])
         xs = x[:, None] + spread * np.maximum(np.abs(x), 0.1)[:, None]
-        us = u[:, None] + spread[::-1] * np.maximum(np.abs(u), 0.1)[:, None]
+        us = u[:, None] - spread * np.maximum(np.abs(u), 0.1)[:, None]
+        if self.input_range is not None:  # forces at further ports have none
+            low, high = self.input_range[:, :, None]
+            us[: len(low)] = np.clip(us[: len(low)], low, high)
         xs, us, times = locked(xs), locked(us), locked(np.full(len(spread), t))
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -248,7 +251,7 @@ class PointwiseFunction:
     def _check_refused(self, error: Exception) -> BaseException:
         """What the function said where it refused a point; a mistake in it is raised."""
         cause = error.__cause__ if isinstance(error, SimulatorError) else error
-        if not (self.any_error or isinstance(cause, REFUSALS)):
+        if not (self.input_range is not None or isinstance(cause, REFUSALS)):
             raise error
         return cause or error
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["BaseSimulator", "Plant", "describe", "simulated", "simulated_batch", "units_of"]
+__all__ = ["BaseSimulator", "Plant", "describe", "recorded", "simulated", "simulated_batch", "units_of"]
 
 
 class BaseSimulator(BaseEstimator):
@@ -165,6 +165,12 @@ def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple
 def _or(given: Any, own: Any) -> Any:
     """What the user gave, else what the simulator knows by itself."""
     return own if given is None else given
+
+
+def recorded(plant: Plant, inputs: Sequence[np.ndarray]) -> Plant:
+    """The plant with the range of the inputs (n_samples, n_inputs) of recorded runs."""
+    every = np.concatenate([np.asarray(U, dtype=float) for U in inputs])
+    return replace(plant, input_range=np.stack([every.min(axis=0), every.max(axis=0)]))
 
 
 def describe(

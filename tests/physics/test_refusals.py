@@ -111,6 +111,26 @@ def test_a_diagnosis_goes_on_where_candidates_leave_what_the_function_takes():
     assert report.effects[0].params["value"] == pytest.approx(-0.15, abs=0.03)
 
 
+def test_a_diagnosis_without_effects_of_inputs_asks_for_inputs_of_the_record_alone():
+    random = np.random.default_rng(1)
+    runs = [np.repeat(random.uniform(0.3, 1.6, (10, 1)), 10, axis=0) for _ in range(3)]
+    U = np.concatenate(runs)
+
+    def wet(t, x, u, p, missing=0.15):
+        return (u[0] - p["k"] * np.sqrt(np.maximum(x[0], 1e-9)) - missing,)
+
+    def narrow(t, x, u, p):
+        if np.any(np.asarray(u[0]) < U.min() - 1e-12) or np.any(np.asarray(u[0]) > U.max() + 1e-12):
+            raise KeyError("beyond the table of the valve")  # where it is asked first this ends a diagnosis
+        return wet(t, x, u, p, 0.0)
+
+    y = np.concatenate([ODESimulator(wet, **TANK).simulate(u) for u in runs]) + 0.003 * random.normal(size=(300, 1))
+    asked = ["constant_bias", "linear_loss", "quadratic_loss", "sensor_bias"]
+    diagnoser = GapDiagnoser(ODESimulator(narrow, **TANK), effects=asked, n_jobs=1, random_state=0)
+    report = diagnoser.fit(U, y, groups=np.repeat([0, 1, 2], 100)).report_
+    assert [e.name for e in report.effects] == ["constant_bias"]
+
+
 def _silent(queue, function):
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
