@@ -1,5 +1,6 @@
 """Forms that no plant has are no candidates by default; asked for by name they are."""
 
+import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, build_effects
@@ -37,6 +38,15 @@ def test_no_friction_at_a_position_unless_it_is_asked_for(name):
 def test_no_sine_of_a_speed_unless_it_is_asked_for():
     assert {key[2] for key in keys(None) if key[0] == "gravity_tilt"} == {"q", "i", "u"}
     assert ("gravity_tilt", "v", "v") in keys(["gravity_tilt"])
+
+
+@pytest.mark.parametrize("variable", ["v", "v*i"])
+def test_a_power_law_of_a_signal_that_changes_sign_is_odd(variable):
+    law, v = CATALOGUE["power_law"]("v", variable), np.linspace(-2.0, 2.0, 9)
+    given = (lambda s: (s * v, np.ones(9))) if "*" in variable else (lambda s: s * v)
+    one, other = (law.term(0.0, v, given(sign), (0.7, 1.6), 0.0) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(one, -other)
+    np.testing.assert_allclose(one[v > 0], -0.7 * v[v > 0] ** 1.6)
 
 
 def test_a_speed_that_is_an_integral_too_stays_a_speed():

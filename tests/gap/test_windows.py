@@ -5,6 +5,9 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.fit._known_parameters import KnownParameters
+from sksurrogate.gap.render._values import change_of
+from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.physics import ODESimulator
 
 RUNS, N = 2, 300
@@ -66,6 +69,24 @@ def test_it_is_named_with_its_times(simulator, name, place, values):
     assert effect.params[size] == pytest.approx(values[size], rel=0.01)
     assert ("from t = " in report.sentence) == ("onset" in span)
     assert ("until t = " in report.sentence) == ("end" in span)
+
+
+def test_the_change_of_a_parameter_is_told_with_its_times():
+    values, ends = {"relative_error": 0.25, "end": 3.0}, {"relative_error": (0.2, 0.3), "end": (2.9, 3.1)}
+    effect = EffectEstimate("parameter_error", "length", None, 1.0, values, ends, 1.0)
+    lines = change_of(effect, {"length": 2.0}, {"length": "m"})
+    assert lines == ["length: 2 -> 2.5 m [2.4, 2.6]", "end: 3 [2.9, 3.1]"]
+
+
+def test_an_error_that_ends_says_nothing_of_the_prior_of_its_parameter():
+    known = KnownParameters(priors={"length": (2.0, 0.1)})
+    always = CATALOGUE["parameter_error"]("length")
+    for effect, held in ((always, True), (starting(always, ("end",)), False)):
+        n = len(effect.parameters)
+        _, sd = known.prior_of({"length": 2.0}, [effect], [], np.zeros(n))
+        assert np.isfinite(sd).any() == held
+        low, _ = KnownParameters(bounds={"length": (1.0, 3.0)}).bounds_of({"length": 2.0}, [effect], [], 9.0)
+        assert len(low) == n and (low[0] == -0.5) == held
 
 
 def test_a_parameter_that_is_always_wrong_has_no_window():

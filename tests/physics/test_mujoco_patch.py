@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics import MuJoCoSimulator
 
@@ -144,6 +144,14 @@ def test_errors_of_parameters_and_gains_of_motors_are_parameters():
     added = AugmentedSimulator(simulator, effects[:3], values[:3]).simulate(U)
     np.testing.assert_allclose(own.simulate(U), added, atol=1e-6)  # tolerance of the solver, cold at every sample
     compare(own, own.to_mjcf(), 1e-9)
+
+
+def test_what_acts_for_a_time_alone_is_no_parameter():
+    simulator = MuJoCoSimulator(CART, dt=0.01)
+    late = [starting(CATALOGUE["input_gain"]("drive")), starting(CATALOGUE["parameter_error"]("pole.mass"), ("end",))]
+    values = [{"relative_error": -0.1, "onset": 0.2}, {"relative_error": 0.2, "end": 0.3}]
+    own, left = simulator.as_parameters(late, values)
+    assert left == [0, 1] and own.params == simulator.params
 
 
 def test_friction_laws_at_a_port_are_parameters_of_the_joint():
