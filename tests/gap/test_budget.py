@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import norm
 
 from sksurrogate.gap.decide._budget import budget_of
+from sksurrogate.gap.decide._partial_results import Parts
+from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.unnamed._law_left import LawLeft
 
@@ -66,3 +69,8 @@ def test_where_there_is_no_gap_there_are_no_shares():
     assert len(budget_of([], [], 0.0, replace(SHRINK, fraction_power=np.nan), None)) == 0
     bare = rows([], [], 0.0, replace(SHRINK, interval=(np.nan, np.nan)), None)
     assert bare["disturbance"] == (1.0, 1.0, 1.0)
+
+
+def test_what_no_stage_has_said_closes_nothing():
+    assert (Parts().shares, Parts().retuning, Parts().probabilities) == ((), 0.0, ())
+    assert pytest.approx(norm.ppf(0.95), abs=1e-3) == BAND

@@ -1,5 +1,7 @@
 """The missing term as a formula: planted laws come back with their constants, certified, and the augmented simulator carries them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,6 +94,11 @@ def test_the_law_is_drawn_over_its_own_variable(monod):
     np.testing.assert_allclose(line.y, monod.report_.missing_term.law.value({"h": line.x}))
     assert (line.x[0], line.x[-1]) == (0.5, 2.0)
     assert law_line(monod.report_, Curve("flow", at, at, at, at, 1.0)) == []
+
+
+def test_only_a_formula_that_is_certified_tells_the_place(monod):
+    law = monod.report_.missing_term.law
+    assert law.tells_the_place and not replace(law, certified=False).tells_the_place
 
 
 def test_the_page_shows_the_law_with_its_numbers(monod):

@@ -13,7 +13,7 @@ from sksurrogate.gap import EffectEstimate, GapReport
 from sksurrogate.gap.render._code import _reference
 from sksurrogate.gap.render._page import html_fragment, html_page
 from sksurrogate.gap.render._script import SCRIPT
-from sksurrogate.gap.render._svg import Line, bars, chart, limits, ticks
+from sksurrogate.gap.render._svg import Line, Panel, bars, chart, figure, limits, ticks
 from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
@@ -174,3 +174,13 @@ def test_a_constant_signal_has_an_axis():
 )
 def test_the_code_imports_the_simulator_as_it_was_typed(typed, module, name):
     assert _reference(typed) == (module, name)
+
+
+def test_lines_are_named_once_above_the_first_panel_that_has_them():
+    x = np.arange(3.0)
+    one, other = (Panel([Line(name, x, x), Line("", x, x + 1)], "level") for name in ("measured", "simulated"))
+    pictures = [
+        figure(panels, "time", "a run") for panels in ([one], [one, one], [one, other], [replace(one, legend=False)])
+    ]
+    assert [picture.count(">measured<") for picture in pictures] == [1, 1, 1, 0]
+    assert [picture.count(">simulated<") for picture in pictures] == [0, 0, 1, 0]
