@@ -321,14 +321,15 @@ class FMUSimulator(ParametricSimulator):
         if start is not None:
             values |= dict(zip(question.initial or (found.signals.states if found.signals else ()), start.tolist()))
         check_settable(looked.description, self.path, list(values))
-        unit = self._opened()
+        unit, direct = self._opened(), found.access == "step" and found.direct
+        shown = list(found.signals.states if direct and found.signals else question.outputs)
         try:
-            Y = run_whole(unit, self.path, rows, times, self.dt, values, list(question.inputs), list(question.outputs))
+            Y = run_whole(unit, self.path, rows, times, self.dt, values, list(question.inputs), shown)
         except SimulatorError:
             self.__dict__.pop("_handle", None)
             raise
-        raise_if_diverged(Y[None], times, question.outputs)
-        return Y
+        raise_if_diverged(Y[None], times, tuple(shown))
+        return self._engine().outputs(times, Y.T, rows.T, dict(question.params)).T if direct else Y
 
     @available_if(_has("rhs"))
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:

@@ -68,6 +68,8 @@ class Access:
     signals : Signals or None
     start : ndarray (n_states,) or None
         The unit's own initial states.
+    direct : bool
+        Whether outputs depend on the inputs of their own sample. A master of a co-simulation reads them before it sets these.
     """
 
     kind: str
@@ -75,6 +77,7 @@ class Access:
     reasons: tuple[str, ...]
     signals: Signals | None = None
     start: np.ndarray | None = None
+    direct: bool = False
 
 
 def open_engine(found: Access, question: Question, description: Any) -> Engine:
@@ -145,7 +148,7 @@ def _exchanged(question: Question, description: Any) -> Access:
             X, Y = steps.run(t, U, None, values)
             if np.all(np.isfinite(X)):
                 break
-        _prove(question, signals, steps, t, U, X, Y)
+        _prove(question, signals, steps, t, U, X, Y, U)
         why = () if question.wanted == "step" else ("ModelExchange: it has events",)
         return Access("ModelExchange", "step", why, signals, start)
     finally:
@@ -177,10 +180,13 @@ def _stepped(question: Question, description: Any, through: Through) -> Access:
     X, Y = both[:, : len(signals.states)], both[:, len(signals.states) :]
     steps = CoSteps(question.folder, description, signals, tuple(name for name, _ in question.params))
     try:
-        _prove(question, signals, steps, t, U, X, Y)
+        before = np.concatenate([U[:1], U[:-1]])  # the run shows every row under the inputs that led to it
+        _prove(question, signals, steps, t, U, X, Y, before)
+        now = steps.outputs(t, X.T, U.T, dict(question.params)).T
+        direct = bool(np.any(np.abs(now - Y) > _room(Y)))
     finally:
         steps.close()
-    return Access("CoSimulation", "step", ("CoSimulation gives no right-hand side",), signals, X[0])
+    return Access("CoSimulation", "step", ("CoSimulation gives no right-hand side",), signals, X[0], direct)
 
 
 def _excitations(signals: Signals, n_rows: int) -> list[np.ndarray]:
@@ -191,24 +197,32 @@ def _excitations(signals: Signals, n_rows: int) -> list[np.ndarray]:
 
 
 def _prove(
-    question: Question, signals: Signals, steps: EventSteps | CoSteps, t: np.ndarray, U: np.ndarray, X: np.ndarray, Y: np.ndarray
+    question: Question, signals: Signals, steps: EventSteps | CoSteps, t: np.ndarray, U: np.ndarray, X: np.ndarray, Y: np.ndarray,
+    shown_under: np.ndarray,
 ) -> None:  # fmt: skip
-    """A chain of single steps from the states alone must give the run that went through: else the unit remembers more."""
+    """A chain of single steps from the states alone must give the run that went through: else the unit remembers more.
+
+    ``shown_under`` (n_samples, n_inputs) are the inputs under which that run shows its outputs Y.
+    """
     params = dict(question.params)
     chain = np.full_like(X, np.nan)
     chain[0] = X[0]
     for k in range(len(t) - 1):
         chain[k + 1] = steps.sample(t[k], chain[k][:, None], U[k][:, None], params, question.dt)[:, 0]
-    seen = np.array(steps.outputs(t, chain.T, U.T, params)).T
+    seen = np.array(steps.outputs(t, chain.T, shown_under.T, params)).T
     for names, found, expected in ((signals.states, chain, X), (question.outputs, seen, Y)):
-        room = _SAME * np.maximum(np.ptp(expected, axis=0), 1e-3 * np.max(np.abs(expected), axis=0)) + 1e-12
-        wrong = ~(np.abs(found - expected) <= room)
+        wrong = ~(np.abs(found - expected) <= _room(expected))
         if wrong.any():
             k, i = np.argwhere(wrong)[0]
             raise Unfit(
                 f"its states {list(signals.states)} do not determine its future: {names[i]!r} at t={t[k]:g} is {expected[k, i]:.6g}, "
                 f"{found[k, i]:.6g} when it restarts at every sample{steps_said(steps)}"
             )
+
+
+def _room(values: np.ndarray) -> np.ndarray:
+    """Differences of signals (n_samples, n_signals) that count as none."""
+    return np.asarray(_SAME * np.maximum(np.ptp(values, axis=0), 1e-3 * np.max(np.abs(values), axis=0)) + 1e-12)
 
 
 def steps_said(steps: EventSteps | CoSteps) -> str:
