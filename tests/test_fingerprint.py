@@ -201,6 +201,18 @@ print(Remembered(model, "fits").fit(X, X[:, 0]).estimator_[-1].coef_[0])
 """
 
 
+def test_what_the_estimator_has_learned_is_seen_through_and_nothing_else(tmp_path):
+    model = Remembered(LinearRegression(), tmp_path)
+    with pytest.raises(AttributeError, match="'Remembered' has no attribute 'coef_'"):
+        model.coef_  # noqa: B018
+    model.fit(np.eye(3), np.arange(3.0))
+    np.testing.assert_array_equal(model.coef_, model.estimator_.coef_)
+    assert model.intercept_ == model.estimator_.intercept_
+    for name in ("fit_intercept", "__len__", "coef"):
+        with pytest.raises(AttributeError, match=f"'Remembered' has no attribute '{name}'"):
+            getattr(model, name)
+
+
 def test_an_edited_file_is_fitted_anew_and_the_same_one_is_read(tmp_path):
     (tmp_path / "plant.py").write_text(PLANT)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"}

@@ -144,3 +144,14 @@ def test_a_unit_without_a_sample_time_steps_by_one(dt, said):
     graph.outputs.update(x_next=graph.binary("add", x, u), y=x)
     graph.dt = dt
     assert _described(graph, None, None, None, None)["dt"] == said
+
+
+def test_a_matrix_and_what_picks_or_joins_components_have_their_values():
+    graph, rng = Graph(), np.random.default_rng(2)
+    x, u = graph.input("x", 3), graph.input("u", 2)
+    both = graph.affine(graph.concat(x, u), rng.normal(size=(5, 4)), rng.normal(size=4))
+    graph.outputs["y"] = graph.take(both, np.array([3, 0]))
+    nodes = [[node.op, list(node.args), _plain(node)] for node in graph.nodes]
+    given = {"x": rng.normal(size=3), "u": rng.normal(size=2)}
+    found = evaluate(nodes, {name: value.tolist() for name, value in given.items()})
+    np.testing.assert_allclose(found[graph.outputs["y"]], graph(**given)["y"], rtol=1e-14)

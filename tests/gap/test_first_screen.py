@@ -128,6 +128,7 @@ def test_blocks_of_one_run_are_not_called_runs():
 
 def test_the_curve_of_an_effect_is_its_law_with_its_band():
     curve = effect_curve(FRICTION, report(FRICTION))
+    assert curve.explained == 1.0
     np.testing.assert_allclose(curve.value, -0.4 * np.sign(curve.at))
     moving = np.abs(curve.at) > 0.1
     np.testing.assert_allclose((curve.high - curve.low)[moving], 0.2)
