@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._branches import Branches
 from sksurrogate.physics._inner import InnerRunsMixin
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator
@@ -132,7 +133,7 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
     def _together(
         self, system: Any, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
     ) -> np.ndarray | None:
-        """All points in one call, where the system's own function takes arrays; None where it does not.
+        """All points in one call, where the system's own function takes arrays, or does by branches; None where it does not.
 
         It is asked for a few points together and one by one, once; an interconnected system holds its parameters itself
         and is asked one by one.
@@ -143,8 +144,14 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
         kept = self.__dict__.setdefault("_abreast", {})
         if kept.get(what, (None, True))[0] is not function:
             size = system.nstates if what == "dynamics" else system.noutputs
-            kept[what] = (function, _takes_arrays(system, function, what, size, t, x, u, p))
-        return np.stack(list(map(_full(x), function(t, x, u, {**system.params, **p})))) if kept[what][1] else None
+            ways = (
+                one
+                for one in (function, Branches(function, size))
+                if _takes_arrays(system, one, what, size, t, x, u, p)
+            )
+            kept[what] = (function, next(ways, None))
+        together = kept[what][1]
+        return None if together is None else np.stack(list(map(_full(x), together(t, x, u, {**system.params, **p}))))
 
     def _written(self, system: Any, what: str, x: Any, u: Any) -> Any:
         """``dynamics`` or ``output`` at symbols."""

@@ -1,5 +1,7 @@
 """Plants handed to python-control and taken back; parameters of its nonlinear systems; systems without states."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -53,3 +55,19 @@ def test_parameters_of_a_nonlinear_system_are_calibrated():
 def test_a_gain_has_no_states():
     gain = ControlSimulator(control.ss([], [], [], [[2.0]]), dt=0.1)
     np.testing.assert_allclose(gain.simulate([[1.0], [3.0]]), [[2.0], [6.0]])
+
+
+def test_a_nonlinear_system_that_branches_is_called_once_for_all_points_of_a_branch():
+    calls = []
+
+    def update(t, x, u, params):
+        calls.append(np.shape(x))
+        return [-params["c"] * math.copysign(1.0, x[0]) + max(u[0], 0.0)]
+
+    system = control.nlsys(update, None, inputs=["u"], states=["x"], outputs=["x"], params={"c": 0.4})
+    simulator = ControlSimulator(system, dt=0.1)
+    x, u = np.random.default_rng(0).normal(size=(2, 1, 400))
+    simulator.rhs(0.0, x, u, {})  # probes it
+    calls.clear()
+    np.testing.assert_array_equal(simulator.rhs(0.0, x, u, {})[0], -0.4 * np.sign(x[0]) + np.maximum(u[0], 0.0))
+    assert len(calls) < 10
