@@ -161,6 +161,9 @@ SHAPES: dict[str, Shape] = {
         lambda s, v, c, d: 1 / (1 + (v / c) ** 2), (_POSITIVE,),
     ),
     "inverse": Shape(lambda v, c, w: 1.0 / v, "1/{v}", r"\frac{{1}}{{{v}}}", lambda s, v, c, d: 1 / v),
+    "inverse_square": Shape(
+        lambda v, c, w: 1.0 / v**2, "1/{v}^2", r"\frac{{1}}{{{v}^2}}", lambda s, v, c, d: 1 / v**2
+    ),
     "inhibited": Shape(
         lambda v, c, w: 1.0 / (1.0 + v / c), "1/(1 + {v}/{c})", r"\frac{{1}}{{1 + {v}/{c}}}",
         lambda s, v, c, d: 1 / (1 + v / c), (_POSITIVE,),

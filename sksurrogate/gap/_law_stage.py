@@ -8,7 +8,9 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of
+from sksurrogate.gap.decide._one_curve import driver_of
 from sksurrogate.gap.decide._rules import first_rule
+from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
@@ -44,9 +46,10 @@ class LawStage(DiagnosisState[C]):
             found.law = law_of(beside, self.problem.plant, found.shrink)
 
     def names_may_imitate(self, verdict: str) -> bool:
-        """Whether so many names stand, or several that leave a law, that one effect without a name may be behind them."""
-        names = len(self.final.effects)
-        return (names >= STACK and verdict == "explained") or (names > 1 and verdict == "partial")
+        """Whether one effect without a name may be behind all names: behind a stack, or behind inexact ones of several signals or places."""
+        effects = self.final.effects
+        apart = len({driver_of(effect) for effect in effects}) > 1 and self.final.left > SETTLED
+        return verdict in ("explained", "partial") and (len(effects) >= STACK or apart)
 
     def law_in_place_of_names(self, held: HeldOut) -> CertifiedLaw | None:
         """One formula that is clearly likelier than all names: these are withdrawn. None where they stand."""

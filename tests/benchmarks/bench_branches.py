@@ -50,8 +50,14 @@ def main() -> None:
     """Print the table."""
     warnings.simplefilter("ignore")
     rng = np.random.default_rng(0)
-    print("| function | points | point by point, us | / by branches | by branches / for arrays |\n|---|---|---|---|---|")
-    for scalar, arrays, n in ((tank, tank_arrays, 1), (joint, joint_arrays, 2), (eight_branches, eight_branches_arrays, 2)):
+    print(
+        "| function | points | point by point, us | / by branches | by branches / for arrays |\n|---|---|---|---|---|"
+    )
+    for scalar, arrays, n in (
+        (tank, tank_arrays, 1),
+        (joint, joint_arrays, 2),
+        (eight_branches, eight_branches_arrays, 2),
+    ):
         ways = [PointwiseFunction(f, n, "rhs", ["a", "b"][:n]) for f in (scalar, Branches(scalar, n), arrays)]
         for way, vectorised in zip(ways, (False, True, True)):
             way.vectorised = vectorised

@@ -85,18 +85,23 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
 
 
 @pytest.mark.parametrize(
-    ("n", "share_left", "rule", "bases"),
-    [(3, 0.3, "imitations", ["null"]), (2, 0.3, "law_left", ["null", "final"]), (3, 0.05, "closed", ["null"]),
-     (2, 0.05, "closed", []), (1, 0.3, "law_left", ["final"])],
+    ("places", "left", "share_left", "rule", "bases"),
+    [("aab", 3.0, 0.3, "imitations", ["null"]), ("ab", 3.0, 0.3, "law_left", ["null", "final"]), ("aaa", 3.0, 0.05, "closed", ["null"]),
+     ("aa", 3.0, 0.05, "closed", []), ("ab", 3.0, 0.05, "closed", ["null"]), ("ab", 1.0, 0.05, "closed", []),
+     ("a", 3.0, 0.3, "law_left", ["final"])],
 )  # fmt: skip
-def test_three_names_that_leave_a_law_are_withdrawn_and_of_two_one_law_may_take_the_place(n, share_left, rule, bases):
+def test_three_names_that_leave_a_law_are_withdrawn_and_of_two_one_law_may_take_the_place(
+    places, left, share_left, rule, bases
+):
     said, asked = [], []
-    names = [SimpleNamespace(name=f"effect_{i}") for i in range(n)]
+    names = [SimpleNamespace(name=f"effect_{i}", location=place, variable="v") for i, place in enumerate(places)]
     stage = LawStage.__new__(LawStage)
-    null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names)
+    null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names, left=left)
     stage.search = SimpleNamespace(final=final, fitted_null=null)
     stage.found = SimpleNamespace(held=object(), shrink=SimpleNamespace(measurable=True))
-    features = DecisionFeatures(names=n, share_left=share_left, left=3.0, lawful=share_left, error=0.5, after=0.2)
+    features = DecisionFeatures(
+        names=len(names), share_left=share_left, left=left, lawful=share_left, error=0.5, after=0.2
+    )
     stage.features = lambda: features
     stage.share_the_gap = lambda: None
     stage.withdraw = lambda why: said.append(why) or setattr(stage.search, "final", null)

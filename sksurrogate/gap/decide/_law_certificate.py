@@ -99,7 +99,7 @@ def signals_of(candidate: OdeCandidate, plant: Plant, kind: str) -> dict[str, np
 
 #: Powers of its signal that a shape has as its unit; the others have none.
 POWERS = {"v": 1, "square": 2, "cube": 3, "fourth": 4, "drag": 2, "size": 1, "above": 1, "below": 1, "dead_zone": 1, "clip": 1,
-          "fading": 1, "inverse": -1}  # fmt: skip
+          "fading": 1, "inverse": -1, "inverse_square": -2}  # fmt: skip
 #: Units of the constants of a shape as powers of its signal, where they are not one.
 POWERS_OF_CONSTANTS = {"power": (0,), "wave": (-1,), "swing": (-1, 0), "hill": (1, 0)}
 
@@ -115,7 +115,9 @@ def units_of(effect: AnyLaw, kind: str, plant: Plant) -> dict[str, str]:
         for shape, name, *_ in term.factors:
             v = given.get(signal_names(name)[0], "")
             power = POWERS.get(shape, 0)
-            unit = over(unit, to_power(v, power)) if power > 0 else times(unit, v) if power < 0 else unit
+            unit = (
+                over(unit, to_power(v, power)) if power > 0 else times(unit, to_power(v, -power)) if power < 0 else unit
+            )
             unit = "" if shape in ("root", "flow", "power") else unit
             powers = POWERS_OF_CONSTANTS.get(shape, (1, 1))
             constants += [

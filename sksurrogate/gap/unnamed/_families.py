@@ -95,7 +95,7 @@ FAMILIES = (
     Family(("flow",), lambda d: d.positive, lambda d: PLAIN),
     Family(("saturating",), lambda d: d.positive, scaled(HALVES, lambda d: d.middle)),
     Family(("hill",), lambda d: d.positive, lambda d: [(k * d.middle, 0.0, n) for k, n in product(HALVES, STEEPNESS)]),
-    Family(("inverse",), lambda d: d.bent, lambda d: PLAIN),
+    Family(("inverse", "inverse_square"), lambda d: d.bent, lambda d: PLAIN),
     Family(("inhibited",), lambda d: d.bent, scaled(HALVES, lambda d: d.middle)),
     Family(("activated",), lambda d: d.bent, scaled(ACTIVATIONS, lambda d: d.middle)),
     Family(("sine", "cosine"), lambda d: d.angular, lambda d: PLAIN),
