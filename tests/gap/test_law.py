@@ -109,6 +109,13 @@ def test_the_page_shows_the_law_with_its_numbers(monod):
     )
 
 
+def test_an_inverse_square_is_found_with_its_unit():
+    law = diagnosed(lambda h: -0.4 / h**2).report_.missing_term.law
+    assert [[factor[:2] for factor in term.factors] for term in law.to_effect().terms] == [[("inverse_square", "h")]]
+    assert law.units == {"c0": "m^3/s"} and "1/h^2" in str(law)
+    assert float(law.value({"h": 2.0})) == pytest.approx(0.08, rel=0.05)
+
+
 def test_the_runs_are_shown_with_what_the_augmented_simulator_carries(monod):
     report = monod.report_
     errors = np.concatenate([trace.measured - trace.corrected for trace in report.traces])
