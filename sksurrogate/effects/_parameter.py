@@ -113,10 +113,11 @@ class ParameterDependence(ParameterEffect):
         return p * (1 + theta[0] * v + theta[1])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """A tenth more or less for a deviation of the signal, none at its mean."""
+        """A tenth more or less for a deviation of the signal, and right at its least, mean or largest value."""
         v = np.zeros(1) if probe.v is None else np.asarray(probe.v)
         slope = 0.1 / max(float(np.std(v)), 1e-12)
-        return [(sign * slope, -sign * slope * float(np.mean(v))) for sign in (1.0, -1.0)]
+        right_at = float(np.min(v)), float(np.mean(v)), float(np.max(v))
+        return [(sign * slope, -sign * slope * value) for value in right_at for sign in (1.0, -1.0)]
 
 
 class ParameterStep(ParameterEffect):

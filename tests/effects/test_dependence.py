@@ -125,7 +125,7 @@ def test_it_may_depend_on_a_state_that_is_not_measured():
 def test_it_is_not_asked_where_another_effect_explains_all(monkeypatch):
     from sksurrogate.gap.search._ode_search import OdeSearch
 
-    def asked(self, base, most):
+    def asked(self, base, left):
         raise AssertionError("asked")
 
     def leaking(t, x, u, p):

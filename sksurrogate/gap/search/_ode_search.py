@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._closeness import MOST_LEFT, NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import MOST_LEFT, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
@@ -21,7 +21,7 @@ from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, 
 from sksurrogate.gap.search._fit_from_starts import best_starts, mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._restart import revived, scanned
-from sksurrogate.gap.search._stopping import HARDLY_LESS, is_stack
+from sksurrogate.gap.search._stopping import is_stack
 
 #: Candidates fitted from where the others stand, with one effect of what stands taken out.
 MOST_ANEW = 6
@@ -64,12 +64,11 @@ class OdeSearch(Expander):
         return self.null
 
     def run(self) -> Evidence:
-        """The whole search; where effects were left for later and something without a name remains, once more with the likeliest of them."""
+        """The whole search; once more with the effects left for later that are expected to close most of what the named ones leave."""
         found = super().run()
-        if not self.later_asked or found.left < NEARLY_WHITE:
+        if not self.later_asked or not found.effects or found.left < NEARLY_WHITE:
             return found
-        bases = {self.fitted_null.candidate, found.candidate}
-        likely = [key for base in bases for key in self.late_ones(base, HARDLY_LESS * found.candidate.fit.cost)]
+        likely = self.late_ones(found.candidate, found.candidate.fit.cost)
         if not likely:
             return found
         self.report("effects that were left for later")
@@ -82,17 +81,18 @@ class OdeSearch(Expander):
         least = min((candidate.fit.cost for candidate in found), default=0.0)
         if not self.later_asked or least < NEARLY_WHITE**2 * self.n_values:
             return found
-        leading = self.late_ones(null, MOST_LEFT**2 * least)
+        leading = self.late_ones(null, least)
         if not leading:
             return found
         self.ask_now(leading)
         return super().singles(null)
 
-    def late_ones(self, base: OdeCandidate, most: float) -> list[Any]:
-        """Keys of the effects left for later of which the screen expects most beside a base, if they leave no more than ``most``."""
+    def late_ones(self, base: OdeCandidate, left: float) -> list[Any]:
+        """Keys of the effects left for later that the screen expects to close, beside a base, most of what is ``left``, or to reach the noise."""
         later, noise = list(self.later_asked.values()), self.noise_of(base)
         starts = screen(later, self.as_searched(base), self.guess(base), noise, second=self.second).starts
         best = [group[0] for group in best_starts(starts, MOST_LISTED, MOST_LISTED, self.n_values)]
+        most = max(MOST_LEFT**2 * left, SETTLED**2 * self.n_values)
         return [start.effect.key for start in best if start.left < most]
 
     def ask_now(self, keys: Sequence[Any]) -> None:
