@@ -11,6 +11,7 @@ from sklearn.tree import DecisionTreeRegressor
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.compose import DerivativeRegressor
+from sksurrogate.compose._long_runs import watched
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.datasets import make_reactor_runs, simulate_experiments
 from sksurrogate.exceptions import DataError, SimulationDiverged
@@ -219,6 +220,15 @@ def test_a_long_record_is_watched_on_a_part_of_it(monkeypatch):
     assert some.free_run_rmse_ == pytest.approx(np.sqrt(np.mean(error**2)))
     one = DerivativeRegressor(true_terms(), 0.02).fit(X[:300], y[:300])
     assert one.n_sub_ == whole.n_sub_ and np.isfinite(one.free_run_rmse_)
+
+
+def test_of_one_long_run_the_first_rows_are_watched_once():
+    runs = resolve_runs(np.zeros((100, 1)), np.arange(100.0))
+    assert [len(run) for run in watched(runs, 40)] == [40]
+    np.testing.assert_array_equal(next(iter(watched(runs, 40))).y[:, 0], np.arange(40.0))
+    two = resolve_runs(np.zeros((100, 1)), np.arange(100.0), groups=np.repeat([0, 1], 50))
+    assert [len(run) for run in watched(two, 60)] == [50]
+    assert watched(two, 100) is two
 
 
 def test_few_runs_together_are_the_runs_one_by_one():

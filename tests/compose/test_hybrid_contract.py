@@ -75,6 +75,19 @@ def test_far_from_the_data_the_physics_is_left_alone_and_the_spread_says_so():
     assert mean.shape == near.shape == (60,) and np.all(wide[10:] > 5 * near[10:].max())
 
 
+def test_the_spread_holds_what_the_members_disagree_by():
+    X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)
+    hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    inside = np.full((60, 1), 0.1)
+    _, std = hybrid.predict(inside, return_std=True)
+    _, free, _ = hybrid._free(inside, None, None, True)
+    doubt = hybrid.region_.doubt(np.hstack([inside, free.y[0]])) + 1.0 - free.weight[0]
+    disagree, known = free.spread[0][:, 0], np.ravel(hybrid.left_out_rmse_)[0]
+    assert disagree.max() > 0.05 * known
+    sure = doubt == 0.0
+    np.testing.assert_allclose(std[sure] ** 2, known**2 + disagree[sure] ** 2, rtol=1e-12)
+
+
 def test_the_spread_grows_from_the_edge_of_the_data_on_and_stays():
     """Where the correction has not started to fade yet; back inside, the run still remembers where it was."""
     X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 from sklearn.linear_model import LinearRegression
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from sksurrogate.compose import HybridRegressor
+from sksurrogate.compose._lagged import barely_fitted
 from sksurrogate.datasets import linear_reactor, make_reactor_runs
 from sksurrogate.physics import CallableSimulator, ODESimulator
 
@@ -60,3 +64,9 @@ def test_a_simulator_of_trajectories_alone_has_no_form_inside():
     hybrid = HybridRegressor(CallableSimulator(half), LinearRegression(), "auto").fit(X, X[:, 0] + 0.3, groups=groups)
     assert hybrid.form_ in ("output", "static")
     assert HybridRegressor(None, LinearRegression(), "auto").fit(X, X[:, 0] + 0.3, groups=groups).form_ == "output"
+
+
+def test_a_network_that_only_needs_its_shape_is_fitted_for_one_iteration():
+    net = make_pipeline(StandardScaler(), MLPRegressor((3,), max_iter=40, random_state=0))
+    fitted = barely_fitted(net, np.random.default_rng(0).normal(size=(30, 2)), np.arange(30.0))
+    assert fitted[-1].n_iter_ == 1 and fitted[-1].max_iter == 40

@@ -5,8 +5,11 @@ import pytest
 from scipy.integrate import quad
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, Probe, SensorPath
+from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._sensor import EXCESS, ceiling, lag_moments
+from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._model import PlantModel
 
 ONE = np.array([0])
 
@@ -260,3 +263,25 @@ def test_an_output_that_shows_an_input_jumps_with_it(name, value):
             forced = (x[k] - u[k]) * (np.exp(-dt) - share) / (1.0 - value)
             expected.append(share * expected[k] + 3 * u[k] * (1.0 - share) + forced)
     np.testing.assert_allclose(found, expected, atol=2e-6)
+
+
+def test_a_jump_of_a_reading_is_spread_over_one_part_in_the_sharpness():
+    from sksurrogate.effects._readings import read_sensors
+    from sksurrogate.physics._simulator import describe
+
+    given = []
+
+    class Seen(CATALOGUE["sensor_quantization"]):
+        def soft(self, y, v, t, theta, width, readings=None):
+            given.append(width)
+            return y
+
+    plant = ODESimulator(lambda t, x, u, p: [u[0]], states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+    record = Record.from_runs([np.ones((6, 1))], [np.ones((6, 1))], [0.1 * np.arange(6)], 0.1)
+    augmented = AugmentedModel(
+        PlantModel(describe(plant)), [Seen("x")], [], record, n_sub=1, scale=np.ones(1), sharpness=20.0
+    )
+    bound = augmented.bind(np.full((1, 1), 0.5))
+    x = np.zeros((1, 1, 6))
+    read_sensors(bound, x, x, [(augmented.effects[0], [np.full((1, 1), 0.5)])], sharp=False)
+    assert given == [0.05]

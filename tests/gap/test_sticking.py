@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects._wires import Wire
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._screen import screen
+from sksurrogate.gap.screen._sticking import sticks
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -74,3 +76,11 @@ def test_it_is_named(runs):
     (effect,) = report.effects
     assert effect.params["level"] == pytest.approx(LEVEL, rel=0.1)
     assert effect.params["static_level"] == pytest.approx(STATIC, rel=0.1)
+
+
+def test_only_laws_with_a_signal_of_their_own_stick():
+    theta, wide = np.ones((1, 3)), Wire(0, ((True, 0),), 0.1, feedback=1.0)
+    friction = CATALOGUE["coulomb_friction"]("v", "v")
+    assert sticks(friction, theta, wide, 10.0).all() and not sticks(friction, 1e-6 * theta, wide, 1e-3).any()
+    assert not sticks(CATALOGUE["constant_bias"]("v"), theta, Wire(0, (), None), 10.0).any()
+    assert not sticks(CATALOGUE["input_gain"]("u"), theta, wide, 10.0).any()

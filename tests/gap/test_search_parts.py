@@ -1,0 +1,59 @@
+"""Single steps of the search and of the choice by fold, with candidates that are only named."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.decide import _choice_by_fold
+from sksurrogate.gap.search import _fit_from_starts
+from sksurrogate.gap.search._trajectory_search import TrajectorySearch, _fit
+from sksurrogate.kernels.record import Record
+
+
+@pytest.mark.parametrize("runs", [2, 3, 5])
+def test_each_fold_of_few_runs_elects_what_the_others_choose(monkeypatch, runs):
+    record = Record.from_runs([np.zeros((8, 1))] * runs, [np.zeros((8, 1))] * runs, [0.1 * np.arange(8)] * runs, 0.1)
+    search = SimpleNamespace(
+        problem=SimpleNamespace(record=record), is_far=lambda one: False, prior_cost=lambda one: 0.0, library=[None] * 4
+    )
+    picks = [None, *[0] * (runs - 1)]
+    monkeypatch.setattr(_choice_by_fold, "by_run", lambda candidate, *rest: candidate)
+    monkeypatch.setattr(_choice_by_fold, "chosen_without", lambda first, others, *rest: picks)
+    found = _choice_by_fold.elected(search, [("first", [], 0.0), ("other", [], 0.0)])
+    assert found == ["first", *["other"] * (runs - 1)]
+    assert _choice_by_fold.elected(search, [("first", [], 0.0)]) == ["first"] * runs
+
+
+def test_an_effect_that_breaks_the_arithmetic_from_every_start_is_no_candidate(monkeypatch):
+    def broken(*given):
+        raise FloatingPointError("overflow")
+
+    monkeypatch.setattr(_fit_from_starts, "fit_last", broken)
+    monkeypatch.setattr(_fit_from_starts, "sticks_in", lambda *given: False)
+    base = SimpleNamespace(problem=None, effects=(), theta_with=lambda own: own, fit=None)
+    starts = [SimpleNamespace(effect=CATALOGUE["linear_loss"]("v", "v"), theta=np.ones(1), x=None)]
+    assert _fit_from_starts.fit_added(base, starts, np.inf) is None
+
+
+def test_in_place_of_a_single_name_stand_those_that_were_compared_with_it():
+    calls = []
+    search = SimpleNamespace(first_round=["a", "b"], without=lambda candidate, i: calls.append(i))
+    one, two = (SimpleNamespace(effects=("x",) * n, candidate=None) for n in (1, 2))
+    assert TrajectorySearch.in_place_of(search, one, 0) == ["a", "b"] and not calls
+    assert TrajectorySearch.in_place_of(search, two, 1) == [] and calls == [1]
+
+
+def test_the_slope_of_a_linear_effect_is_what_its_start_changes_over_its_size():
+    given = []
+    problem = SimpleNamespace(fit=lambda effects, theta, slopes: given.append((theta, slopes)))
+    base = SimpleNamespace(
+        effects=(), n_parameters=0, theta_with=lambda own: own,
+        fit=SimpleNamespace(J=np.zeros((1, 0, 5)), y=np.zeros((1, 5))),
+    )  # fmt: skip
+    change = np.arange(5.0)[None]
+    _fit(problem, base, CATALOGUE["sensor_bias"]("y"), np.array([0.25]), change)
+    ((theta, slopes),) = given
+    assert theta.tolist() == [0.25]
+    np.testing.assert_array_equal(slopes, 4.0 * change[None])
