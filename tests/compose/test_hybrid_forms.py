@@ -67,6 +67,6 @@ def test_a_simulator_of_trajectories_alone_has_no_form_inside():
 
 
 def test_a_network_that_only_needs_its_shape_is_fitted_for_one_iteration():
-    net = make_pipeline(StandardScaler(), MLPRegressor((3,), max_iter=40, random_state=0))
+    net = make_pipeline(StandardScaler(), MLPRegressor(hidden_layer_sizes=(3,), max_iter=40, random_state=0))
     fitted = barely_fitted(net, np.random.default_rng(0).normal(size=(30, 2)), np.arange(30.0))
     assert fitted[-1].n_iter_ == 1 and fitted[-1].max_iter == 40
