@@ -10,7 +10,7 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of
 from sksurrogate.gap.decide._one_curve import driver_of
 from sksurrogate.gap.decide._rules import first_rule
-from sksurrogate.gap.fit._closeness import SETTLED
+from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
@@ -46,9 +46,9 @@ class LawStage(DiagnosisState[C]):
             found.law = law_of(beside, self.problem.plant, found.shrink)
 
     def names_may_imitate(self, verdict: str) -> bool:
-        """Whether one effect without a name may be behind all names: behind a stack, or behind inexact ones of several signals or places."""
+        """Whether one effect without a name may be behind all names: a stack, or names of several places or signals that leave more than noise."""
         effects = self.final.effects
-        apart = len({driver_of(effect) for effect in effects}) > 1 and self.final.left > SETTLED
+        apart = len({driver_of(effect) for effect in effects}) > 1 and self.final.left > NEARLY_WHITE
         return verdict in ("explained", "partial") and (len(effects) >= STACK or apart)
 
     def law_in_place_of_names(self, held: HeldOut) -> CertifiedLaw | None:

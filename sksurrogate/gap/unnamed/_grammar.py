@@ -37,8 +37,8 @@ def price_of(terms: Sequence[Term], n_drivers: int) -> float:
 
     Examples
     --------
-    >>> round(float(price_of([Term((("square", "v", 0.0, 0.0),))], 2) - np.log(2 * len(SHAPES))), 9)
-    0.0
+    >>> bool(np.isclose(price_of([Term((("square", "v", 0.0, 0.0),))], 2), np.log(2 * len(SHAPES))))
+    True
     """
     each = np.log(len(SHAPES)) + np.log(max(n_drivers, 1))
     pieces = [term for term in terms if term.factors and term.factors[0][0] == "spline"]
