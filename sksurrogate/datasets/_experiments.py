@@ -211,7 +211,7 @@ def _design(
     if isinstance(design, str):
         if design not in ("levels", "multisine", "prbs"):
             raise DataError(f'design={design!r} must be "levels", "multisine", "prbs", a callable or an array.')
-        if not 1 <= hold[0] <= hold[1]:
+        if np.shape(hold) != (2,) or not 1 <= hold[0] <= hold[1]:
             raise DataError(f"hold={hold!r}: fewest and most rows of a level, at least 1 and in this order.")
         bounds = _ranges(input_ranges, plant.inputs, "input_ranges", None)
         each = {"levels": n_samples // hold[0] + 2, "multisine": SINES, "prbs": 2}[design]

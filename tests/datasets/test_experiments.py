@@ -170,3 +170,9 @@ def test_a_connection_cannot_travel_and_works_where_it_is():
     np.testing.assert_allclose(found.y, 2.0 * found.X[:, 0])
     for one in plant.pair:
         one.close()
+
+
+@pytest.mark.parametrize("hold", [5, (5,), (0, 5), (6, 5)])
+def test_how_long_a_level_is_held_is_two_numbers_in_order(hold):
+    with pytest.raises(DataError, match=r"hold=.*fewest and most rows of a level, at least 1 and in this order"):
+        simulate_experiments(make_reactor(), *RANGES, n_runs=2, n_samples=20, hold=hold)
