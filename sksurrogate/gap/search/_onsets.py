@@ -18,7 +18,7 @@ from sksurrogate.gap.screen._screen import Screen, grown, grows
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._nested import richer
-from sksurrogate.gap.search._stopping import grows_in_vain, leaves_most
+from sksurrogate.gap.search._stopping import grows_in_vain
 
 #: Effects that are tried in a window, and columns of the screen that are looked at for them.
 MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
@@ -173,8 +173,7 @@ def look_for_onsets(search: Expander) -> None:
     stands = final.candidate
     worth = search.order([top, stands])
     price = 0.0 if fewer_with_a_time(top, stands) else CERTAIN + 2.0 * np.log(n_windows)
-    vain = grows_in_vain(top, stands, base) or leaves_most(search.judged[top], search.gap_cost)
-    if 2.0 * (worth(top) - worth(stands)) < price or vain:
+    if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
         return
     search.library.extend(windowed)
     search.stand(top)
