@@ -209,11 +209,11 @@ class BoundModel:
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in effects)
         self._drift = any(isinstance(e, ParameterEffect) and not constant_in_time(e) for e in effects)
         self._constant_params = None
-        self._constant_params = None if self._drift else self._varied(0.0)
+        self._constant_params = None if self._drift else self.params_at(0.0)
         self._mean, self._half, self.shown = self._inputs()
 
     # ---- parameters -------------------------------------------------------------------------------------------------
-    def _varied(self, t: Any, x: Any = None, u: Any = None) -> dict[str, np.ndarray]:
+    def params_at(self, t: Any, x: Any = None, u: Any = None) -> dict[str, np.ndarray]:
         """Parameters that differ from their nominal values, (n_columns, 1) or (n_columns, n_samples), at a time, states and inputs."""
         if self._constant_params is not None:
             return self._constant_params
@@ -261,8 +261,7 @@ class BoundModel:
         if rows is not None:
             t, mean, half = t[rows], mean[..., rows], None if half is None else half[..., rows]
         if self.a.plant.access == "step":
-            has_rates = bool(self._balances or self.a._hidden)
-            x = whole_step(self, t, x, mean, self._varied(t, x, np.mean(mean, axis=0)), has_rates, bool(self._at_ports))
+            x = whole_step(self, t, x, mean, bool(self._balances or self.a._hidden), bool(self._at_ports))
             return self.clip(x, t + self.record.dt, True) if self._has_limits else x
         clip = self.clip if self._has_limits else None
         h: float | np.ndarray = self.h
@@ -281,7 +280,7 @@ class BoundModel:
     def derivative(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the effects."""
         n = self.a.n_nominal
-        nominal = self.a.model.derivative(t, x[:n], self.entering(t, x, u), self._varied(t, x, u))
+        nominal = self.a.model.derivative(t, x[:n], self.entering(t, x, u), self.params_at(t, x, u))
         if not self.a.effects:
             return nominal
         dx = nominal
@@ -356,7 +355,7 @@ class BoundModel:
         """
         a, record = self.a, self.record
         shown = self.shown if a.plant.output_states is not None else self.entering(record.t, x, self.shown)
-        y = a.model.output(record.t, x[: a.n_nominal], shown, self._varied(record.t, x, self.shown))
+        y = a.model.output(record.t, x[: a.n_nominal], shown, self.params_at(record.t, x, self.shown))
         sensors = [(i, effect) for i, effect in enumerate(a.effects) if isinstance(effect, SensorEffect)]
         if not sensors and record.offset is None:
             return y
@@ -373,8 +372,7 @@ class BoundModel:
         before = np.concatenate([last[..., :1], last[..., :-1]], axis=-1)
         moves, end = not np.array_equal(before, first), None
         if moves and plant.output_states is None:
-            enters = self.entering(record.t, x, before)
-            end = self.a.model.output(record.t, x[: self.a.n_nominal], enters, self._varied(record.t, x, before))[place]
+            end = self._plain_outputs(record.t, x, before)[place]
             end[:, record.starts] = y[place][:, record.starts]
         if plant.access == "step":
             before_rows = y[place] if end is None else end
@@ -388,14 +386,17 @@ class BoundModel:
 
     def _slope(self, x: np.ndarray, u: np.ndarray, place: int) -> np.ndarray:
         """Time derivative of an output: that of its state, or a difference along the flow."""
-        a, t, n = self.a, self.record.t, self.a.n_nominal
+        a, t = self.a, self.record.t
         dx = self.derivative(t, x, u)
         if a.plant.output_states is not None:
             return dx[a.plant.output_states[place]]
         eps = 1e-6 * self.record.dt
-        varied, later = self._varied(t, x, u), x + eps * dx
-        ahead = a.model.output(t + eps, later[:n], self.entering(t + eps, later, u), varied)[place]
-        return (ahead - a.model.output(t, x[:n], self.entering(t, x, u), varied)[place]) / eps
+        ahead, now = self._plain_outputs(t + eps, x + eps * dx, u), self._plain_outputs(t, x, u)
+        return (ahead[place] - now[place]) / eps
+
+    def _plain_outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Outputs of an output function, before the sensors."""
+        return self.a.model.output(t, x[: self.a.n_nominal], self.entering(t, x, u), self.params_at(t, x, u))
 
 
 def retuned(nominal: float, phi: Any) -> Any:

@@ -176,8 +176,7 @@ class SampledForm:
         bound = self.bound
         means = np.stack([stacked([p.mean[s] for p in acts]) for s in range(self.n_sub)])
         if self.plant.access == "step":
-            varied, has_rates = bound._varied(t, x, np.mean(means, axis=0)), bool(bound._balances or bound.a._hidden)
-            x = whole_step(bound, t, x, means, varied, has_rates, bool(bound._at_ports))
+            x = whole_step(bound, t, x, means, bool(bound._balances or bound.a._hidden), bool(bound._at_ports))
             return bound.clip(x, t + self.plant.dt, True) if bound._has_limits else x
         held = all(p.half is None for p in acts)
         halves = None if held else [stacked([p.rises()[s] for p in acts]) for s in range(self.n_sub)]
@@ -208,7 +207,7 @@ class SampledForm:
         """Outputs of the simulator itself."""
         bound, states = self.bound, stacked(list(x))
         enters = u if self.plant.output_states is not None else bound.entering(t, states, u)
-        return bound.a.model.output(t, states[: bound.a.n_nominal], enters, bound._varied(t, states, u))
+        return bound.a.model.output(t, states[: bound.a.n_nominal], enters, bound.params_at(t, states, u))
 
     def output(self, t: Any, x: Sequence[Any], u: Sequence[Any]) -> list[Any]:
         """Readings of the sensors."""

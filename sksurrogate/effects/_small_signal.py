@@ -191,7 +191,7 @@ class SmallSignal:
         """Readings of the sensors; fills in rates of their states, or these states at rest."""
         bound, states = self.bound, stacked(list(x[: self.n_model]))
         enters = shown if self.plant.output_states is not None else bound.entering(t, states, shown)
-        raw = list(bound.a.model.output(t, states[: bound.a.n_nominal], enters, bound._varied(t, states, shown)))
+        raw = list(bound.a.model.output(t, states[: bound.a.n_nominal], enters, bound.params_at(t, states, shown)))
         y, names = list(raw), self.plant.outputs
         for effect, values, part, room in self.acting:
             if not isinstance(effect, SensorEffect):

@@ -23,6 +23,9 @@ class Effects(Protocol):
     def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What enters at the ports."""
 
+    def params_at(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
+        """Parameters of the simulator that differ from their nominal values."""
+
 
 def held_for(plant: Plant, dt: float, h: float) -> float:
     """Time over which a law at a port is held: a substep ``h`` of a right-hand side, a step of a simulator that steps.
@@ -37,7 +40,7 @@ def held_for(plant: Plant, dt: float, h: float) -> float:
 
 
 def whole_step(
-    bound: Effects, t: np.ndarray, x: np.ndarray, mean: np.ndarray, varied: Any, has_rates: bool, has_ports: bool
+    bound: Effects, t: np.ndarray, x: np.ndarray, mean: np.ndarray, has_rates: bool, has_ports: bool
 ) -> np.ndarray:
     """States one sample later.
 
@@ -50,14 +53,13 @@ def whole_step(
         Times of the samples.
     x : ndarray (n_states, n_columns, n_samples)
     mean : ndarray (n_sub, n_inputs, n_columns | 1, n_samples)
-    varied : dict
-        Parameters of the simulator that differ.
     has_rates, has_ports : bool
         Whether effects act on balances or have states of their own, and whether they act at ports.
     """
     a = bound.a
     own = has_ports and bool(getattr(a.plant.simulator, "timestep", None))
     u = np.mean(mean, axis=0)
+    varied = bound.params_at(t, x, u)
     if own:
         parts = max(1, round(a.record.dt / bound.held))
         h = a.record.dt / parts

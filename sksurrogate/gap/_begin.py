@@ -87,8 +87,8 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
     late = {e.key: e for e in library if e.late or (effects is None and not _acts_near(e, problem))}
-    distant = late if len(late) < len(library) else {}
-    search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, later_asked=distant, **common)
+    late = late if len(late) < len(library) else {}  # effects that were asked for alone are asked at once
+    search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, later_asked=late, **common)
     unnamed = OdeUnnamed(search, task.seed, whole, excluded_places(diagnoser.exclude))
     return _prepared(diagnoser, task, search, unnamed, rows)
 

@@ -7,7 +7,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.decide import _one_curve
-from sksurrogate.gap.decide._one_curve import driver_of, only_shapes
+from sksurrogate.gap.decide._one_curve import driver_of, redundant_effect
 
 V = np.linspace(0.5, 2.0, 80)
 
@@ -37,11 +37,11 @@ def test_the_one_whose_interval_holds_zero_is_it_the_widest_first(monkeypatch):
     theta = [1.0, 0.4]
     final = named(LOSS, SQUARE, theta=theta, columns=[-V, -(V**2)])
     sure(monkeypatch, theta, np.array([0.1, 0.1]))
-    assert only_shapes(final) is None
+    assert redundant_effect(final) is None
     sure(monkeypatch, theta, np.array([0.1, 0.5]))
-    assert only_shapes(final) == 1
+    assert redundant_effect(final) == 1
     sure(monkeypatch, theta, np.array([3.5, 0.5]))
-    assert only_shapes(final) == 0
+    assert redundant_effect(final) == 0
 
 
 @pytest.mark.parametrize(("second", "answer"), [(-0.6, 1), (-0.75, 1), (-0.2, None), (0.6, None)])
@@ -52,13 +52,13 @@ def test_of_two_that_cancel_each_other_the_smaller_is_it(monkeypatch, second, an
     parts = np.array([-V, -second * V**2])
     sizes = np.linalg.norm(parts, axis=1)
     assert (np.linalg.norm(parts.sum(axis=0)) < sizes.min()) == (answer is not None)
-    assert only_shapes(final) == (None if answer is None else int(np.argmin(sizes)))
+    assert redundant_effect(final) == (None if answer is None else int(np.argmin(sizes)))
 
 
 def test_effects_of_two_signals_may_cancel_each_other(monkeypatch):
     theta = [1.0, -0.6]
     sure(monkeypatch, theta, np.array([0.01, 0.01]))
-    assert only_shapes(named(LOSS, OTHER, theta=theta, columns=[-V, -(V**2)])) is None
+    assert redundant_effect(named(LOSS, OTHER, theta=theta, columns=[-V, -(V**2)])) is None
 
 
 def test_an_input_effect_is_driven_by_its_input():

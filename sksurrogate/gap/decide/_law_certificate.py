@@ -115,9 +115,8 @@ def units_of(effect: AnyLaw, kind: str, plant: Plant) -> dict[str, str]:
         for shape, name, *_ in term.factors:
             v = given.get(signal_names(name)[0], "")
             power = POWERS.get(shape, 0)
-            unit = (
-                over(unit, to_power(v, power)) if power > 0 else times(unit, to_power(v, -power)) if power < 0 else unit
-            )
+            if power:
+                unit = (over if power > 0 else times)(unit, to_power(v, abs(power)))
             unit = "" if shape in ("root", "flow", "power") else unit
             powers = POWERS_OF_CONSTANTS.get(shape, (1, 1))
             constants += [

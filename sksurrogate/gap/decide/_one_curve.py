@@ -1,4 +1,4 @@
-"""Effects of a set that only shape a curve together with another: their sizes are not known, or they cancel each other."""
+"""Effects that only correct the form of another one: their size is not known, or the two cancel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 
-__all__ = ["driver_of", "moved_by", "only_shapes"]
+__all__ = ["driver_of", "moved_by", "redundant_effect"]
 
 
 def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
@@ -22,11 +22,11 @@ def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
     return [one[:, 0] if one.any() and np.isfinite(one).all() else None for one in own]
 
 
-def only_shapes(final: Evidence[OdeCandidate]) -> int | None:
-    """The effect of a set that is not exact that is there for the form of another; None where there is none.
+def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
+    """Position of the effect that only corrects the form of another; None where there is none.
 
-    Either its interval holds zero, or it and an effect of the same signal at the same place move the outputs by more, each of them, than
-    both together do: then the two are terms of one curve, and the smaller one is it.
+    There are two kinds. The interval of its magnitude holds zero. Or two effects of one signal at one place cancel: each of them moves
+    the outputs by more than both together. Then they are two terms of one curve, and the smaller one is redundant.
     """
     candidate = final.candidate
     low, high = intervals(final)

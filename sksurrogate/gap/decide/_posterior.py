@@ -17,7 +17,7 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
-from sksurrogate.gap.decide._one_curve import moved_by, only_shapes
+from sksurrogate.gap.decide._one_curve import moved_by, redundant_effect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -81,9 +81,9 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
 def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
     """The set that is likeliest beside a law, without effects that the practical bar does not need. And its posterior.
 
-    Effects in whose place a law does as well are taken out, the least probable first, and those that only shape the curve of another;
-    another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they were fitted to close no more of it on runs
-    left out: they are not weighed.
+    Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
+    another; another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they
+    were fitted to close no more of it on runs left out: they are not weighed.
     """
     final = needed_only(search, final, tolerance)
     stood: set[frozenset] = set()
@@ -94,9 +94,9 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
         posterior = weigh(search, final, tolerance)
         least = int(np.argmin(posterior.probabilities))
         several, enough = len(final.effects) > 1, posterior.probabilities[least] >= CERTAIN_NAME
-        shapes = only_shapes(final) if several and enough and final.left > SETTLED else None
-        if shapes is not None:
-            least = shapes
+        redundant = redundant_effect(final) if several and enough and final.left > SETTLED else None
+        if redundant is not None:
+            least = redundant
         elif enough or (not several and posterior.probabilities[least] >= LEAST_ALONE):
             stood.add(frozenset(final.candidate.keys))
             if posterior.law is None:
