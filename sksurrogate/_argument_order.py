@@ -7,7 +7,7 @@ from collections.abc import Sequence
 __all__ = ["positionals_first"]
 
 #: Options that take all values behind them; those that take none.
-MANY = ("--free", "--exclude", "--effects", "--bounds", "--prior", "--columns", "--json")
+MANY = ("--free", "--exclude", "--plausible", "--effects", "--bounds", "--prior", "--columns", "--json")
 FLAGS = ("--quiet", "-h", "--help")
 #: How names of data files end.
 DATA = (".csv", ".tsv", ".txt", ".dat")

@@ -18,6 +18,10 @@ def add_knowledge(parser: argparse.ArgumentParser) -> None:
         help="effects, places, effect@place or effect@place@variable that are known not to be there",
     )  # fmt: skip
     parser.add_argument(
+        "--plausible", metavar="WHAT", nargs="+", default=[],
+        help="effect@place: that effect acts there only; an effect or a place alone: no effects but these",
+    )  # fmt: skip
+    parser.add_argument(
         "--bounds", metavar="NAME=LOW:HIGH", nargs="+", default=[],
         help="bounds of parameters; an empty side is open",
     )  # fmt: skip
@@ -44,7 +48,8 @@ def knowledge_of(arguments: argparse.Namespace) -> dict[str, Any]:
         raise DataError(f"--time-limit {limit:g}: expected a number of seconds above 0.")
     return {
         "time_limit": limit,
-        "exclude": [_excluded(text) for text in arguments.exclude],
+        "exclude": [_effect_or_place("--exclude", text) for text in arguments.exclude],
+        "plausible": [_effect_or_place("--plausible", text) for text in arguments.plausible] or None,
         "bounds": {
             name: _bounds(text, value) for text in arguments.bounds for name, value in [_split("--bounds", text)]
         },
@@ -52,11 +57,11 @@ def knowledge_of(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _excluded(text: str) -> Any:
+def _effect_or_place(option: str, text: str) -> Any:
     """``effect``, ``place``, ``effect@place``, ``@place`` or ``effect@place@variable``."""
     parts = tuple(part or None for part in text.split("@"))
     if len(parts) > 3:
-        raise DataError(f"--exclude {text}: expected effect, place, effect@place or effect@place@variable.")
+        raise DataError(f"{option} {text}: expected effect, place, effect@place or effect@place@variable.")
     return parts[0] if len(parts) == 1 else parts
 
 

@@ -24,11 +24,12 @@ def parsed(options):
             ["--exclude", "drift", "friction@speed", "@level"],
             {"exclude": ["drift", ("friction", "speed"), (None, "level")]},
         ),
+        (["--plausible", "*friction@joint", "valve"], {"plausible": [("*friction", "joint"), "valve"]}),
     ],
 )
 def test_what_is_known_is_read_from_the_command_line(options, expected):
     found = knowledge_of(parsed(options))
-    assert found == {"time_limit": None, "exclude": [], "bounds": {}, "priors": {}, **expected}
+    assert found == {"time_limit": None, "exclude": [], "plausible": None, "bounds": {}, "priors": {}, **expected}
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,7 @@ def test_what_is_known_is_read_from_the_command_line(options, expected):
         (["--prior", "k=a"], r"--prior k=a: expected NAME=SD .relative, as 0.05. or NAME=MEAN:SD"),
         (["--time-limit", "-3"], "--time-limit -3: expected a number of seconds above 0"),
         (["--exclude", "a@b@c@d"], "--exclude a@b@c@d: expected effect, place"),
+        (["--plausible", "a@b@c@d"], "--plausible a@b@c@d: expected effect, place"),
     ],
 )
 def test_a_mistaken_option_is_named(options, message):

@@ -10,9 +10,9 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
+from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._exclude import excluded_places, without_excluded
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
@@ -47,6 +47,7 @@ class Settings(Protocol):
     simulator: Any
     effects: Any
     exclude: Any
+    plausible: Any
     tolerance: float
     correction: Any
     include_law: bool
@@ -89,7 +90,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     late = {e.key: e for e in library if e.late or (effects is None and not _acts_near(e, problem))}
     late = late if len(late) < len(library) else {}  # effects that were asked for alone are asked at once
     search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, later_asked=late, **common)
-    unnamed = OdeUnnamed(search, task.seed, whole, excluded_places(diagnoser.exclude))
+    unnamed = OdeUnnamed(search, task.seed, whole, closed_places(diagnoser.exclude, diagnoser.plausible, plant))
     return _prepared(diagnoser, task, search, unnamed, rows)
 
 
@@ -126,8 +127,8 @@ def _asked(diagnoser: Settings) -> Any:
 
 
 def _allowed(effects: list[BaseEffect], diagnoser: Settings, asked: Any, task: Task) -> list[BaseEffect]:
-    """Effects that are not ruled out, by the user or by inputs that stand still."""
-    library = without_excluded(effects, diagnoser.exclude, task.plant)
+    """Effects that neither the user rules out nor inputs that stand still."""
+    library = allowed_effects(effects, diagnoser.exclude, diagnoser.plausible, task.plant)
     return driven_effects(library, asked, task.plant, task.whole)
 
 

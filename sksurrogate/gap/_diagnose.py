@@ -41,7 +41,12 @@ class GapDiagnoser(BaseEstimator):
         Candidates; None for the whole catalogue at every place of the plant.
     exclude : sequence, default=()
         Effects that are absent and places that are right: names of effects (``"drift"``), places of the simulator (a state,
-        input, output or parameter: no effect there), ``(name, location)`` or ``(name, location, variable)``. None in a tuple stands for any.
+        input, output or parameter: no effect there), ``(name, location)`` or ``(name, location, variable)``. None in a tuple
+        stands for any. Names may hold wildcards: ``("sensor_*", "level")`` says that this sensor is good.
+    plausible : sequence, optional
+        Where effects may act, in the words of ``exclude``; None: anywhere. ``(name, location)``: effects of that name act there
+        only, others anywhere (``[("*friction", "joint")]``: friction in the joint only). A name or a place alone: no effects but
+        these (``["valve"]``: the gap comes from the valve); such entries do not hold for an effect that an entry with a location names.
     free_params : sequence of str or "all", default=()
         Parameters of the simulator that are re-tuned with the null model and with every candidate, so a badly tuned simulator
         is not mistaken for a missing effect. None: no parameter.
@@ -143,6 +148,7 @@ class GapDiagnoser(BaseEstimator):
         *,
         effects: Any = None,
         exclude: Any = (),
+        plausible: Any = None,
         free_params: Sequence[str] | str | None = (),
         bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
         priors: Mapping[str, float | tuple[float, float]] | None = None,
@@ -158,6 +164,7 @@ class GapDiagnoser(BaseEstimator):
         self.simulator = simulator
         self.effects = effects
         self.exclude = exclude
+        self.plausible = plausible
         self.free_params = free_params
         self.bounds = bounds
         self.priors = priors
@@ -190,7 +197,7 @@ class GapDiagnoser(BaseEstimator):
         ------
         DataError, RunError
             The data do not keep the convention; ``bounds`` or ``priors`` name no parameter, or hold no such numbers;
-            ``exclude`` names what is not there, or leaves nothing.
+            ``exclude`` or ``plausible`` names what is not there, or leaves nothing.
         SimulatorError
             The simulator does not, or does not fit the data; ``free_params`` names something that is not a parameter of it, or one parameter twice;
             it gives trajectories only, and none of ``effects`` can be tested with it.

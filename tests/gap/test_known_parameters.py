@@ -1,10 +1,10 @@
-"""What users know: bounds and priors of parameters, excluded effects and places, on both kinds of simulators."""
+"""What users know: bounds and priors of parameters, effects and places that are excluded or plausible, on both kinds of simulators."""
 
 import numpy as np
 import pytest
 
 from sksurrogate.effects import build_effects
-from sksurrogate.effects._exclude import without_excluded
+from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.exceptions import DataError
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._known_parameters import KnownParameters
@@ -125,6 +125,20 @@ def test_bounds_and_priors_in_the_coordinates_of_a_fit():
         ({"exclude": [3]}, DataError, "exclude holds 3: expected names of effects"),
         ({"exclude": 3}, DataError, "exclude=3: expected names"),
         ({"exclude": SMALL}, DataError, "leaves none of the 2 effects"),
+        ({"exclude": [(None, None)]}, DataError, r"exclude holds \(None, None\): expected names"),
+        ({"exclude": ["sensr_*"]}, DataError, r"'sensr_\*' is neither an effect nor a place"),
+        (
+            {"plausible": [("sensor_bias", "levl")]},
+            DataError,
+            r"plausible holds \('sensor_bias', 'levl'\): 'levl' is not a place of the simulator .did you mean 'level'.*plausible=\[",
+        ),
+        ({"plausible": 3}, DataError, "plausible=3: expected names"),
+        ({"plausible": [3]}, DataError, "plausible holds 3: expected names"),
+        (
+            {"plausible": ["drift"]},
+            DataError,
+            r"plausible=\['drift'\] leaves none of the 2 effects: give more names or places",
+        ),
     ],
 )
 def test_mistakes_are_named_as_typed(settings, error, message, data):
@@ -140,13 +154,15 @@ def test_mistakes_are_named_as_typed(settings, error, message, data):
         (["flow"], {("input_bias", "flow", None)}),
         ([(None, "flow")], {("input_bias", "flow", None)}),
         ([("linear_loss", "level", "flow")], {("linear_loss", "level", "flow")}),
+        (["sensor_*", ("*_error", "leak")], {("sensor_bias", "level", None), ("parameter_error", "leak", None)}),
+        ([(None, None, "flow")], {("linear_loss", "level", "flow")}),
         (None, set()),
     ],
 )
 def test_what_is_excluded_is_no_candidate(exclude, gone):
     described = describe(plant())
     effects = build_effects(described, ["level"], [*SMALL, "linear_loss"])
-    kept = without_excluded(effects, exclude, described)
+    kept = allowed_effects(effects, exclude, None, described)
     assert {e.key for e in effects} - {e.key for e in kept} == gone
 
 
@@ -154,3 +170,66 @@ def test_what_is_excluded_is_no_candidate(exclude, gone):
 def test_a_diagnosis_looks_only_at_what_is_not_excluded(simulator, data):
     report = diagnosed(simulator, data, free_params=(), effects=SMALL, exclude=["parameter_error", "level"])
     assert {row["location"] for row in report.ranking} == {"flow"}
+
+
+def cart(t, x, u, p):
+    q, v, w = x
+    return v, u[0] - q - p["c"] * v, u[0] - w
+
+
+CART = describe(ODESimulator(cart, states=["q", "v", "w"], inputs=["u"], outputs=["q", "v"], params={"c": 0.1}, dt=0.1))
+CANDIDATES = build_effects(
+    CART, ["v", "w"], ["coulomb_friction", "stribeck_friction", "drift", "sensor_bias", "input_bias"]
+)
+
+
+@pytest.mark.parametrize(
+    ("plausible", "kept"),
+    [
+        (None, lambda name, place, by: True),
+        ("drift", lambda name, place, by: name == "drift"),
+        (["drift", "sensor_*"], lambda name, place, by: name in ("drift", "sensor_bias")),
+        (["v"], lambda name, place, by: place == "v"),
+        (["drift", "v"], lambda name, place, by: name == "drift" and place == "v"),
+        ([("*friction", "v")], lambda name, place, by: "friction" not in name or place == "v"),
+        ([("*friction", "v"), ("drift", "w")], lambda name, place, by: place == ("v" if "friction" in name else "w" if name == "drift" else place)),
+        (["u", ("*friction", "v")], lambda name, place, by: place == ("v" if "friction" in name else "u")),
+        ([("coulomb_friction", None, "w")], lambda name, place, by: name != "coulomb_friction" or by == "w"),
+    ],
+)  # fmt: skip
+def test_effects_act_where_they_are_plausible(plausible, kept):
+    found = [effect.key for effect in allowed_effects(CANDIDATES, (), plausible, CART)]
+    assert found == [effect.key for effect in CANDIDATES if kept(*effect.key)]
+
+
+def test_what_is_excluded_is_not_plausible():
+    found = allowed_effects(CANDIDATES, ["v"], ["drift", "sensor_bias"], CART)
+    assert {effect.key[:2] for effect in found} == {("drift", "w"), ("sensor_bias", "q")}
+
+
+def test_no_law_is_looked_for_where_no_effect_may_act():
+    assert closed_places(["v", "drift"], None, CART) == {"v"}
+    assert closed_places((), ["v", ("drift", "w")], CART) == {"q", "u"}
+    assert closed_places((), [("drift", "w")], CART) == closed_places((), ["drift"], CART) == set()
+
+
+def test_friction_that_acts_elsewhere_than_where_it_is_plausible_gets_no_name(data):
+    U, _, runs = data
+    true = ODESimulator(
+        lambda t, x, u, p: (u[0] - 0.5 * x[0] - 0.3 * np.tanh(50 * x[0]), x[0] - x[1]),
+        states=["a", "b"], inputs=["u"], outputs=["a", "b"], params={}, dt=0.1,
+    )  # fmt: skip
+    model = ODESimulator(
+        lambda t, x, u, p: (u[0] - 0.5 * x[0], x[0] - x[1]),
+        states=["a", "b"], inputs=["u"], outputs=["a", "b"], params={}, dt=0.1,
+    )  # fmt: skip
+    rng = np.random.default_rng(1)
+    y = np.concatenate([true.simulate(U[runs == run] - 1.0) for run in (0, 1)]) + 0.005 * rng.normal(size=(200, 2))
+    settings = {"effects": ["coulomb_friction", "sensor_bias"], "free_params": (), "exclude": [(None, None, "b")]}
+    free = diagnosed(model, (U - 1.0, y, runs), **settings)
+    assert [(e.name, e.location) for e in free.effects] == [("coulomb_friction", "a")]
+    right = diagnosed(model, (U - 1.0, y, runs), plausible=[("*friction", "a")], **settings)
+    assert [(e.name, e.location) for e in right.effects] == [("coulomb_friction", "a")]
+    wrong = diagnosed(model, (U - 1.0, y, runs), plausible=[("*friction", "b")], **settings)
+    assert not wrong.effects and wrong.verdict == "unknown"
+    assert not any(row["name"] == "coulomb_friction" and row["location"] == "a" for row in wrong.ranking)
