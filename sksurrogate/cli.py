@@ -9,9 +9,9 @@ import shlex
 import sys
 import tempfile
 import textwrap
+import traceback
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,10 @@ from sksurrogate._argument_order import positionals_first
 from sksurrogate._command_options import add_knowledge, knowledge_of
 from sksurrogate._csv import read_csv, read_header
 from sksurrogate._headers import assigned, columns_of, split_unit
+from sksurrogate._printed import printed_as_errors
 from sksurrogate._swapped import swapped_columns
 from sksurrogate._terminal import patient_terminal
+from sksurrogate._warned_once import warned_once
 from sksurrogate.exceptions import DataError, SimulatorError, SurrogateError
 
 __all__ = ["load_simulator", "main", "read_csv"]
@@ -173,7 +175,7 @@ def load_simulator(reference: str) -> Any:
     module = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(path.parent.resolve()))
     try:
-        with redirect_stdout(sys.stderr):
+        with printed_as_errors():
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise SimulatorError(
@@ -268,15 +270,24 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     )
     try:
         # what a simulator prints is no part of the report
-        with redirect_stdout(sys.stderr), warnings.catch_warnings():
+        with printed_as_errors(bar=not arguments.quiet), warnings.catch_warnings():
             warnings.showwarning = _warned
-            _say_swapped(simulator, X, y, labels, plant)
-            diagnoser.fit(timed, y, groups=labels)
+            with warned_once():
+                _say_swapped(simulator, X, y, labels, plant)
+                diagnoser.fit(timed, y, groups=labels)
     except DataError as error:
         said = str(error).replace(f"time={X.shape[1]}", f"--time {arguments.time}") if clock is not None else str(error)
         if "row" not in said:
             raise type(error)(said) from None
         raise type(error)(f"{said} Row 0 is the first line below the header of {arguments.data}.") from None
+    except Exception as error:
+        where = _line_of(error, arguments.simulator)
+        if where is None:
+            raise
+        raise SimulatorError(
+            f"{arguments.simulator} fails in {where}: {type(error).__name__}: {error}. See that its simulate answers the inputs in "
+            f"{arguments.data}; where it must refuse some values, return nan there."
+        ) from error
     report, better = _with_command(diagnoser.report_, arguments), diagnoser.augmented_
     arguments.known, notes = True, {"verdict": report.verdict, "complete": report.complete}
     saved, safe = _written("augmented simulator", arguments.save, lambda path: save_augmented(better, path, **notes))
@@ -289,6 +300,13 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     if arguments.save and not saved:
         print(augmented_text(better, **notes), end="")
     return _ended(report, safe and whole and plain)
+
+
+def _line_of(error: Exception, simulator: str) -> str | None:
+    """The line of the simulator's file from which an error comes; None where it does not come from there."""
+    file = Path(simulator.rpartition(":")[0]).resolve()
+    frames = [one for one in traceback.extract_tb(error.__traceback__) if Path(one.filename).resolve() == file]
+    return f"line {frames[-1].lineno} of {file.name}" if frames else None
 
 
 def _warned(message: Warning | str, *more: Any, **others: Any) -> None:

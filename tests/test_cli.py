@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -89,6 +91,48 @@ def test_what_a_simulator_prints_is_no_part_of_the_report(folder, capsys):
     out, err = capsys.readouterr()
     assert json.loads(out)["verdict"] == "explained"
     assert err.startswith("loaded\none step")
+
+
+@pytest.mark.parametrize("jobs", [[], ["--jobs", "1"], ["--jobs", "2"]])
+def test_what_a_library_prints_past_python_is_no_part_of_the_report(folder, jobs):
+    """A library in C writes to the descriptor, or to a buffer of its own that is full at any time."""
+    talk = """
+    os.write(1, b"past python ")
+    ctypes.CDLL(None).printf(b"in a buffer ")
+    print("printed")
+    print("complaint", os.getpid(), file=sys.stderr)
+    return"""
+    (folder / "library.py").write_text("import ctypes, os, sys" + PLANT.replace("\n    return", talk))
+    words = ["diagnose", str(folder / "library.py") + ":plant", str(folder / "data.csv"), "--run", "experiment"]
+    command = [*words, "--effects", "sensor_bias", "quadratic_loss", *jobs, "--json"]
+    code = "import sys; from sksurrogate.cli import main; sys.exit(main(sys.argv[1:]))"
+    done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True)
+    assert done.returncode == 0 and json.loads(done.stdout)["verdict"] == "explained"
+    assert all(text in done.stderr for text in ("past python", "in a buffer", "printed", "[gap]"))
+    workers = {line.split()[-1] for line in done.stderr.splitlines() if "complaint" in line}
+    assert len(workers) == 1  # a worker runs the same simulator
+
+
+@pytest.mark.parametrize("jobs", [[], ["--jobs", "2"]])
+def test_a_simulator_that_warns_does_so_once(folder, jobs):
+    """Each time with another text, in every process."""
+    (folder / "odd.py").write_text(
+        "import warnings, numpy as np"
+        + PLANT.replace("    return", '    warnings.warn(f"odd {np.mean(x[0])}")\n    return')
+    )
+    words = ["diagnose", str(folder / "odd.py") + ":plant", str(folder / "data.csv"), "--run", "experiment", "--quiet"]
+    code = "import sys; from sksurrogate.cli import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, *words, "--effects", "sensor_bias", "quadratic_loss", *jobs]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0
+    assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith("sksurrogate: odd ")
+
+
+def test_a_simulator_that_always_raises_is_named_with_its_line(folder, capsys):
+    (folder / "away.py").write_text(PLANT.replace("    return [", "    raise RuntimeError('no licence')\n    return ["))
+    assert main(["diagnose", f"{folder / 'away.py'}:plant", str(folder / "data.csv"), "--quiet"]) == 2
+    err = capsys.readouterr().err
+    assert "away.py:plant fails in line 4 of away.py: RuntimeError: no licence. See that its simulate answers" in err
 
 
 def test_mistakes_name_line_and_column(folder, capsys):

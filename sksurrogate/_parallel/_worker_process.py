@@ -22,6 +22,7 @@ from threadpoolctl import ThreadpoolController
 
 from sksurrogate._parallel._ipc import receive, send
 from sksurrogate._parallel._orphans import end_with
+from sksurrogate._printed import silent
 from sksurrogate.kernels.clock import check_time, time_left
 
 __all__ = ["PendingAnswer", "WorkerProcess", "can_fork", "one_thread"]
@@ -46,7 +47,7 @@ class _Answer(NamedTuple):
 
     answered: bool
     value: Any = None
-    heard: tuple[Any, ...] = ()
+    heard: tuple[tuple[Any, type[Warning], str, int], ...] = ()  #: Message, kind, file and line of each warning
 
 
 class WorkerProcess:
@@ -189,7 +190,7 @@ class PendingAnswer(Generic[T]):
             self._second = None
             if found.answered:
                 for warning in found.heard:
-                    warnings.warn(warning, stacklevel=2)
+                    warnings.warn_explicit(*warning)
                 return found.value
         return self._question()  # what raised there raises here, where it is seen
 
@@ -204,7 +205,7 @@ def _serve(
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt comes from the first one
     gc.freeze()  # a collection would touch, and so copy, all that both processes share
     try:
-        with libraries().limit(limits=1):
+        with libraries().limit(limits=1), silent():  # the first one runs the same simulator, and shows what it prints
             while True:
                 number, errors, question = receive(line, known)
                 answer = _answered(errors, question)
@@ -224,7 +225,7 @@ def _answered(errors: dict[str, Any], question: Callable[[], object]) -> _Answer
             value = question()
     except Exception:
         return _Answer(False)
-    return _Answer(True, value, tuple(warning.message for warning in heard))
+    return _Answer(True, value, tuple((one.message, one.category, one.filename, one.lineno) for one in heard))
 
 
 def one_thread() -> AbstractContextManager[Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
 from sksurrogate._parallel._parallel_map import side_by_side
+from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, OUT_OF_SIGHT
@@ -306,4 +307,5 @@ def shipped(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Frei
 
 def fit_chunk(base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Freight]:
     """One worker's share."""
-    return [shipped(base.problem, partial(fit_added, base, starts, best)) for starts in chunk]
+    with silent_in_worker():
+        return [shipped(base.problem, partial(fit_added, base, starts, best)) for starts in chunk]

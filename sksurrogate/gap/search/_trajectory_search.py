@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
+from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, judged_under
@@ -221,6 +222,7 @@ def _fit(
     if effect.linear and len(start) == 1 and effect.kind != "input" and start[0] != effect.parameters[0].null:
         own[0] = change / (start[0] - effect.parameters[0].null)
     try:
-        return problem.fit((*base.effects, effect), theta, np.concatenate([known[:n], own, known[n:]]))
+        with silent_in_worker():
+            return problem.fit((*base.effects, effect), theta, np.concatenate([known[:n], own, known[n:]]))
     except np.linalg.LinAlgError:  # slopes beyond the arithmetic: this candidate is lost
         return None
