@@ -12,14 +12,13 @@ ROOT = Path(sksurrogate.__file__).parent
 FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py")
 #: From the ground up; a folder or file imports from lower floors only.
 FLOORS = (
-    {"exceptions", "_files", "_terminal", "_units"},
+    {"exceptions", "_files", "_printed", "_terminal", "_units"},
     {
         "kernels",
         "export",
         "_argument_order",
         "_command_options",
         "_headers",
-        "_swapped",
         "_csv",
         "_fingerprint",
         "_domain",
@@ -27,7 +26,7 @@ FLOORS = (
         "_tables",
         "_warned_once",
     },
-    {"_parallel", "runs", "_checks", "_columns", "metrics"},
+    {"_parallel", "runs", "_checks", "_columns", "_swapped", "metrics"},
     {"_dynamic", "_stamps"},
     {"physics", "features", "linear", "neural", "displays"},
     {"effects", "model_selection", "datasets"},

@@ -2,10 +2,12 @@
 
 import json
 import sys
+import time
 
 import numpy as np
 import pytest
 
+from sksurrogate import _swapped
 from sksurrogate._argument_order import positionals_first
 from sksurrogate._csv import read_csv, read_header
 from sksurrogate._headers import assigned, columns_of, split_unit
@@ -205,6 +207,21 @@ def swapped_plant():
         return [x[1], u[0] - 4 * x[0] - 0.4 * x[1] + 5 * u[1]]
 
     return ODESimulator(rhs, states=["q", "v"], inputs=["a", "b"], outputs=["q", "v"], params={}, dt=0.05)
+
+
+def test_a_slow_simulator_is_not_simulated_for_its_columns(monkeypatch):
+    """Each call takes the time that was meant for all of them."""
+    calls = []
+
+    def slow(t, x, u, p):
+        calls.append(t)
+        time.sleep(0.02)
+        return (u[0] - x[0],)
+
+    monkeypatch.setattr(_swapped, "LONGEST", 0.02)
+    plant = ODESimulator(slow, states=["a"], inputs=["u"], outputs=["a"], params={}, dt=0.1)
+    U = np.random.default_rng(0).normal(size=(300, 1))
+    assert swapped_columns(plant, U, U, ["u"], ["a"]) == [] and len(calls) < 300
 
 
 def test_swapped_columns_are_suspected_and_others_are_not():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -37,6 +38,8 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
+#: Seconds of a call from which some thousand calls take several minutes.
+SLOW = 0.1
 #: The pipeline, the rows of the whole record that it sees, and its processes.
 Prepared: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[WorkerProcess, WorkerProcess]]
 
@@ -79,6 +82,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
+    _say_slow(model, record)
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
     library = _allowed(build_effects(plant, balances, effects), diagnoser, effects, task)
@@ -113,6 +117,20 @@ def begin_trajectory(diagnoser: Settings, task: Task) -> Prepared:
     search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(diagnoser, task))
     unnamed = TrajectoryUnnamed(search, task.seed, only_given=len(testable) < len(wanted))
     return _prepared(diagnoser, task, search, unnamed, np.arange(whole.n_samples), left_out(effects, testable))
+
+
+def _say_slow(model: PlantModel, record: Record) -> None:
+    """Warn where one call takes :data:`SLOW` seconds, before minutes go by."""
+    seconds = model.seconds_of_a_call(record.u[:, record.starts])
+    if seconds > SLOW:
+        warnings.warn(
+            f"One call of the simulator's {model.plant.access} takes {seconds:.1f} s, and a diagnosis makes some thousand calls; the "
+            "comparison of the simulator with the data, some hundred calls, is finished whatever time_limit says. Let it take many "
+            "points at once (x of shape (n_states, n_points)), leave out what only matters to other results, or give a fast model "
+            "of it: sksurrogate.compose.StateSpaceRegressor, fitted to its runs.",
+            RuntimeWarning,
+            stacklevel=2,
+        )
 
 
 def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:

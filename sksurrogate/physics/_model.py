@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
+from sksurrogate.kernels.clock import check_time
 from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant
 
@@ -55,6 +57,13 @@ class PlantModel:
         if self._output is not None:
             self._output.probe(*at)
 
+    def seconds_of_a_call(self, u: np.ndarray) -> float:
+        """Of the right-hand side or the step at the initial state and inputs (n_inputs, n_points)."""
+        x = np.repeat(self.plant.x0[:, None], u.shape[1], axis=1)
+        begun = time.perf_counter()
+        _ = self.derivative(0.0, x, u) if self._rhs is not None else self.step(0.0, x, u, self.plant.dt)
+        return time.perf_counter() - begun
+
     @contextmanager
     def watched(self) -> Iterator[None]:
         """Within, :attr:`said` takes up the first answer that is nan."""
@@ -88,6 +97,7 @@ class PlantModel:
         *extra: Any,
     ) -> np.ndarray:
         """Flatten, call, restore."""
+        check_time()
         shape = x.shape[1:]
         n_points = math.prod(shape)
         inputs = self._inputs(u, (len(u), *shape)).reshape(len(u), n_points)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sksurrogate.gap import GapDiagnoser, _pipeline, _progress
+from sksurrogate.gap import GapDiagnoser, _begin, _pipeline, _progress
 from sksurrogate.gap._progress import Progress, progress_shown
 from sksurrogate.kernels import clock
 from sksurrogate.kernels.clock import TimeIsUp, check_time, limited, time_left, time_until
@@ -65,7 +65,7 @@ def ticks(monkeypatch):
 def test_whenever_the_time_is_up_there_is_a_report(simulator, data, ticks, monkeypatch):
     monkeypatch.setattr(time, "sleep", lambda seconds: None)
     answers = []
-    for limit in (1, 30, 100, 1000, 3000, 10**9):
+    for limit in (1, 30, 100, 1000, 3000, 10**4, 3 * 10**4, 10**5, 10**9):
         diagnoser = diagnosed(simulator, data, time_limit=limit)
         report = diagnoser.report_
         answers.append((len(report.effects) > 0, report.complete))
@@ -153,3 +153,11 @@ def test_lines_go_to_a_file_and_a_bar_to_a_terminal(monkeypatch, capsys):
     with progress_shown(1) as show:
         show("fitting [3]", 0.25, 12.3)
     assert "fitting [3] (about 12 s left)" in terminal.getvalue() and "25%" in terminal.getvalue()
+
+
+def test_a_call_that_takes_long_is_said_before_minutes_go_by(data, monkeypatch):
+    monkeypatch.setattr(_begin, "SLOW", 0.0)
+    with pytest.warns(
+        RuntimeWarning, match=r"One call of the simulator's rhs takes 0\.0 s.*Let it take many points at once"
+    ):
+        diagnosed(plant(), data, effects=["cubic_stiffness"], time_limit=1e-3)
