@@ -9,7 +9,6 @@ import shlex
 import sys
 import tempfile
 import textwrap
-import traceback
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -22,6 +21,7 @@ from sksurrogate import __version__
 from sksurrogate._argument_order import positionals_first
 from sksurrogate._command_options import add_knowledge, knowledge_of
 from sksurrogate._csv import read_csv, read_header
+from sksurrogate._failures import failure_of
 from sksurrogate._headers import assigned, columns_of, split_unit
 from sksurrogate._printed import printed_as_errors
 from sksurrogate._swapped import swapped_columns
@@ -281,13 +281,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
             raise type(error)(said) from None
         raise type(error)(f"{said} Row 0 is the first line below the header of {arguments.data}.") from None
     except Exception as error:
-        where = _line_of(error, arguments.simulator)
-        if where is None:
+        if (said := failure_of(error, arguments.simulator, arguments.data)) is None:
             raise
-        raise SimulatorError(
-            f"{arguments.simulator} fails in {where}: {type(error).__name__}: {error}. See that its simulate answers the inputs in "
-            f"{arguments.data}; where it must refuse some values, return nan there."
-        ) from error
+        raise SimulatorError(said) from error
     report, better = _with_command(diagnoser.report_, arguments), diagnoser.augmented_
     arguments.known, notes = True, {"verdict": report.verdict, "complete": report.complete}
     saved, safe = _written("augmented simulator", arguments.save, lambda path: save_augmented(better, path, **notes))
@@ -300,13 +296,6 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     if arguments.save and not saved:
         print(augmented_text(better, **notes), end="")
     return _ended(report, safe and whole and plain)
-
-
-def _line_of(error: Exception, simulator: str) -> str | None:
-    """The line of the simulator's file from which an error comes; None where it does not come from there."""
-    file = Path(simulator.rpartition(":")[0]).resolve()
-    frames = [one for one in traceback.extract_tb(error.__traceback__) if Path(one.filename).resolve() == file]
-    return f"line {frames[-1].lineno} of {file.name}" if frames else None
 
 
 def _warned(message: Warning | str, *more: Any, **others: Any) -> None:
