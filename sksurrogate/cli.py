@@ -281,9 +281,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
             raise type(error)(said) from None
         raise type(error)(f"{said} Row 0 is the first line below the header of {arguments.data}.") from None
     except Exception as error:
-        if (said := failure_of(error, arguments.simulator, arguments.data)) is None:
+        if (failure := failure_of(error, arguments.simulator, arguments.data)) is None:
             raise
-        raise SimulatorError(said) from error
+        raise SimulatorError(failure) from error
     report, better = _with_command(diagnoser.report_, arguments), diagnoser.augmented_
     arguments.known, notes = True, {"verdict": report.verdict, "complete": report.complete}
     saved, safe = _written("augmented simulator", arguments.save, lambda path: save_augmented(better, path, **notes))

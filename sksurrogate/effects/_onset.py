@@ -104,8 +104,8 @@ class Starting(BaseEffect):
         return self.rows_at if self.rows_at is not None else _ages(starts, n_samples) * dt
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Those of the effect, in windows."""
-        return self._in_windows(super().starts(probe), probe)
+        """Those of the effect, evident ones too, in windows."""
+        return self._in_windows([*super().evident(probe), *super().starts(probe)], probe)
 
     def _in_windows(self, starts: Sequence[tuple[float, ...]], probe: Probe) -> list[tuple[float, ...]]:
         """Starting values in every window that is tried."""
@@ -116,7 +116,7 @@ class Starting(BaseEffect):
         return [(*theta, *place) for theta in starts for place in places]
 
     def evident(self, probe: Probe) -> list[tuple[float, ...]]:
-        """None."""
+        """None: in which window is not evident."""
         return []
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:

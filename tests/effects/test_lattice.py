@@ -5,6 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, Probe
 from sksurrogate.effects._lattice import LEAST, coherence, lattice_steps, likely_steps, shows_steps
+from sksurrogate.effects._onset import starting
 
 
 def signal(seed, n=1200):
@@ -92,3 +93,14 @@ def test_forty_readings_crowd_at_the_multiples_of_some_step_by_chance():
         assert not np.any(shows_steps(y, steps))
         assert not lattice_steps(y)
     assert chances > 10
+
+
+@pytest.mark.parametrize("span", [("onset",), ("onset", "end")])
+def test_a_step_that_part_of_the_readings_show_is_tried_in_windows(span):
+    """As readings show it whatever the simulator says, beside the steps that would not be seen."""
+    y = 5.0 + np.sin(np.arange(1000) / 17)
+    y[300:] = 0.25 * np.round(y[300:] / 0.25)
+    late = starting(CATALOGUE["sensor_quantization"]("y"), span)
+    starts = np.array(late.starts(Probe(None, y, 0.0, 0.1, 100.0, np.array([0]), noise=0.01)))
+    near = starts[np.abs(starts[:, 0] - 0.25) < 0.25 / 40]
+    assert len(np.unique(near[:, 1])) > 5 and near[:, 1].min() < 30.0 < near[:, 1].max()

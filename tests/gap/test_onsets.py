@@ -1,5 +1,6 @@
 """Effects that begin within the runs are named with their onset; effects that are always there are not given one."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.screen._screen import Screen, Start
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.search._onsets import confined
+from sksurrogate.gap.search._onsets import confined, twins_with_onset
 from sksurrogate.physics import ODESimulator
 
 DT, N, RUNS = 0.05, 300, 2
@@ -100,6 +101,21 @@ def test_a_part_of_a_column_is_found_and_a_whole_one_is_not():
     assert within[0].effect.name == "linear_loss" and within[0].span == ("onset", "end")
     assert confined(*screen_of(columns, noise + columns[1]), least=5.0) == []
     assert confined(*screen_of(columns, noise), least=20.0) == []
+
+
+@pytest.mark.parametrize("span", [("onset",), ("end",), ("onset", "end")])
+def test_what_moves_the_outputs_as_an_effect_in_a_window_does_so_in_its_window(span):
+    """A quadratic drag is a loss twice as large here, and a friction is something else."""
+    rng = np.random.default_rng(0)
+    loss, other = rng.normal(size=(2, 400))
+    screen, _ = screen_of([loss, 2.0 * loss, other], loss)
+    bounds = [8.0, 11.0][: len(span)]
+    screen = replace(screen, raw=[np.ones(1)] * 3)
+    found = twins_with_onset(screen, starting(CATALOGUE["linear_loss"]("v", "v"), span), np.array([0.6, *bounds]))
+    [(effect, values)] = found
+    assert effect.key == ("quadratic_drag", "v", "v", "-".join(span))
+    np.testing.assert_allclose(values, [0.3, *bounds], rtol=1e-6)
+    assert twins_with_onset(screen, CATALOGUE["linear_loss"]("v", "v"), np.array([0.6])) == []
 
 
 def test_effects_in_a_window_lend_their_shape_to_such_effects_alone():

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._onset import EDGE_SHARES, WINDOW_SHARES, can_start, starting
+from sksurrogate.effects._onset import EDGE_SHARES, WINDOW_SHARES, Starting, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.fit._normal_equations import project_starts
@@ -102,38 +102,47 @@ def _windows(ages: np.ndarray, longest: int) -> Iterator[tuple[list[int], dict[t
 
 
 def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[tuple[BaseEffect, np.ndarray]]:
-    """Effects that begin when a jump does, and move the outputs as what has jumped: a loss that sets in, for a friction that jumps.
+    """Effects within a window that move the outputs as one does that jumps or has this window: a loss that sets in, for a friction
+    that jumps, a quadratic drag for a quadratic loss of what stays positive.
 
-    What has jumped is always there in the form that the jump's nests (a wrong parameter, a constant load). Its column in the screen of
-    the null tells which other effects move the outputs as it does; none where it was not a candidate.
+    What it is always (a wrong parameter, a constant load; the effect without the window) has a column in the screen of the null, which
+    tells the other effects that move the outputs as it does; none where it was not a candidate.
 
     Parameters
     ----------
-    theta : ndarray (2,)
-        Size and time of the jump.
+    theta : ndarray (n_params,)
+        Of the effect: its size, and the time of the jump or the window.
 
     Returns
     -------
     list of (effect, ndarray)
-        Each with the values at which it does what the jump does.
+        Each with the values at which it does what the effect does.
     """
-    if screen.columns is None or [parameter.name for parameter in effect.parameters[1:]] != ["time"]:
+    jumps = [parameter.name for parameter in effect.parameters[1:]] == ["time"]
+    windowed = isinstance(effect, Starting) and len(effect.parameters) == 1 + len(effect.span)
+    if screen.columns is None or not (jumps or windowed):
         return []
-    simple = [k for k, start in enumerate(screen.starts) if richer(effect, start.effect)]
+    span = effect.span if isinstance(effect, Starting) else ("onset",)
+    always = [
+        k
+        for k, start in enumerate(screen.starts)
+        if (richer(effect, start.effect) if jumps else start.effect.key == effect.key[:3])
+    ]
     others = [
-        k for k in range(len(screen.starts)) if k not in simple
+        k for k in range(len(screen.starts)) if k not in always
     ]  # a constant load that begins is the jump by another name
     able = [k for k in others if can_start(screen.starts[k].effect) and grows(screen.starts[k].effect)]
-    if not simple or not able:
+    if not always or not able:
         return []
-    flat = screen.columns[[simple[0], *able]].reshape(1 + len(able), -1)  # initial states hide what was always there
-    jumped, columns = flat[0] * (theta[0] / screen.raw[simple[0]][0]), flat[1:]
-    product, size = columns @ jumped, np.maximum(np.linalg.norm(columns, axis=1), 1e-300)
-    cosine = np.abs(product) / (size * max(float(np.linalg.norm(jumped)), 1e-300))
+    flat = screen.columns[[always[0], *able]].reshape(1 + len(able), -1)  # initial states hide what was always there
+    moved, columns = flat[0] * (theta[0] / screen.raw[always[0]][0]), flat[1:]
+    product, size = columns @ moved, np.maximum(np.linalg.norm(columns, axis=1), 1e-300)
+    cosine = np.abs(product) / (size * max(float(np.linalg.norm(moved)), 1e-300))
     found = {}
     for j in np.flatnonzero(cosine > COLLINEAR):
         one = screen.starts[able[j]].effect
-        found[one.key] = starting(one), np.r_[grown(one, screen.raw[able[j]], product[j] / size[j] ** 2), theta[1]]
+        values = grown(one, screen.raw[able[j]], product[j] / size[j] ** 2)
+        found[one.key] = starting(one, span), np.r_[values, theta[1:]]
     return list(found.values())
 
 
