@@ -17,7 +17,7 @@ from sksurrogate.gap.decide._choice_by_fold import names_by_fold
 from sksurrogate.gap.decide._equivalence import canonical_classes
 from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import name_of, next_experiment
-from sksurrogate.gap.decide._held_out import Baseline, held_out, notes_on_names, same_names, traces
+from sksurrogate.gap.decide._held_out import Baseline, held_out, likelier_held_out, notes_on_names, same_names, traces
 from sksurrogate.gap.decide._retuning import parameter_errors
 from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.faults._record_book import faults_of
@@ -48,7 +48,7 @@ class DiagnosisPipeline(LawStage[C]):
                 until = progress.started_at + stage.until * (self.time_limit or np.inf)
                 with quiet(), time_until(until):
                     self.ask(stage)
-                if self.book is not came and self.book is not None and self.book.changed:
+                if self.book is not came:
                     return None
         except KeyboardInterrupt:
             warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
@@ -103,7 +103,7 @@ class DiagnosisPipeline(LawStage[C]):
         if self.unnamed.clock:
             return
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
-            self.book = self.book.looked_at(self.search, self.rows, self.unnamed.law_gain)
+            self.book = self.book.looked_at(self.search, self.rows, self.unnamed.law_left)
 
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""
@@ -142,7 +142,9 @@ class DiagnosisPipeline(LawStage[C]):
     def certify(self) -> None:
         """Names that close too little on runs left out are withdrawn: the null stands."""
         found, final, held = self.found, self.final, self.found.held
-        if not final.effects or held is None or found.shrink is None or certified(found.shrink, final.left):
+        if not final.effects or held is None or found.shrink is None:
+            return
+        if certified(found.shrink, final.left, partial(likelier_held_out, final, held)):
             return
         self.withdraw(_notes.too_little([effect.name for effect in final.effects], "on runs left out"))
 

@@ -88,8 +88,8 @@ class DiagnosisState(Generic[C]):
         self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
 
     def floor(self) -> np.ndarray:
-        """Sensor noise of what stands."""
-        return self.unnamed.sensor_noise(self.final)
+        """Sensor noise of what stands, and what noise on inputs moves the outputs by."""
+        return np.hypot(self.unnamed.sensor_noise(self.final), self.problem.record.input_noise)
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""
@@ -154,7 +154,7 @@ class DiagnosisState(Generic[C]):
             curve=law.gain if law is not None else -np.inf,
             curve_moved=law.deviation if law is not None else 0.0,
             rounding=rounding.share if rounding is not None else 0.0,
-            noisy_input=self.book.noise_of_inputs if self.book is not None else 0.0,
+            noisy_input=self.book is not None and any(noise.is_the_gap for noise in self.book.slow_noise),
             other_clock=bool(unnamed.clock),
             at_bound=any(row["at_bound"] for row in self.retuned()),
             tolerance=self.search.tolerance,

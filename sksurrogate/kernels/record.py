@@ -57,6 +57,8 @@ class Record:
         How long after ``t`` the readings of a row were taken; None where all were taken at ``t``.
     steps : ndarray (n_samples,) or None
         Time from every row to the next; None where that is ``dt`` everywhere.
+    input_noise : ndarray (n_outputs,) or float
+        RMS that noise on the measured inputs moves the outputs by, as far as it is known: no model follows it.
     """
 
     u: np.ndarray
@@ -67,6 +69,7 @@ class Record:
     known: np.ndarray | None = None
     offset: np.ndarray | None = None
     steps: np.ndarray | None = None
+    input_noise: np.ndarray | float = 0.0
 
     @classmethod
     def from_runs(
@@ -176,7 +179,8 @@ class Record:
         known = None if self.known is None else self.known[:, rows]
         offset = None if self.offset is None else self.offset[rows]
         steps = None if self.steps is None else self.steps[rows]
-        return Record(self.u[:, rows], self.y[:, rows], self.t[rows], starts, self.dt, known, offset, steps)
+        u, y, t = self.u[:, rows], self.y[:, rows], self.t[rows]
+        return Record(u, y, t, starts, self.dt, known, offset, steps, self.input_noise)
 
     def select(self, runs: Sequence[int]) -> Record:
         """Some of the runs."""

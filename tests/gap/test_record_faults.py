@@ -11,7 +11,8 @@ import pytest
 from scipy.signal import lfilter
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, Offsets, Shifts
+from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
+from sksurrogate.gap.faults._fault_left import Found, Rival
 from sksurrogate.gap.faults._proposals import tone
 from sksurrogate.gap.faults._wrong_readings import _in_rows, _is_expected, outlying_rows, wrong_readings
 from sksurrogate.kernels.readings import Stretch
@@ -23,8 +24,8 @@ from record_cases import make_case
 SOME = ["coulomb_friction", "linear_loss", "sensor_bias", "sensor_gain", "input_gain", "sensor_delay"]
 
 
-def diagnosed(case, **other):
-    return GapDiagnoser(case.simulator, effects=SOME, n_jobs=1, random_state=0, **other).fit(
+def diagnosed(case, *further, **other):
+    return GapDiagnoser(case.simulator, effects=[*SOME, *further], n_jobs=1, random_state=0, **other).fit(
         case.U, case.Y, case.groups
     )
 
@@ -199,6 +200,46 @@ def test_a_late_run_of_a_slow_plant_is_late_by_the_right_samples():
     report = diagnosed(make_case("oven", "shift", False)).report_
     assert report.verdict == "none" and report.effects == []
     assert dict(report.data[0].values) == {1: 5.0}
+
+
+def test_a_late_run_beside_a_loss_is_no_law():
+    # Far from the data the likelihood of a law is that of no model that was simulated; the late run comes to the noise.
+    report = diagnosed(make_case("oven", "shift", True), "quadratic_loss", "power_law").report_
+    assert report.data.kinds == ("shift",) and report.verdict == "explained"
+    assert {effect.name for effect in report.effects} <= {"quadratic_loss", "power_law"} and len(report.effects) == 1
+
+
+@pytest.mark.parametrize(
+    ("left", "score", "law", "right"),
+    [(1.0, 10.0, Rival(20.0, 6.0), True), (1.0, 10.0, Rival(20.0, 1.0), False), (6.0, 10.0, Rival(20.0, 8.0), False),
+     (6.0, 20.0, Rival(10.0, 1.0), True)],
+)  # fmt: skip
+def test_a_fault_that_alone_comes_to_the_noise_beats_a_likelier_law(left, score, law, right):
+    assert Found(Shifts(None, np.ones(1)), None, score, 100.0, 0.9, left).beats(law) is right
+
+
+def test_names_do_not_stand_in_for_noise_on_an_input():
+    # Grids of the input follow single readings of it: what the noise makes up is judged beside the model without them.
+    report = diagnosed(make_case("tanks", "input_noise", False), "input_quantization").report_
+    assert report.verdict == "none" and report.effects == [] and report.data.kinds == ("input_noise",)
+    assert report.data[0].share > 0.5 and not report.data[0].taken_out
+
+
+def test_noise_of_an_input_is_the_gap_as_far_as_one_draw_of_it_may_be_off():
+    def noise(share, spread):
+        return SlowNoise(share, spread, np.zeros(1))
+
+    assert noise(0.8, 0.1).is_the_gap and not noise(0.6, 0.1).is_the_gap
+    assert noise(1.7, 0.3).is_possible and not noise(1.7, 0.1).is_possible
+
+
+def test_noise_that_stays_on_an_input_is_noise_of_the_outputs():
+    clean, slow = record(), SlowNoise(1.0, 0.1, np.array([3.0, 0.0]))
+    once = NoisyInput(0, 0, slow=slow).corrected(clean)
+    assert once.input_noise.tolist() == [3.0, 0.0] and once.select([1, 2]).input_noise.tolist() == [3.0, 0.0]
+    both = NoisyInput(0, 1, slow=SlowNoise(1.0, 0.1, np.array([4.0, 1.0]))).corrected(once)
+    assert both.input_noise.tolist() == [5.0, 1.0]
+    assert NoisyInput(0, 0).corrected(clean).input_noise == 0.0
 
 
 def test_noise_on_an_input_is_said_and_is_no_law():

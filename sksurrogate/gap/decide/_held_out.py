@@ -63,6 +63,13 @@ def law_held_out(finals: Sequence[BaseCandidate], held: HeldOut) -> HeldOut:
     return replace(held, law=_or_else(_by_fold(held.record, finals), held.before))
 
 
+def likelier_held_out(final: Evidence, held: HeldOut) -> bool:
+    """Whether runs left out are likelier with the names than without, under the noise of the names."""
+    disturbance, residual = final.candidate.disturbance.in_runs_from(held.record.starts), held.record.residual
+    after, before = (disturbance.log_likelihood(residual(y), final.noise) for y in (held.after, held.before))
+    return bool(after >= before)
+
+
 def _by_fold(record: Record, candidates: Sequence[BaseCandidate | None]) -> np.ndarray:
     """Outputs on the runs of every fold, of its candidate refitted on the others; nan where it gives none."""
     fold = run_folds(record)

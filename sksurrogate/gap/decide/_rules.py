@@ -39,16 +39,19 @@ class DecisionFeatures:
     curve: float = -np.inf
     curve_moved: float = 0.0
     rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
-    noisy_input: float = 0.0  #: Share of the gap (power) that the noise of a measured input makes up
+    noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
     other_clock: bool = False  #: Whether the simulator alone explains the record with its time in another unit
     at_bound: bool = False  #: Whether a re-tuned parameter ended at its bound
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 
 
-def certified(shrink: Shrink, left: float) -> bool:
-    """Whether the effects close most of the gap on runs left out."""
+def certified(shrink: Shrink, left: float, likelier: Callable[[], bool]) -> bool:
+    """Whether the effects close most of the gap on runs left out.
+
+    ``likelier()``: whether runs left out are likelier with them; that counts where no gap is seen beyond the noise.
+    """
     if not np.isfinite(shrink.fraction):
-        return not shrink.after > shrink.before
+        return likelier()
     if shrink.before < SMALL_GAP and left > NEARLY_WHITE:
         return shrink.fraction > CERTIFICATE_OF_SMALL
     return share_left(shrink) <= MOST_LEFT
@@ -76,8 +79,6 @@ def left_over(final: Evidence, noise: np.ndarray, most_noise: np.ndarray, retune
 
 #: A reading's grid counts from this share of the output's deviation on.
 GRID_SHARE = 0.01
-#: Noise of a measured input is the gap where it makes up this share of its power: half of the amplitude is then left for a law.
-NOISE_IS_THE_GAP = 0.75
 #: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where it is near the noise.
 PRACTICAL = 0.005
 
@@ -176,7 +177,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "noisy_input",
-        lambda f: f.noisy_input > NOISE_IS_THE_GAP,
+        lambda f: f.noisy_input,
         "none",
         "The noise of a measured input makes up the gap.",
     ),

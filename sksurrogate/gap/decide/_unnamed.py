@@ -66,9 +66,9 @@ class BaseUnnamed(ABC, Generic[C]):
     def begin(self) -> None:
         """What is made once for one null."""
 
-    def law_gain(self, final: Evidence[C]) -> float:
-        """Of the likeliest law beside what is named, twice the nats."""
-        return 0.0
+    def law_left(self, final: Evidence[C]) -> LawLeft | None:
+        """The likeliest law beside what is named; None where none is compared with faults of the record."""
+        return None
 
     def look(self, final: Evidence[C]) -> None:
         """What is seen on top of what is named."""

@@ -96,9 +96,9 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         noises = [final.noise.sigma, *([] if self.beside_forces is None else [self.beside_forces])]
         return np.max(np.minimum(noises, self.most_noise), axis=0)
 
-    def law_gain(self, final: Evidence[OdeCandidate]) -> float:
+    def law_left(self, final: Evidence[OdeCandidate]) -> LawLeft | None:
         law = law_beside_set(self.search, final, self.search.tolerance)
-        return law.left.gain if law is not None else 0.0
+        return law.left if law is not None else None
 
     def begin(self) -> None:
         """Whether the record fits in another unit of time."""

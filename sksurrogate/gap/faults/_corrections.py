@@ -110,15 +110,46 @@ SMOOTHINGS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (held_levels, smoot
 
 
 @dataclass(frozen=True, eq=False)
+class SlowNoise:
+    """What such noise as an input has moves the outputs by: slow beside the plant it cannot be distinguished from the input.
+
+    Attributes
+    ----------
+    share : float
+        Of the power of the gap that it makes up on average.
+    spread : float
+        Standard deviation of this share from one draw of the noise to another.
+    moved : ndarray (n_outputs,)
+        RMS.
+    """
+
+    share: float
+    spread: float
+    moved: np.ndarray
+
+    @property
+    def is_the_gap(self) -> bool:
+        """Whether the gap is no larger than such noise makes one."""
+        return self.share + DRAWS_APART * self.spread > 1.0
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether such noise would not make a larger gap than there is."""
+        return self.share - DRAWS_APART * self.spread < 1.0
+
+
+#: Standard deviations that one draw of a noise may be off its mean.
+DRAWS_APART = 3.0
+
+
+@dataclass(frozen=True, eq=False)
 class NoisyInput(BaseFault):
     """The measurement of an input is noisy; the plant got a smoother one."""
 
     input: int
     way: int  #: Of :data:`SMOOTHINGS`
-    #: Share of the gap that the smoother input removes; where it is not taken out, that noise of its size makes up
-    removed: float = np.nan
-    #: Whether the record is corrected: noise that is slow beside the plant cannot be distinguished from the input
-    taken_out: bool = True
+    removed: float = np.nan  #: Share of the gap that the smoother input removes
+    slow: SlowNoise | None = None  #: What stays, where the smoother input does not remove most of the gap
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -130,33 +161,31 @@ class NoisyInput(BaseFault):
 
     def corrected(self, record: Record) -> Record:
         """With the smoother input."""
-        return self.smoother(record) if self.taken_out else record
-
-    def smoother(self, record: Record) -> Record:
-        """The record with the smoother input."""
         u = record.u.copy()
         for a, b in record.spans:
             u[self.input, a:b] = SMOOTHINGS[self.way](record.u[self.input, a:b])
-        return replace(record, u=u)
+        stays = record.input_noise if self.slow is None else np.hypot(record.input_noise, self.slow.moved)
+        return replace(record, u=u, input_noise=stays)
 
-    def noisier(self, record: Record) -> Record:
+    def noisier(self, record: Record, draw: int) -> Record:
         """The record with as much white noise once more on the input."""
-        u, rng = record.u.copy(), np.random.default_rng(0)
+        u, rng = record.u.copy(), np.random.default_rng(draw)
         u[self.input] += self.deviation(record) * rng.normal(size=record.n_samples)
         return replace(record, u=u)
 
     def deviation(self, record: Record) -> float:
         """Of the noise: no larger than what smoothing removes, nor than what is white in the input."""
         u = record.u[self.input]
-        removed = float(np.std(u - self.smoother(record).u[self.input]))
+        removed = float(np.std(u - self.corrected(record).u[self.input]))
         return min(removed, white_deviation([u[a:b] for a, b in record.spans]))
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """With the deviation of the noise."""
-        size = self.deviation(record)
+        size, stays = self.deviation(record), self.slow is not None
+        share = self.removed if self.slow is None else min(self.slow.share, 1.0)
         remedy = "Record the input that the actuator is given, or filter its measurement forwards and backwards."
         where = (names.inputs[self.input], "input", tuple(names.labels), ())
-        return DataFault("input_noise", *where, size, self.removed, remedy=remedy, taken_out=self.taken_out)
+        return DataFault("input_noise", *where, size, share, remedy=remedy, taken_out=not stays)
 
 
 def white_deviation(runs: Sequence[np.ndarray]) -> float:

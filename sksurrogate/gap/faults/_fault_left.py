@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, smoother_inputs
+from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, SlowNoise, smoother_inputs
 from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
@@ -24,12 +24,19 @@ from sksurrogate.kernels.run_columns import RunColumns, take_out
 MOST_OF_IT = 0.8
 #: The same of noise on an input: what was really given to the plant is only known smoothed.
 MOST_OF_NOISE = 0.5
-#: Noise on an input that would make up more of what is left than this is no noise: the plant got what was measured.
-MOST_MADE_UP = 1.5
+#: Draws of the noise on an input, of which mean and spread of what it moves are known to a quarter.
+DRAWS = 8
 #: Looks at what is left of a fault beside a model that was fitted without it: each halves an error of the first or more.
 ROUNDS = 3
 #: Faults beside a model that are followed with a noise of their own.
 FOLLOWED = 4
+
+
+class Rival(NamedTuple):
+    """What stands, with the likeliest law beside it."""
+
+    score: float  #: As that of a fault
+    left: float  #: RMS over the noise that it leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +44,28 @@ class Found:
     """A fault beside a model."""
 
     fault: BaseFault
+    model: BaseCandidate
     score: float  #: Log likelihood less half of ``k ln N`` for the parameters of the model and of the fault
     gain: float  #: ``2 (L_with - L_without) - k ln N - 2 ln M`` for k parameters, N values and M faults
     removed: float  #: Share of the excess over the noise that it takes
+    left: float  #: RMS over the noise of the model that is fitted without it
 
     @property
     def enough(self) -> bool:
         """Whether it is the reason of what is left."""
         return self.removed > (MOST_OF_NOISE if isinstance(self.fault, NoisyInput) else MOST_OF_IT)
 
+    def beats(self, rival: Rival) -> bool:
+        """Whether it is the better reason: by size where it alone comes to the noise, else by likelihood.
+
+        A law far from the data is linear along the measured path, and a free force makes up for what it leaves: its likelihood is
+        that of no model that was simulated.
+        """
+        return self.left < SETTLED < rival.left or self.score >= rival.score
+
 
 def fault_left(
-    bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any], least: Callable[[], float]
+    bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any], rival: Callable[[], Rival]
 ) -> BaseFault | None:
     """The likeliest fault of the record on top of one of several models, None where none is the reason of what they leave.
 
@@ -56,7 +73,7 @@ def fault_left(
         beside a fault that nothing stands for may be a stack of wrong names.
     ``run`` (n_samples,): number of the run of every row.
     ``search``: for scores.
-    ``least()``: score that a fault must reach to be taken out; asked for only where one is the reason of what is left.
+    ``rival()``: what a fault must beat to be taken out; asked for only where one is the reason of what is left.
     """
     null = next(base.candidate for base in bases if not base.effects)
     smoother = [Proposal(moved[:, None], _smoother(fault)) for fault, moved in smoother_inputs(null)]
@@ -64,9 +81,9 @@ def fault_left(
     followed = [one.fit.followed(one.proposal, one.tried, search) for one in _first(seen, bases, null, smoother)]
     clear = [one for one in followed if one is not None and one.gain > CERTAIN]
     good = max((one for one in clear if one.enough), key=lambda one: one.score, default=None)
-    if good is not None and good.score >= least():
+    if good is not None and good.beats(rival()):
         return good.fault
-    return _noise_of_an_input(clear, bases[0].candidate)
+    return _noise_of_an_input(clear)
 
 
 class _Seen(NamedTuple):
@@ -106,20 +123,30 @@ def _first(
     return first
 
 
-def _noise_of_an_input(clear: Sequence[Found], model: BaseCandidate) -> BaseFault | None:
-    """The likeliest noise on an input with the share of the gap that it makes up, where no smoother removes it; None without one."""
-    noisy = [(one.score, one.fault, _made_up(model, one.fault)) for one in clear if isinstance(one.fault, NoisyInput)]
-    known = [one for one in noisy if one[2] < MOST_MADE_UP]
-    if not known:
+def _noise_of_an_input(clear: Sequence[Found]) -> BaseFault | None:
+    """The likeliest noise on an input, where the smoother input leaves most of the gap; None where there is none of its size.
+
+    If it moved the outputs by more than there is, the plant got what was measured.
+    """
+    for one in sorted(clear, key=lambda one: -one.score):
+        if isinstance(one.fault, NoisyInput):
+            slow = slow_noise(one.model, one.fault)
+            if slow is not None and slow.is_possible:
+                return replace(one.fault, slow=slow)
+    return None
+
+
+def slow_noise(model: BaseCandidate, fault: NoisyInput) -> SlowNoise | None:
+    """What as much noise on the input once more moves the outputs of a model by; None where it cannot be simulated."""
+    record, gap = model.problem.record, _excess(model, model.residual)
+    noisier = (model.refitted(fault.noisier(record, draw)) for draw in range(DRAWS))
+    moved = [model.without_starts((one.fit.y - model.fit.y)[None])[0] for one in noisier if one is not None]
+    if len(moved) < 2 or gap <= 0:
         return None
-    _, fault, share = max(known, key=lambda one: one[0])
-    return replace(fault, taken_out=False, removed=min(share, 1.0))
-
-
-def _made_up(model: BaseCandidate, fault: NoisyInput) -> float:
-    """The share of what a model leaves that noise on an input makes up: twice the noise, twice the excess."""
-    again, before = model.refitted(fault.noisier(model.problem.record)), _excess(model, model.residual)
-    return np.inf if again is None or before <= 0 else max(_excess(again, again.residual) / before - 1.0, 0.0)
+    power = np.sum(np.square(moved), axis=2)  # (n_draws, n_outputs)
+    shares = power.sum(axis=1) / gap
+    rms = model.problem.sd * np.sqrt(power.mean(axis=0) / record.counts.sum(axis=0))
+    return SlowNoise(float(shares.mean()), float(shares.std(ddof=1)), rms)
 
 
 def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
@@ -266,14 +293,15 @@ class _Fit:
             return None
         before, after = _excess(model, model.residual), _excess(again, again.residual)
         removed = 1.0 - max(after, 0.0) / before if before > 0 else 0.0
-        if after < (SETTLED**2 - 1.0) * self.n and before > 2.0 * after:
+        left = float(np.sqrt(1.0 + max(after, 0.0) / self.n))
+        if left < SETTLED and before > 2.0 * after:
             removed = 1.0  # at the noise
         cost = self.cost(proposal, tried)
         score = max(value, estimate_noise(again, self.noises[1], max_iterations=8).log_likelihood)
         score -= 0.5 * (search.prior_cost(again) + model.n_parameters * np.log(self.n) + cost)
         if isinstance(fault, NoisyInput):
             fault = replace(fault, removed=removed)
-        return Found(fault, float(score), 2.0 * (value - alone) - cost, removed)
+        return Found(fault, model, float(score), 2.0 * (value - alone) - cost, removed, left)
 
 
 def _weights(linear: LinearSet[Any], G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

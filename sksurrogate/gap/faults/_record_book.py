@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
-from sksurrogate.gap.faults._fault_left import fault_left, tone_left
+from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput, SlowNoise
+from sksurrogate.gap.faults._fault_left import Rival, fault_left, tone_left
 from sksurrogate.gap.faults._wrong_readings import outlying, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
@@ -37,7 +38,6 @@ class RecordBook:
     earlier: RecordBook | None = None  #: Before the last fault was found
     left: float = np.inf  #: RMS over the noise that the diagnosis left with that one
     closed: bool = False  #: Whether no further fault is looked for
-    changed: bool = True  #: Whether the last fault changed the record: it is diagnosed again
 
     @cached_property
     def record(self) -> Record:
@@ -77,12 +77,14 @@ class RecordBook:
         known[fault.key] = known[fault.key].and_also(fault) if fault.key in known else fault
         return replace(self, faults=tuple(known.values()), earlier=self, left=left)
 
-    def looked_at(self, search: BaseSearch[Any], rows: np.ndarray, law_gain: Callable[[Any], float]) -> RecordBook:
+    def looked_at(
+        self, search: BaseSearch[Any], rows: np.ndarray, law_left: Callable[[Any], LawLeft | None]
+    ) -> RecordBook:
         """With the likeliest fault on top of what was named, or of nothing; itself where none is the reason of what is left.
 
         ``search``: after it has named effects.
         ``rows``: rows of the record that it saw.
-        ``law_gain``: what a law gains beside what was named, twice the log likelihood: a fault must gain more.
+        ``law_left``: the likeliest law beside what was named: a fault must gain more.
         """
         final = search.final or search.fitted_null
         if self.earlier is not None and final.left > self.left:
@@ -97,20 +99,20 @@ class RecordBook:
             hum = tone_left(near, self.raw.run_of_row[rows])
             return self if hum is None else self.with_fault(hum, np.inf)
 
-        def least() -> float:
-            return search.score(final.candidate) + 0.5 * max(law_gain(final), 0.0)
+        def with_law() -> Rival:
+            law, score = law_left(final), search.score(final.candidate)
+            return Rival(score, final.left) if law is None else Rival(score + 0.5 * max(law.gain, 0.0), law.left)
 
-        fault = fault_left(_bases(search, final), self.raw.run_of_row[rows], search, least)
+        fault = fault_left(_bases(search, final), self.raw.run_of_row[rows], search, with_law)
         if fault is None:
             return self
-        stays = isinstance(fault, NoisyInput) and not fault.taken_out
-        return replace(self.with_fault(fault, final.left), changed=not stays)
+        stays = isinstance(fault, NoisyInput) and fault.slow is not None
+        return self.with_fault(fault, np.inf if stays else final.left)
 
     @property
-    def noise_of_inputs(self) -> float:
-        """Share of the gap that noise on inputs makes up, which stays in the record."""
-        noisy = [fault for fault in self.faults if isinstance(fault, NoisyInput) and not fault.taken_out]
-        return max((fault.removed for fault in noisy if np.isfinite(fault.removed)), default=0.0)
+    def slow_noise(self) -> list[SlowNoise]:
+        """Noise on inputs that stays in the record."""
+        return [fault.slow for fault in self.faults if isinstance(fault, NoisyInput) and fault.slow is not None]
 
     @property
     def depth(self) -> int:

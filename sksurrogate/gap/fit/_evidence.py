@@ -53,14 +53,14 @@ class Evidence(Generic[C]):
 
     @cached_property
     def left(self) -> float:
-        """RMS of the free-run residual in units of the sensor noise (the worst output)."""
+        """RMS of the free-run residual in units of the noise (the worst output): of the sensor, and of inputs that are measured."""
         return self.left_within()
 
     def left_within(self, most: np.ndarray | float = np.inf, least: np.ndarray | float = 0.0) -> float:
         """The same with the sensor noise within limits."""
-        rms = self.candidate.problem.record.rms(self.candidate.residual)
+        record = self.candidate.problem.record
         sigma = np.maximum(np.minimum(self.noise.sigma, most), least)
-        return float(np.max(rms / sigma))
+        return float(np.max(record.rms(self.candidate.residual) / np.hypot(sigma, record.input_noise)))
 
 
 def bar(n_parameters: int, n_candidates: int, n_values: int) -> float:

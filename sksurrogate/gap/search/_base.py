@@ -124,6 +124,12 @@ class BaseSearch(ABC, Generic[C]):
         return self.problem.record.n_values
 
     @property
+    def noise_cost(self) -> float:
+        """Squared error over the sensors' noise that this and noise on the inputs make up."""
+        record = self.problem.record
+        return self.n_values + float(np.sum(record.counts * (record.input_noise / self.problem.sd) ** 2))
+
+    @property
     def gap_cost(self) -> float:
         """Squared error over the noise of the simulator as it is given: its free parameters at their nominal values.
 
@@ -206,4 +212,4 @@ class BaseSearch(ABC, Generic[C]):
 
     def is_far(self, candidate: C) -> bool:
         """Whether a candidate is so far from the data that sizes, not likelihoods, tell candidates apart."""
-        return candidate.fit.cost > FAR_BY_COST * self.n_values
+        return candidate.fit.cost > FAR_BY_COST * self.noise_cost

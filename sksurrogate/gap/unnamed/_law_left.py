@@ -21,6 +21,8 @@ class LawLeft:
         RMS that the law moves an output by over the deviation of that output, the largest; what is fitted beside it follows.
     probability : float
         That the law is larger than the tolerance.
+    left : float
+        RMS over the noise that names and law leave of the data, to first order.
     """
 
     location: str
@@ -31,3 +33,4 @@ class LawLeft:
     gain: float = 0.0
     deviation: float = 0.0
     probability: float = 0.0
+    left: float = 1.0
