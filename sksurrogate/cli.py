@@ -382,6 +382,8 @@ def _demo(arguments: argparse.Namespace) -> int:
             f"{'=' * 80}\nExample {number}: {summary.title}\n{'=' * 80}\n{summary.report}\n\n{textwrap.fill(summary.ending, 80)}\n"
         )
         print("".join(f"{line}\n\n" for line in said), end="")
+        if not summary.report.complete:  # interrupted: the next one is not wanted either
+            return 130
     return 0 if good else 1
 
 

@@ -8,6 +8,7 @@ import threading
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
 import joblib
 import numpy as np
@@ -254,6 +255,18 @@ def test_what_fits_nowhere_is_printed(command, monkeypatch, capsys):
     assert main(command) == 1
     out = capsys.readouterr().out
     assert json.loads(out[out.index("{") :])["effects"][0]["name"] == "input_lag"
+
+
+def test_an_interrupted_demo_begins_no_other_diagnosis(monkeypatch, capsys):
+    def interrupted():
+        return SimpleNamespace(title="first", ending="", report=SimpleNamespace(complete=False, to_html=str))
+
+    def unwanted():
+        raise AssertionError("nobody wants it")
+
+    monkeypatch.setattr("sksurrogate.demo.story_actuator_and_sensor", interrupted)
+    monkeypatch.setattr("sksurrogate.demo.story_linearised", unwanted)
+    assert main(["demo"]) == 130 and "Example 1: first" in capsys.readouterr().out
 
 
 def test_the_demo_says_before_its_work_that_there_is_no_folder(tmp_path, capsys):

@@ -15,13 +15,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from scipy.optimize import least_squares
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 from sklearn.preprocessing import StandardScaler
 
 from sksurrogate._files import append_line
+from sksurrogate._parallel._deaf import workers
 from sksurrogate.blind._cases import Question, draw
 from sksurrogate.blind._score import score
 from sksurrogate.blind._solve import Solver, predict
@@ -272,9 +273,7 @@ def run_baselines(rows: Any, out: Any, *, first: int = 10, limit: float = 120.0,
         if left:
             todo.append((arm, seed, left, limit))
     count = 0
-    for found in Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)(
-        delayed(_asked)(*t) for t in todo
-    ):
+    for found in workers(n_jobs, return_as="generator_unordered", batch_size=1)(delayed(_asked)(*t) for t in todo):
         for row in found:
             append_line(out, json.dumps(row, default=float))
         count += len(found)

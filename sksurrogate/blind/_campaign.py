@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed, effective_n_jobs
+from joblib import delayed, effective_n_jobs
 
 from sksurrogate._files import append_line
 from sksurrogate._fingerprint import fingerprint
+from sksurrogate._parallel._deaf import workers
 from sksurrogate.blind._cases import ARMS, draw
 from sksurrogate.blind._follow import followed
 from sksurrogate.blind._own import plant_of
@@ -188,7 +189,7 @@ def _answered(jobs: Iterable[tuple[Any, ...]], n_jobs: int | None) -> Iterator[d
             for job in jobs:
                 yield run_case(*job, solver=solver)
     else:
-        yield from Parallel(n_jobs=n_jobs, return_as="generator_unordered", batch_size=1)(
+        yield from workers(n_jobs, return_as="generator_unordered", batch_size=1)(
             delayed(run_case)(*job) for job in jobs
         )
 

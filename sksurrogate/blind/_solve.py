@@ -7,7 +7,6 @@ import json
 import os
 import pickle
 import select
-import signal
 import struct
 import subprocess
 import sys
@@ -21,6 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from joblib.externals.loky.backend.reduction import dumps
 
+from sksurrogate._parallel._deaf import deaf
 from sksurrogate._parallel._orphans import watch_parent
 from sksurrogate.blind._cases import Question
 from sksurrogate.exceptions import SimulatorError
@@ -177,11 +177,12 @@ class Solver:
             paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
             threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
             self._asked = 0
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", "from sksurrogate.blind._solve import main; main()", self.function],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tempfile.gettempdir(),
-                env={**os.environ, "PYTHONPATH": paths, **threads},
-            )  # fmt: skip
+            with deaf():
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", "from sksurrogate.blind._solve import main; main()", self.function],
+                    stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tempfile.gettempdir(),
+                    env={**os.environ, "PYTHONPATH": paths, **threads},
+                )  # fmt: skip
         return self._process
 
     def close(self) -> None:
@@ -262,7 +263,6 @@ def _plain(value: Any) -> Any:
 
 def main() -> None:
     """Entry point of the other process; what it prints goes to the error stream."""
-    signal.signal(signal.SIGINT, lambda *_: os._exit(130))  # an interrupt of the check: no half answer, no traceback
     watch_parent()  # a question may take minutes, and nobody would read its answer
     module, _, name = sys.argv[1].partition(":")
     target = os.fdopen(os.dup(1), "wb")

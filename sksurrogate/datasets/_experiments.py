@@ -11,13 +11,14 @@ from typing import Any
 
 import joblib
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from scipy.stats import qmc
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
 from sksurrogate._files import beside
 from sksurrogate._fingerprint import fingerprint
+from sksurrogate._parallel._deaf import workers
 from sksurrogate._parallel._pickled import refuse_what_stays
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.physics import ODESimulator
@@ -163,7 +164,7 @@ def simulate_experiments(
         store = (folder, fingerprint(simulator, "with cache=, simulator"))
     batches = [slice(a, min(a + batch_size, n_runs)) for a in range(0, n_runs, batch_size)]
     refuse_what_stays(simulator, n_jobs)
-    parts = Parallel(n_jobs=n_jobs)(delayed(_cached)(simulator, U[b], X0[b], store) for b in batches)
+    parts = workers(n_jobs)(delayed(_cached)(simulator, U[b], X0[b], store) for b in batches)
     runs = [run for part in parts for run in part]
     failed = tuple(r for r, run in enumerate(runs) if run is None)
     if failed:

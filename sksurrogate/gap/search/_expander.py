@@ -9,8 +9,9 @@ from itertools import islice
 from typing import Any, TypeAlias
 
 import numpy as np
-from joblib import Parallel, delayed, effective_n_jobs
+from joblib import delayed, effective_n_jobs
 
+from sksurrogate._parallel._deaf import workers
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
@@ -258,7 +259,7 @@ class Expander(SetSearch[OdeCandidate]):
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
         near = min(base.fit.cost, best)
-        parts = Parallel(n_jobs=self.n_jobs)(delayed(fit_chunk)(base, chunk, near) for chunk in chunks)
+        parts = workers(self.n_jobs)(delayed(fit_chunk)(base, chunk, near) for chunk in chunks)
         freight = [one for part in parts for one in part]
         landed = [self.landed(base, [starts[0].effect], one) for starts, one in zip(chosen, freight)]
         return [candidate for candidate in landed if candidate is not None]

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
+from sksurrogate._parallel._deaf import workers
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
@@ -125,7 +126,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         counts = min(wanted.by_white, BY_WHITE), min(wanted.by_forced, BY_FORCED)
         starts = self.screened(base, library, *counts, max(wanted.least, HOPELESS * self.bar(1)))
         self.report(f"fitting {len(starts)} of {len(library)} candidates")
-        work = Parallel(n_jobs=self.n_jobs, return_as="generator")
+        work = workers(self.n_jobs, return_as="generator")
         found: list[TrajectoryCandidate] = []
         for candidate in work(delayed(_fit)(self.problem, base, *start) for start in starts):
             if candidate is not None:

@@ -1,0 +1,60 @@
+"""Worker processes that an interrupt does not reach: the process that started them decides what becomes of them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from typing import Any
+
+from joblib import Parallel, delayed, effective_n_jobs
+from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
+__all__ = ["deaf", "workers"]
+
+
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Processes that are started within never see Ctrl-C; this one sees it afterwards.
+
+    Python shows a traceback of an interrupt that comes while a process still imports what it needs.
+
+    Examples
+    --------
+    >>> import signal, subprocess, sys
+    >>> with deaf():
+    ...     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    >>> child.send_signal(signal.SIGINT)
+    >>> _ = child.communicate(b"\\n")
+    >>> child.returncode
+    0
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def workers(n_jobs: int | None, **options: Any) -> Parallel:
+    """joblib's workers, started :func:`deaf`.
+
+    Examples
+    --------
+    >>> workers(1)(delayed(abs)(k) for k in (-1, 2))
+    [1, 2]
+    """
+    n = effective_n_jobs(n_jobs)
+    if n > 1:
+        if sys.platform != "win32":
+            for tracker in (resource_tracker, loky_tracker):
+                tracker.ensure_running()  # where one starts later it lets interrupts in again
+        with deaf():
+            Parallel(n_jobs=n_jobs)(delayed(os.getpid)() for _ in range(n))
+    return Parallel(n_jobs=n_jobs, **options)
