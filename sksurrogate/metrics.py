@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.linear_fit import linear_least_squares
 
 __all__ = ["ResidualTest", "cross_correlation_test", "fit_percent", "whiteness_test"]
 
@@ -123,7 +124,7 @@ def cross_correlation_test(residual: Any, u: Any, n_lags: int = 20) -> ResidualT
     cross = np.array([e[k:] @ v[: n - k] for k in lags]) / n
     auto = np.array([v[k:] @ v[: n - k] for k in lags]) / n
     covariance = auto[np.abs(lags[:, None] - lags)] * (e @ e / n)
-    statistic = float(n * cross @ np.linalg.lstsq(covariance, cross, rcond=1e-10)[0])
+    statistic = float(n * cross @ linear_least_squares(covariance, cross, rcond=1e-10))
     correlation = cross / np.sqrt(auto[0] * (e @ e / n))
     return ResidualTest(lags, correlation, 2.576 / np.sqrt(n), statistic, float(chi2.sf(statistic, n_lags + 1)))
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dposv
 
+from sksurrogate.kernels.linear_fit import linear_least_squares
+
 __all__ = ["Arrow"]
 
 
@@ -116,8 +118,10 @@ class Arrow:
 
 
 def _solve(M: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """``M^-1 b`` of a symmetric matrix, by Cholesky; by least squares where rounding has made it indefinite."""
+    """``M^-1 b`` of a symmetric matrix, by Cholesky; by least squares where rounding has made it indefinite; nan of what is not finite."""
     if not len(b):
         return np.zeros(0)
+    if not (np.isfinite(M).all() and np.isfinite(b).all()):
+        return np.full(len(b), np.nan)
     _, x, info = dposv(M, b)
-    return x if info == 0 else np.linalg.lstsq(M, b, rcond=1e-12)[0]
+    return x if info == 0 else linear_least_squares(M, b, rcond=1e-12)

@@ -12,6 +12,7 @@ import numpy as np
 
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.noise_slopes import noise_slopes
 from sksurrogate.kernels.run_columns import RunColumns, take_out
 
@@ -186,7 +187,7 @@ class _Likelihood:
         normal, right = H / np.outer(scale, scale), g / scale
         if not (np.all(np.isfinite(normal)) and np.all(np.isfinite(right))):
             return LOST
-        theta = np.linalg.lstsq(normal, right, rcond=1e-10)[0] if len(g) else g
+        theta = linear_least_squares(normal, right, rcond=1e-10) if len(g) else g
         logdet -= 2.0 * _log_prior(noise, self.unit)
         value = 0.5 * (G[0, 0] - float(right @ theta) + logdet)
         if not np.isfinite(value):

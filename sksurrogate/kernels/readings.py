@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.kernels.linear_fit import linear_least_squares
+
 __all__ = ["Stretch", "flat_stretches", "predicted_by_neighbours", "spikes"]
 
 #: Rows before and after a reading that it is compared with, and the degree of the path through them.
@@ -166,7 +168,7 @@ def _bridge(y: np.ndarray, first: int, taken: int) -> np.ndarray:
     rows = np.arange(width)
     inside = (rows >= first - a) & (rows < first - a + taken)
     basis = np.vander((rows - SIDE) / SIDE, DEGREE + 1)
-    weights = np.linalg.lstsq(basis[~inside], y[a : a + width][~inside], rcond=None)[0]
+    weights = linear_least_squares(basis[~inside], y[a : a + width][~inside])
     return basis[inside] @ weights
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeqrf, dorgqr, dtrtrs
 
 from sksurrogate.kernels.least_squares import Slopes
+from sksurrogate.kernels.linear_fit import linear_least_squares
 
 __all__ = ["Separable"]
 
@@ -89,7 +90,7 @@ class Separable:
         factor = self.factor(phi)
         if factor is not None:
             return factor[2]
-        return np.linalg.lstsq(phi.T, self.targets[:, : self.n_rows].T, rcond=None)[0]
+        return linear_least_squares(phi.T, self.targets[:, : self.n_rows].T)
 
     def __call__(self, omega: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Sum of squares, J'r and J'J of the projected residual."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.state_model import StateModel
 
 __all__ = ["OutputErrorLoss", "StateFit", "fit_output_error", "simulate", "start_states", "state_slopes", "subspace"]
@@ -211,9 +212,9 @@ def subspace(
         y_now.append(y[p : p + len(x) - 1])
     x, x_next, u, y = (np.concatenate(part) for part in (now, nxt, u_now, y_now))
     ones = np.ones((len(x), 1))
-    by_f = np.linalg.lstsq(np.concatenate([x, u, ones], axis=1), x_next, rcond=None)[0].T
+    by_f = linear_least_squares(np.concatenate([x, u, ones], axis=1), x_next).T
     seen = np.concatenate([x, u, ones] if feedthrough else [x, ones], axis=1)
-    by_g = np.linalg.lstsq(seen, y, rcond=None)[0].T
+    by_g = linear_least_squares(seen, y).T
     A, radius = by_f[:, :n_states], float(np.abs(np.linalg.eigvals(by_f[:, :n_states])).max())
     if radius > 0.998:
         A = A * (0.998 / radius)

@@ -8,6 +8,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import gammaln
 
+from sksurrogate.kernels.linear_fit import linear_least_squares
+
 __all__ = ["Elimination", "eliminate", "log_evidence", "refit", "threshold_refit"]
 
 #: Ridge on columns of norm 1 that lets dependent columns be distinguished: its square is the rounding of doubles.
@@ -117,7 +119,7 @@ def refit(A: np.ndarray, b: np.ndarray, columns: np.ndarray) -> np.ndarray:
     if len(columns):
         norms = np.sqrt(np.einsum("ij,ij->j", A[:, columns], A[:, columns]))
         norms[norms == 0] = 1.0
-        x[columns] = np.linalg.lstsq(A[:, columns] / norms, b, rcond=None)[0] / norms
+        x[columns] = linear_least_squares(A[:, columns] / norms, b) / norms
     return x
 
 

@@ -15,6 +15,7 @@ from sksurrogate.kernels.least_squares import (
     several_starts,
     with_memory,
 )
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.neural._network import Layers, draw_layers
 from sksurrogate.neural._problems import JACOBIAN_ROWS, Rows, normal_equations, projected, squares
 
@@ -309,7 +310,7 @@ def train_linear(plan: Plan, rows: Rows, validation: Validation | None = None) -
     if plan.alpha:
         matrix = np.vstack([matrix, np.sqrt(plan.alpha * rows.total) * np.eye(x.shape[1])])
         target = np.vstack([target, np.zeros((x.shape[1], y.shape[1]))])
-    theta = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    theta = linear_least_squares(matrix, target)
     layers = Layers((theta,), (level - mean @ theta,), ("identity",))
     cost = misfit(layers, rows) + plan.alpha * float(np.sum(theta**2))
     if validation is not None:  # one step: nothing to stop, but something to see

@@ -13,6 +13,7 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
@@ -124,6 +125,6 @@ def _separations(differences: Sequence[np.ndarray], starts: np.ndarray, sd: np.n
     for k, difference in enumerate(differences):
         d = (difference / sd[:, None]).reshape(-1)
         if np.all(np.isfinite(d)) and np.all(np.isfinite(J)):
-            d = d - J @ np.linalg.lstsq(J, d, rcond=1e-8)[0]
+            d = d - J @ linear_least_squares(J, d, rcond=1e-8)
             out[k] = 0.5 * float(d @ d)
     return out

@@ -8,6 +8,7 @@ import numpy as np
 
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._normal_equations import unexplained
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.record import Record
 
 #: Lags of an input that explain its next move without the outputs: at most so many, for a profile of twenty lines foretells
@@ -83,7 +84,7 @@ def _in_every_part(e: np.ndarray, z: np.ndarray) -> bool:
     half = (np.arange(len(z)) * 2 * LOOP_PIECES // len(z)) % 2 == 0
     whole = _explained(e, z)
     for learnt in (half, ~half):
-        w = np.linalg.lstsq(e[learnt], z[learnt], rcond=1e-10)[0]
+        w = linear_least_squares(e[learnt], z[learnt], rcond=1e-10)
         other = z[~learnt] - e[~learnt] @ w
         if 1.0 - float(other @ other) / max(float(z[~learnt] @ z[~learnt]), 1e-300) < 0.5 * whole:
             return False
@@ -112,7 +113,7 @@ def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray
     left = move
     for _ in range(3):
         calm = np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
-        left = move - own @ np.linalg.lstsq(own[calm], move[calm], rcond=1e-10)[0]
+        left = move - own @ linear_least_squares(own[calm], move[calm], rcond=1e-10)
     return left, np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
 
 

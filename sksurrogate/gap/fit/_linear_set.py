@@ -12,6 +12,7 @@ from sksurrogate.gap.fit._backend import Backend, C
 from sksurrogate.gap.fit._linear_model import LinearModel
 from sksurrogate.gap.fit._normal_equations import scaled, solve
 from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.run_columns import UNSEEN
 
@@ -92,7 +93,7 @@ class LinearSet(LinearModel, Generic[C]):
             cross = G[1:k, k:] * scale[:, None]
             pulled = scale * (G[1:k, 0] + self.pull)
             right = np.column_stack([cross, pulled])
-            solved = np.linalg.lstsq(known * np.outer(scale, scale), right, rcond=UNSEEN)[0]
+            solved = linear_least_squares(known * np.outer(scale, scale), right, rcond=UNSEEN)
             H, g = H - cross.T @ solved[:, :-1], g - cross.T @ solved[:, -1]
             power -= float(pulled @ solved[:, -1])
         return 0.5 * (H + H.T), g, power
@@ -133,7 +134,7 @@ def _bounded(normal: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.nd
         if not free.any():
             break
         pushed = right[free] - normal[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], pushed, rcond=UNSEEN)[0]
+        step[free] = linear_least_squares(normal[np.ix_(free, free)], pushed, rcond=UNSEEN)
         outside = free & ((step < low) | (step > high))
         if not outside.any():
             break

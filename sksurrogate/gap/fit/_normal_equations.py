@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.run_columns import UNSEEN
 
 
@@ -35,7 +36,7 @@ def solve(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray:
     normal, scale = scaled(H)
     if damping:
         normal = normal + damping * np.eye(len(H))
-    return np.linalg.lstsq(normal, g / scale, rcond=UNSEEN)[0] / scale
+    return linear_least_squares(normal, g / scale, rcond=UNSEEN) / scale
 
 
 def unexplained(columns: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -46,7 +47,7 @@ def unexplained(columns: np.ndarray, y: np.ndarray) -> np.ndarray:
     >>> unexplained(np.ones((3, 1)), np.array([1.0, 2.0, 3.0])).round(12)
     array([-1.,  0.,  1.])
     """
-    return np.asarray(y - columns @ np.linalg.lstsq(columns, y, rcond=UNSEEN)[0])
+    return np.asarray(y - columns @ linear_least_squares(columns, y, rcond=UNSEEN))
 
 
 def inverse(H: np.ndarray) -> np.ndarray:

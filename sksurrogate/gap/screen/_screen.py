@@ -29,6 +29,7 @@ from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._shortlist import shortlist
 from sksurrogate.gap.screen._unseen_starts import score_beside
 from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.linear_fit import linear_least_squares
 
 #: Numbers of the null's columns that are kept (single precision).
 MOST_NUMBERS_KEPT = 60_000_000
@@ -359,7 +360,7 @@ def _quadratures(
             continue
         G = among([k, k + 1])
         H, g = G[1:, 1:], G[0, 1:]
-        sine, cosine = np.linalg.lstsq(H, g, rcond=1e-10)[0]
+        sine, cosine = linear_least_squares(H, g, rcond=1e-10)
         theta = a.copy()
         theta[0] *= np.hypot(sine, cosine)
         theta[phase] = np.arctan2(cosine, sine)

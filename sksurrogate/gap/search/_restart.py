@@ -13,6 +13,7 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._rounding import alike
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.linear_fit import linear_least_squares
 
 #: Values nearby that are fitted, best first.
 MOST_NEARBY = 3
@@ -80,7 +81,7 @@ def _left(r: np.ndarray, J: np.ndarray, prior: np.ndarray, moved: np.ndarray) ->
     rows = np.concatenate([J.T, np.diag(1.0 / prior)])
     wanted = np.concatenate([r.T, np.repeat((-moved / prior)[:, None], len(r), axis=1)])
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    rest = wanted - rows @ (np.linalg.lstsq(rows / scale, wanted, rcond=1e-10)[0] / scale[:, None])
+    rest = wanted - rows @ (linear_least_squares(rows / scale, wanted, rcond=1e-10) / scale[:, None])
     return np.einsum("nk,nk->k", rest, rest)
 
 
