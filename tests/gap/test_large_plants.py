@@ -1,9 +1,12 @@
 """Large plants and many runs: what is near is asked first, columns are made in blocks, a value in every run costs no square."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.effects._onset import starting
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import Gains, Hum
 from sksurrogate.gap.faults._proposals import proposals
@@ -114,6 +117,20 @@ def test_a_screen_in_blocks_is_the_screen_of_all(monkeypatch):
         best[one.effect.key] = max(best.get(one.effect.key, 0.0), one.white, one.forced)
     assert {one.effect.key: max(one.white, one.forced) for one in few.starts} == pytest.approx(best)
     assert len(few.columns) == len(best)
+
+
+def test_a_screen_holds_its_columns_hardly_more_than_twice():
+    """As they come and over the noise, of many starting values of one effect; some temporary arrays beside."""
+    problem, smoothed = problem_of(*runs(CATALOGUE["cubic_stiffness"]("b", "b"), {"coefficient": 0.3}))
+    null, library = (
+        problem.fit((), np.zeros(0), smoothed.x),
+        [starting(CATALOGUE["input_quantization"]("u"), ("onset", "end"))],
+    )
+    tracemalloc.start()
+    found = _screen.screen(library, null, smoothed.x, None)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(found.starts) > 1000 and peak < 2.5 * 8 * found.columns.size
 
 
 def test_a_fault_has_values_in_the_runs_that_are_seen():

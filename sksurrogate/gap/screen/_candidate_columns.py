@@ -64,6 +64,17 @@ def candidate_columns(
 _Freight = tuple[np.ndarray, np.ndarray, np.ndarray | None, bool, np.ndarray]
 
 
+def largest(change: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Largest change over the noise of any output, (n_starts,), of changes (n_outputs, n_starts, n_samples); nan where one is nan.
+
+    Examples
+    --------
+    >>> largest(np.array([[[1.0, -3.0], [0.0, np.nan]], [[0.5, 0.0], [1.0, 1.0]]]), np.array([2.0, 0.1]))
+    array([ 5., nan])
+    """
+    return np.asarray(np.max(np.maximum(change.max(axis=2), -change.min(axis=2)) / sd[:, None], axis=0))
+
+
 @dataclass(frozen=True, eq=False)
 class _AtStarts:
     """One candidate at its starting values."""
@@ -82,13 +93,13 @@ class _AtStarts:
             return []
         theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
         out, paths = self.responses(effect, theta)
-        size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
+        size = largest(out, s.problem.sd)
         refused = np.flatnonzero(~(size < LARGEST_CHANGE)).tolist()
         if refused and effect.linear and effect.parameters[0].low < 0:  # with the other sign it may be in range
             theta[0, refused] *= -1.0
             out[:, refused], others = self.responses(effect, theta[:, refused])
             paths = [others[refused.index(k)] if k in refused else path for k, path in enumerate(paths)]
-            size = np.max(np.abs(out) / s.problem.sd[:, None, None], axis=(0, 2))
+            size = largest(out, s.problem.sd)
         if np.isnan(size).all():
             return None
         columns, n = np.ascontiguousarray(out.transpose(1, 0, 2)), len(s.smoothed.x)
@@ -96,7 +107,7 @@ class _AtStarts:
             (
                 theta[:, k],
                 columns[k],
-                paths[k][n:] if len(paths[k]) > n else None,
+                paths[k][n:].copy() if len(paths[k]) > n else None,
                 bool(k < n_evident) and not self.shape,
                 self.unseen.through(effect, theta[:, k]),
             )
@@ -110,11 +121,12 @@ class _AtStarts:
 
     def responses(self, effect: BaseEffect, theta: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """What :meth:`Responses.columns` gives, some starting values at a time: memory does not grow with their number."""
-        at_once = max(AT_ONCE // self.s.smoothed.x.size, 1)
-        parts = [self.s.columns(effect, theta[:, a : a + at_once]) for a in range(0, theta.shape[1], at_once)]
-        if len(parts) == 1:
-            return parts[0]
-        return np.concatenate([out for out, _ in parts], axis=1), [path for _, paths in parts for path in paths]
+        at_once, record = max(AT_ONCE // self.s.smoothed.x.size, 1), self.s.problem.record
+        out, paths = np.empty((len(record.y), theta.shape[1], record.n_samples)), []
+        for a in range(0, theta.shape[1], at_once):
+            out[:, a : a + at_once], along = self.s.columns(effect, theta[:, a : a + at_once])
+            paths += along
+        return out, paths
 
     def starts(self, effect: BaseEffect) -> tuple[list[tuple[float, ...]], int]:
         """Starting values, and how many of the first are evident."""

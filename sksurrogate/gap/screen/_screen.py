@@ -43,8 +43,6 @@ LEAST_FACTOR = 0.2
 UNSQUARED = 1e100
 #: Columns that are put together to see how far several names lead.
 MOST_TOGETHER = 3
-#: Share of the best score, and least score, from which nearby values of an effect that jumps with them are looked at.
-CONTENDERS, LEAST_DROP = 0.2, 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,47 +130,7 @@ def screen(
         parts = [candidates[a : a + at_once] for a in range(0, len(candidates), max(at_once, 1))]
         most = max(int(MOST_NUMBERS_KEPT / len(candidates) / s.known[0].size), 1) if len(parts) > 1 else None
         columns = (candidate_columns(s, part, shape, chosen, second) for part in parts)
-        found = _joined_blocks(s, [_block(s, some, noise, most) for some in columns if some])
-        return found if shape else _with_nearby(s, found, noise)
-
-
-def _with_nearby(s: Responses, found: Screen, noise: Noise | None) -> Screen:
-    """Further starts near the best one of effects that jump with their parameters, where these rank high."""
-    best: dict[int, Start] = {}
-    for start in found.starts:
-        if start.white > best.setdefault(id(start.effect), start).white:
-            best[id(start.effect)] = start
-    high = max(CONTENDERS * max((start.white for start in best.values()), default=0.0), LEAST_DROP)
-    for start in best.values():
-        for _ in range(2 if start.white > high else 0):
-            values = start.effect.scan(tuple(start.theta))
-            near = None
-            if values:
-                columns = candidate_columns(s, [start.effect], (), {start.effect.key: values})
-                near = _joined_blocks(s, [_block(s, columns, noise)] if columns else [])
-            if near is None or not near.starts:
-                break
-            k = int(np.argmax([one.white for one in near.starts]))
-            if near.starts[k].white <= start.white:
-                break
-            start = near.starts[k]
-            found = _joined(found, near, k)
-    return found
-
-
-def _joined(found: Screen, other: Screen, k: int) -> Screen:
-    """A screen with one start of another about the same path."""
-    columns = None
-    if found.columns is not None and other.columns is not None:
-        columns = np.concatenate([found.columns, other.columns[[k]]])
-    return replace(
-        found,
-        starts=[*found.starts, other.starts[k]],
-        raw=[*found.raw, other.raw[k]],
-        columns=columns,
-        low=np.r_[found.low, other.low[k]],
-        high=np.r_[found.high, other.high[k]],
-    )
+        return _joined_blocks(s, [_block(s, some, noise, most) for some in columns if some])
 
 
 def _at_once(s: Responses) -> int:
@@ -204,14 +162,14 @@ class _Block:
 
 
 def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int | None = None) -> _Block:
-    """Candidates by their columns; of many only the ``most`` best starting values of each effect."""
+    """Candidates by their columns, which are taken over; of many only the ``most`` best starting values of each effect."""
     problem, known, J_x, few = s.problem, s.known, s.J_x, len(s.known)
     low, high = _range(columns)
     precision, pull = s.base.held
     whole = np.empty((few + len(columns), *known.shape[1:]))
     whole[:few] = known
-    for row, c in zip(whole[few:], columns):
-        np.divide(c.column, problem.sd[:, None], out=row)
+    for k, row in enumerate(whole[few:]):  # one copy of them: those that came are let go
+        columns[k] = replace(columns[k], column=np.divide(columns[k].column, problem.sd[:, None], out=row))
     # Known columns are projected, of the others only the Gram: a difference that may round to less than nothing.
     white = project_starts(known, J_x, problem.record.starts).reshape(few, -1)
     flat, moved = whole[few:].reshape(len(columns), -1), start_coordinates(whole[few:], J_x, problem.record.starts)
@@ -275,8 +233,8 @@ def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
     left_by = left_by_several(float(eliminate(G, few - 1, precision, pull)[0, 0]), g, h, products, MOST_TOGETHER)
     kept = None
     if not base.effects and len(places) * known[0].size <= MOST_NUMBERS_KEPT:
-        kept = np.concatenate([one.flat.astype(np.float32, copy=False) for one in blocks])
-        kept = kept.reshape(len(places), *known.shape[1:])
+        kept = np.empty((len(places), *known.shape[1:]), np.float32)
+        np.concatenate([one.flat for one in blocks], out=kept.reshape(len(places), -1), casting="same_kind")
     starts, raw = ([one for block in blocks for one in getattr(block, name)] for name in ("starts", "raw"))
     return Screen(starts, raw, kept, *rest, low, high, left_by)
 
