@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from sksurrogate.compose import RecursivePredictor
+from sksurrogate.exceptions import DataError
 from sksurrogate.linear import PCRRegressor
+from sksurrogate.model_selection import FreeRunScorer
 
 
 def runs_of(n_runs, rng, noise=0.002):
@@ -54,3 +56,12 @@ def test_jumps_of_an_output_that_follows_its_input_are_no_runs():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         direct.score(X, y + 5.0 * np.sin(0.02 * np.arange(400)))
+
+
+@pytest.mark.parametrize("n_initial", [None, 7])
+def test_a_run_of_first_rows_alone_leaves_nothing_to_score(model, n_initial):
+    X, y, _ = runs_of(1, np.random.default_rng(4))
+    n, scorer = n_initial or model.n_initial_, FreeRunScorer(n_initial=n_initial)
+    with pytest.raises(DataError, match=str(n + 1)):
+        scorer(model, X[:n], y[:n])
+    assert np.isfinite(scorer(model, X[: n + 2], y[: n + 2]))

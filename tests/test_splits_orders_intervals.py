@@ -12,7 +12,7 @@ from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.displays import FreeRunDisplay
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.model_selection import BlockedSplit, ConformalFreeRun, FreeRunScorer, scan_orders, split_runs
-from sksurrogate.model_selection._conformal import _scale
+from sksurrogate.model_selection._conformal import _scale, _widths
 
 
 def planted(n_runs, n=40, noise=0.1, seed=0, delay=1):
@@ -186,3 +186,12 @@ def test_a_set_ends_where_one_run_more_would_be_further_from_its_share(seed):
     sets = split_runs(np.repeat(np.arange(30), lengths), validation=0.25, grading=0.4, random_state=seed)
     for rows, share in zip(sets[1:], (0.25, 0.4)):
         assert abs(len(rows) - share * lengths.sum()) <= 30  # half of the longest run
+
+
+def test_at_each_time_the_rank_is_that_of_the_coverage():
+    # Nine errors promise 0.9 by the largest: the ninth of (9 + 1) 0.9; a little more is promised by none.
+    errors = [np.array([[np.nan], [k + 1.0]]) for k in range(9)]
+    scale = np.ones((2, 1))
+    assert _widths(errors, scale, 9, 0.9, "time").ravel().tolist() == [0.0, 9.0]
+    assert _widths(errors, scale, 9, 0.5, "time").ravel().tolist() == [0.0, 5.0]
+    assert _widths(errors, scale, 9, 0.91, "time")[1, 0] == np.inf

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.blind import draw
+from sksurrogate.blind._equations import two_rooms
+from sksurrogate.blind._excite import coloured
 from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
 from sksurrogate.blind._retune import beyond_retuning
@@ -279,3 +281,18 @@ def test_a_trend_of_a_sensor_is_right_where_the_sensor_is_in_the_class(name, twi
     effect = {"name": name, "location": "v", "variable": None, "equivalents": [[twin, "q", None]]}
     assert _right("trends", {"verdict": verdict, "effects": [effect]}, 0) is right
     assert _right("trends", {"verdict": "none", "effects": []}, 0)
+
+
+@pytest.mark.parametrize("outdoors", [-10.0, 20.0])
+def test_a_room_as_warm_as_outdoors_and_its_heater_keeps_its_temperature(outdoors):
+    p = PLANTS["two_rooms"].params
+    rates = two_rooms(0.0, (outdoors, outdoors), (0.0, outdoors), p)
+    assert rates[1] == 0.0 and rates[0] == pytest.approx(p["to_air"] * (20.0 - outdoors))
+
+
+@pytest.mark.parametrize("samples", [3.0, 20.0])
+def test_noise_that_fades_has_unit_variance_and_its_memory(samples):
+    noise = coloured(np.random.default_rng(0), (400, 400), samples)
+    np.testing.assert_allclose(noise.std(axis=0), 1.0, atol=0.2)  # 400 draws: a deviation of 0.035
+    assert np.mean(noise[:, 200:] ** 2) == pytest.approx(1.0, abs=0.1)
+    assert np.mean(noise[:, 300:-1] * noise[:, 301:]) == pytest.approx(np.exp(-1.0 / samples), abs=0.1)

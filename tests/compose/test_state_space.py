@@ -6,7 +6,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.compose import StateSpaceRegressor
-from sksurrogate.compose._state_fit import _Stays
+from sksurrogate.compose._state_fit import _padded, _Stays
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.state_model import Block, StateModel
@@ -209,3 +209,8 @@ def test_steps_to_models_that_run_away_from_another_start_are_not_taken():
     ]
     assert fits[0].cost <= fits[1].cost <= fits[2].cost and np.abs(fits[1].theta).max() <= 1.0
     np.testing.assert_array_equal(fits[2].theta, started)
+
+
+def test_shorter_runs_are_padded_with_their_last_row():
+    parts = [np.array([[1.0, 9.0], [2.0, 8.0], [3.0, 7.0]]), np.array([[4.0, 6.0]])]
+    assert _padded(parts).tolist() == [parts[0].tolist(), [[4.0, 6.0]] * 3]

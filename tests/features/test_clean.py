@@ -16,6 +16,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features import Interpolator, LagEmbedding, OutlierFilter
+from sksurrogate.features._clean import fill_gaps
 from sksurrogate.features._outliers import moving_line
 
 NAN = np.nan
@@ -172,3 +173,11 @@ def test_the_moving_line_is_the_same_backwards():
     x = np.random.default_rng(0).normal(size=40).cumsum()
     for forth, back in zip(moving_line(x, 7), moving_line(x[::-1], 7)):
         np.testing.assert_allclose(forth, back[::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["linear", "previous", "pchip"])
+def test_only_what_lies_beyond_the_known_values_is_an_end(method):
+    nan = np.nan
+    filled = fill_gaps(np.array([nan, 1.0, nan, 3.0, nan]), method, ends="nan")
+    assert np.isnan(filled).tolist() == [True, False, False, False, True]
+    assert filled[2] == (1.0 if method == "previous" else 2.0)

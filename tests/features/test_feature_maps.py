@@ -239,3 +239,11 @@ def test_so_many_bumps_stand_evenly_over_the_data(n, peaks):
     x = np.linspace(2.0, 8.0, 601)[:, None]
     Z = GaussianFeatures(n, interaction=False).fit_transform(x)
     np.testing.assert_allclose(np.sort(x[np.argmax(Z, axis=0), 0]), peaks)
+
+
+def test_a_period_is_any_positive_number():
+    X = np.linspace(0.0, 1.0, 9)[:, None]
+    waves = FourierFeatures(n_harmonics=1, period=0.5).fit_transform(X)
+    assert np.ptp(np.asarray(waves), axis=0).max() == pytest.approx(2.0)  # the sine goes round twice
+    with pytest.raises(ValueError, match="period"):
+        FourierFeatures(period=0.0).fit(X)

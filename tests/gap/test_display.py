@@ -94,3 +94,16 @@ def test_the_missing_term_is_labelled_by_the_kind_of_its_place(report, kind, lab
 def test_a_report_that_knows_little_is_drawn_too(report):
     bare = dataclasses.replace(report, ranking=Table(), traces=(), where=Where(None, None), missing_term=None)
     assert len(bare.plot().axes_) == 1
+
+
+def test_bars_of_regions_stand_beside_each_other(report):
+    rows = Table(
+        ({"rule": "v <= 0.3", "share": 0.9, "samples": 0.5}, {"rule": "v > 0.3", "share": 0.1, "samples": 0.5})
+    )
+    where = Where("v", "state", by_region=rows)
+    ax = dataclasses.replace(report, where=where).plot("regions").ax_
+    spans = sorted((bar.get_y(), bar.get_y() + bar.get_height()) for bar in ax.patches)
+    middles = [bar.get_y() + bar.get_height() / 2 for bar in ax.patches]
+    assert np.add(middles[:2], middles[2:]).tolist() == pytest.approx([0.0, 2.0])  # about the ticks
+    assert len(spans) == 4 and all(a[1] <= b[0] + 1e-9 for a, b in zip(spans[:-1], spans[1:]))
+    assert [bar.get_width() for bar in ax.patches] == [10.0, 90.0, 50.0, 50.0]

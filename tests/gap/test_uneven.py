@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.exceptions import DataError
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.kernels.record import Record
 from sksurrogate.physics import CalibratedSimulator, ODESimulator, StepSimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
 
 DT, SD = 0.2, 0.002
 PARAMS = {"k": 2.0, "c": 0.3, "d": 0.0}
@@ -117,3 +121,14 @@ def test_a_frame_names_its_time_column():
     assert found.params_ == again.params_
     with pytest.raises(DataError, match=r"time=.watch. is not a column of X"):
         CalibratedSimulator(oscillator(), ["d"], time="watch").fit(X, y)
+
+
+def test_readings_that_come_later_show_what_the_plant_does_later():
+    names = {"states": ["x"], "inputs": ["u"], "outputs": ["x"]}
+    plant = ODESimulator(lambda t, x, u, p: (1.0 + 0.0 * x[0],), **names, params={}, dt=0.1)
+    t, later = 0.1 * np.arange(20), np.random.default_rng(0).uniform(-0.04, 0.09, 20)
+    later[0] = 0.0
+    record = Record.from_runs([np.zeros((20, 1))], [np.zeros((20, 1))], [t], 0.1, offsets=[later])
+    model = AugmentedModel(PlantModel(describe(plant)), (), (), record, n_sub=2, scale=np.ones(1))
+    shown = model.bind(np.zeros((0, 1))).outputs(t[None, None])
+    np.testing.assert_allclose(shown[0, 0], t + later, atol=1e-12)  # a ramp of slope one

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import LinAlgWarning
 from scipy.optimize import LinearConstraint, lsq_linear, minimize, nnls
+from scipy.sparse import csr_matrix
 from sklearn.base import clone
 from sklearn.linear_model import LinearRegression, RidgeCV
 from sklearn.linear_model import Ridge as SklearnRidge
@@ -31,6 +32,7 @@ from sksurrogate.linear import (
     Rows,
     Slope,
 )
+from sksurrogate.linear._base import _range
 
 
 def data(n=60, p=5, q=2, seed=0):
@@ -471,3 +473,10 @@ def test_example_of_secondary_losses(monkeypatch):
     assert (
         max(errors["slope"], errors["curvature"], errors["rising"], errors["rising, within, little curvature"]) < 0.12
     )
+
+
+def test_the_range_of_sparse_rows_is_that_of_dense_ones():
+    X = np.random.default_rng(0).normal(size=(7, 3)) * [1.0, 10.0, 100.0]
+    X[2, 1] = 0.0
+    for dense, thin in zip(_range(X), _range(csr_matrix(X))):
+        np.testing.assert_array_equal(dense, thin)

@@ -103,3 +103,17 @@ def test_functions_of_a_system_that_take_arrays_are_called_once():
         one_by_one = [function(0.0, x[:, i], u[:, i], {"k": k[i]}) for i in range(500)]
         np.testing.assert_allclose(found, np.transpose(one_by_one), rtol=1e-14)
     assert (2, 500) in sizes
+
+
+def test_a_linear_plant_without_inputs_is_stepped_exactly():
+    plant = ODESimulator(
+        lambda t, x, u, p: (-0.7 * x[0],),
+        states=["x"],
+        inputs=[],
+        outputs=["x"],
+        params={},
+        dt=0.3,
+        x0=[2.0],
+        method="exact",
+    )
+    np.testing.assert_allclose(plant.simulate(np.zeros((20, 0)))[:, 0], 2.0 * np.exp(-0.21 * np.arange(20)), rtol=1e-12)
