@@ -30,6 +30,10 @@ def add_knowledge(parser: argparse.ArgumentParser) -> None:
         help="relative standard deviation of a parameter, or NAME=MEAN:SD in its unit",
     )  # fmt: skip
     parser.add_argument(
+        "--clock-offset", metavar="TIME", type=float, default=0.0,
+        help="time by which the clocks of two sensors may be apart: sensor_delay may be negative",
+    )  # fmt: skip
+    parser.add_argument(
         "--time-limit", metavar="SECONDS", type=float, default=None,
         help="end after this time with what is known by then",
     )  # fmt: skip
@@ -46,8 +50,14 @@ def knowledge_of(arguments: argparse.Namespace) -> dict[str, Any]:
     limit = arguments.time_limit
     if limit is not None and not 0.0 < limit < math.inf:
         raise DataError(f"--time-limit {limit:g}: expected a number of seconds above 0.")
+    offset = arguments.clock_offset
+    if not 0.0 <= offset < math.inf:
+        raise DataError(
+            f"--clock-offset {offset:g}: expected a time from 0 on, the most by which two clocks are apart."
+        )
     return {
         "time_limit": limit,
+        "clock_offset": offset,
         "exclude": [_effect_or_place("--exclude", text) for text in arguments.exclude],
         "plausible": [_effect_or_place("--plausible", text) for text in arguments.plausible] or None,
         "bounds": {

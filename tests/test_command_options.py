@@ -19,6 +19,7 @@ def parsed(options):
     [
         (["--bounds", "k=0.1:2", "c=:3"], {"bounds": {"k": (0.1, 2.0), "c": (None, 3.0)}}),
         (["--time-limit", "60"], {"time_limit": 60.0}),
+        (["--clock-offset", "0.5"], {"clock_offset": 0.5}),
         (["--prior", "k=0.05", "c=-1:0.2"], {"priors": {"k": 0.05, "c": (-1.0, 0.2)}}),
         (
             ["--exclude", "drift", "friction@speed", "@level"],
@@ -29,7 +30,15 @@ def parsed(options):
 )
 def test_what_is_known_is_read_from_the_command_line(options, expected):
     found = knowledge_of(parsed(options))
-    assert found == {"time_limit": None, "exclude": [], "plausible": None, "bounds": {}, "priors": {}, **expected}
+    assert found == {
+        "time_limit": None,
+        "clock_offset": 0.0,
+        "exclude": [],
+        "plausible": None,
+        "bounds": {},
+        "priors": {},
+        **expected,
+    }
 
 
 @pytest.mark.parametrize(
@@ -39,6 +48,7 @@ def test_what_is_known_is_read_from_the_command_line(options, expected):
         (["--bounds", "k=1"], "--bounds k=1: expected NAME=LOW:HIGH, two numbers"),
         (["--bounds", "k=a:b"], "--bounds k=a:b"),
         (["--prior", "k=a"], r"--prior k=a: expected NAME=SD .relative, as 0.05. or NAME=MEAN:SD"),
+        (["--clock-offset", "-3"], "--clock-offset -3: expected a time from 0 on"),
         (["--time-limit", "-3"], "--time-limit -3: expected a number of seconds above 0"),
         (["--exclude", "a@b@c@d"], "--exclude a@b@c@d: expected effect, place"),
         (["--plausible", "a@b@c@d"], "--plausible a@b@c@d: expected effect, place"),

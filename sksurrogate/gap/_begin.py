@@ -14,6 +14,7 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
@@ -51,6 +52,7 @@ class Settings(Protocol):
     effects: Any
     exclude: Any
     plausible: Any
+    clock_offset: float
     tolerance: float
     correction: Any
     include_law: bool
@@ -85,7 +87,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     _say_slow(model, record)
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-    library = _allowed(build_effects(plant, balances, effects), diagnoser, effects, task)
+    library = _allowed(_candidates(plant, balances, effects, diagnoser), diagnoser, effects, task)
     with _right_unit(model, record), finite_along(model, whole, task.labels):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
@@ -107,7 +109,7 @@ def begin_trajectory(diagnoser: Settings, task: Task) -> Prepared:
         None of the effects that were asked for can be tested.
     """
     plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
-    wanted = [e for e in build_effects(plant, (), effects) if e.access == "trajectory"]
+    wanted = [e for e in _candidates(plant, (), effects, diagnoser) if e.access == "trajectory"]
     _check_asked(plant, effects, wanted)
     with np.errstate(all="ignore"):
         problem = build_trajectory(plant, whole, task.free, task.labels, task.known)
@@ -142,6 +144,17 @@ def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
 def _asked(diagnoser: Settings) -> Any:
     """Candidates as they were asked for."""
     return list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
+
+
+def _candidates(plant: Plant, balances: Sequence[str], asked: Any, diagnoser: Settings) -> list[BaseEffect]:
+    """All effects; where clocks may be apart a sensor may be early."""
+    earliest = -float(diagnoser.clock_offset)
+    return [
+        SensorDelay(one.location, one.variable, earliest)
+        if type(one) is SensorDelay and earliest < one.earliest
+        else one
+        for one in build_effects(plant, balances, asked)
+    ]
 
 
 def _allowed(effects: list[BaseEffect], diagnoser: Settings, asked: Any, task: Task) -> list[BaseEffect]:

@@ -63,6 +63,9 @@ class GapDiagnoser(BaseEstimator):
         A right-hand side is integrated from stamp to stamp. Other simulators run on their even grid, and their outputs are
         compared with the readings at the stamps. Inputs are held (or joined) from one stamp to the next. If an input differs
         before and after a gap, a new run starts behind the gap, if the initial states can be fitted.
+    clock_offset : float, default=0.0
+        Time by which the clocks of two sensors may be apart: a reading may show what is to come, so that ``sensor_delay`` is
+        negative, down to minus this. With 0 no sensor is early.
     tolerance : float, default=0.1
         Share of the gap (amplitude, on held-out runs) that an explained model may leave: no form of an effect is exact on a
         real plant.
@@ -130,6 +133,7 @@ class GapDiagnoser(BaseEstimator):
     _parameter_constraints: ClassVar[dict[str, list[Any]]] = {
         "simulator": [HasMethods("simulate")],
         "free_params": ["array-like", str, None],
+        "clock_offset": [Interval(Real, 0, None, closed="left")],
         "tolerance": [Interval(Real, 0, 1, closed="neither")],
         "time_limit": [Interval(Real, 0, None, closed="neither"), None],
         "n_jobs": [Integral, None],
@@ -153,6 +157,7 @@ class GapDiagnoser(BaseEstimator):
         bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
         priors: Mapping[str, float | tuple[float, float]] | None = None,
         time: str | int | None = None,
+        clock_offset: float = 0.0,
         tolerance: float = 0.1,
         include_law: bool = True,
         correction: Any = None,
@@ -169,6 +174,7 @@ class GapDiagnoser(BaseEstimator):
         self.bounds = bounds
         self.priors = priors
         self.time = time
+        self.clock_offset = clock_offset
         self.tolerance = tolerance
         self.include_law = include_law
         self.correction = correction
@@ -261,6 +267,12 @@ class GapDiagnoser(BaseEstimator):
         if limit is not None and (not isinstance(limit, Real) or isinstance(limit, bool) or not 0.0 < limit < np.inf):
             raise ValueError(
                 f"time_limit={limit!r}: expected None or a number of seconds above 0; write time_limit=60."
+            )
+        offset = self.clock_offset
+        if not isinstance(offset, Real) or isinstance(offset, bool) or not 0.0 <= offset < np.inf:
+            raise ValueError(
+                f"clock_offset={offset!r}: expected a time from 0 on, the most by which two clocks are apart; write clock_offset=0.0 where "
+                "all sensors have one clock."
             )
         if not (isinstance(self.tolerance, Real) and 0.0 < self.tolerance < 1.0):
             raise ValueError(

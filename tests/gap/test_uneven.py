@@ -26,6 +26,15 @@ def oscillator(**changed):
     return ODESimulator(rhs, **names, params={**PARAMS, **changed}, dt=DT)
 
 
+class Trajectories:
+    """The same seen from outside."""
+
+    inputs, outputs, dt = ("u",), ("q", "v"), DT
+
+    def simulate(self, U, x0=None, t=None):
+        return oscillator().simulate(U)
+
+
 def stamped(n, jitter, drag, seed=0):
     """Stamps, inputs that are held from stamp to stamp, readings: integrated from stamp to stamp in 40 steps."""
     rng = np.random.default_rng(seed)
@@ -110,6 +119,28 @@ def test_a_sensor_whose_clock_is_ahead():
     assert effect.name == "sensor_delay"
     assert effect.params["delay"] == pytest.approx(-0.05 * ahead, abs=0.002)
     assert CATALOGUE["sensor_delay"]("q").lower_bounds(1.0) == (0.0,)
+
+
+@pytest.mark.parametrize("simulator", [oscillator(), Trajectories()], ids=["rhs", "simulate"])
+def test_clocks_that_may_be_apart(simulator):
+    """A sensor that is early is found where the user says that clocks may be apart."""
+    rng, fine = np.random.default_rng(4), oscillator().set_params(dt=DT / 10)
+    U = np.repeat(rng.uniform(-2, 2, 40), 50)[:, None]
+    Y = fine.simulate(U)
+    rows, ahead = np.arange(0, len(Y) - 10, 10), 7
+    y = np.column_stack([Y[rows + ahead, 0], Y[rows, 1]]) + SD * rng.normal(size=(len(rows), 2))
+    options = {"effects": ["sensor_delay", "sensor_gain", "input_gain"], "random_state": 0, "n_jobs": 1}
+    (effect,) = GapDiagnoser(simulator, clock_offset=3 * DT, **options).fit(U[rows], y).report_.effects
+    assert (effect.name, effect.location) == ("sensor_delay", "q")
+    assert effect.params["delay"] == pytest.approx(-0.7 * DT, abs=0.05 * DT)
+    late = GapDiagnoser(simulator, **options).fit(U[rows], y).report_.effects
+    assert all(effect.params.get("delay", 0.0) >= 0.0 for effect in late)
+
+
+@pytest.mark.parametrize("value", [-1.0, np.inf, True, "1"])
+def test_an_offset_of_clocks_is_a_time(value):
+    with pytest.raises(ValueError, match=r"clock_offset=.*: expected a time from 0 on.*write clock_offset=0.0"):
+        GapDiagnoser(oscillator(), clock_offset=value).fit(np.zeros((20, 1)), np.zeros((20, 2)))
 
 
 def test_a_frame_names_its_time_column():
