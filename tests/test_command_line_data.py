@@ -233,3 +233,91 @@ def test_swapped_columns_are_suspected_and_others_are_not():
     assert "the outputs 'q' and 'v' look swapped" in swapped_columns(plant, U, Y[:, ::-1], *names)[0]
     assert "the inputs 'a' and 'b' look swapped" in swapped_columns(plant, U[:, ::-1], Y, *names)[0]
     assert swapped_columns(plant, U, rng.normal(size=(300, 2)), *names) == []
+
+
+TANKS = """
+from sksurrogate.physics import ODESimulator
+def rhs(t, x, u, p):
+    return u[0] - p["k"] * x[0], p["k"] * x[0] - p["c"] * x[1]
+plant = ODESimulator(rhs, states=["upper", "lower"], inputs=["flow"], outputs=["upper", "lower"],
+                     params={"k": 0.5, "c": 0.4}, dt=0.5)
+"""
+
+
+def tanks_as_recorded(kind):
+    """Lines of two runs: stamps with jitter, missing rows and cells, a clock that is ahead, a stamp that goes back.
+
+    A spring-like loss of the upper tank is missing in the simulator, but for the clocks.
+    """
+    loss = 0.0 if kind == "clocks" else 0.03
+
+    def rhs(t, x, u, p):
+        return u[0] - 0.5 * x[0] - loss * x[0] ** 3, 0.5 * x[0] - 0.4 * x[1]
+
+    fine = ODESimulator(rhs, states=["a", "b"], inputs=["u"], outputs=["a", "b"], params={}, dt=0.05)
+    rng, lines = np.random.default_rng(5), ["run,t,flow,upper,lower"]
+    for run in range(2):
+        U = np.repeat(rng.uniform(0.2, 2, 20), 100)[:, None]
+        Y, grid = fine.simulate(U, x0=[0.5, 0.3]), 0.05 * np.arange(2000)
+        t = 0.5 * np.arange(199) + (0.05 * rng.integers(-2, 3, 199) if kind == "jitter" else 0.0)
+        t[::10] = np.round(t[::10])  # the input moves at stamps
+        t[0] = 0.0
+        read = [np.interp(t, grid, Y[:, 0]), np.interp(t + 0.35 * (kind == "clocks"), grid, Y[:, 1])]
+        a, b = np.array(read) + 0.005 * rng.normal(size=(2, 199))
+        stamps = 1000.0 + t
+        if kind == "mistake":
+            stamps[100] -= 5.0
+        for k in range(199):
+            if kind != "gaps" or not 60 <= k < 70:
+                cell = "" if kind == "gaps" and k % 3 else f"{b[k]:.5f}"
+                lines.append(f"{run},{stamps[k]:.2f},{U[min(round(t[k] / 0.05), 1999), 0]:.4f},{a[k]:.5f},{cell}")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "name", "place"),
+    [
+        ("jitter", [], "cubic_stiffness", "upper"),
+        ("gaps", [], "cubic_stiffness", "upper"),
+        ("clocks", ["--clock-offset", "1"], "sensor_delay", "lower"),
+    ],
+)
+def test_stamps_gaps_and_clocks_as_a_file_has_them(tmp_path, capsys, kind, options, name, place):
+    (tmp_path / "tanks.py").write_text(TANKS)
+    (tmp_path / "d.csv").write_text(tanks_as_recorded(kind))
+    command = [
+        "diagnose",
+        str(tmp_path / "tanks.py") + ":plant",
+        str(tmp_path / "d.csv"),
+        "--run",
+        "run",
+        "--time",
+        "t",
+    ]
+    effects = ["--effects", "cubic_stiffness", "sensor_gain", "sensor_delay", "linear_loss", "input_gain"]
+    assert main([*command, *effects, *options, "--quiet", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert [(effect["name"], effect["location"]) for effect in report["effects"]] == [(name, place)]
+    if kind == "clocks":
+        assert report["effects"][0]["params"]["delay"] == pytest.approx(-0.35, abs=0.01)
+
+
+def test_a_stamp_that_goes_back_is_named_with_its_row(tmp_path, capsys):
+    (tmp_path / "tanks.py").write_text(TANKS)
+    (tmp_path / "d.csv").write_text(tanks_as_recorded("mistake"))
+    command = [
+        "diagnose",
+        str(tmp_path / "tanks.py") + ":plant",
+        str(tmp_path / "d.csv"),
+        "--run",
+        "run",
+        "--time",
+        "t",
+    ]
+    assert main([*command, "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert (
+        "--time t, run 0: time does not increase after row 99 (1049.5 -> 1045): sort the rows, or name the run column"
+        in said
+    )
+    assert "Row 0 is the first line below the header" in said
