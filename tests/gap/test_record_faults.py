@@ -5,6 +5,7 @@ import pickle
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,13 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
 from sksurrogate.gap.faults._fault_left import Found, Rival
 from sksurrogate.gap.faults._proposals import _rest_of_shifts, later, tone
-from sksurrogate.gap.faults._wrong_readings import _in_rows, _is_expected, outlying_rows, wrong_readings
+from sksurrogate.gap.faults._wrong_readings import (
+    _in_rows,
+    _is_expected,
+    outlying_beside,
+    outlying_rows,
+    wrong_readings,
+)
 from sksurrogate.kernels.readings import Stretch
 from sksurrogate.kernels.record import Record
 
@@ -180,6 +187,26 @@ def test_outliers_of_a_residual_are_not_its_waves():
     assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]
     r[400:460] += 20.0  # long: the plant's, not a reading's
     assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]
+
+
+@pytest.mark.parametrize(("share", "left", "found"), [(0.7, 1.5, True), (0.3, 1.5, False), (0.7, 1.1, False)])
+def test_outliers_that_names_only_bend_are_found_beside_the_simulator_alone(share, left, found):
+    def model(residual):
+        return SimpleNamespace(residual=residual, problem=SimpleNamespace(record=clean, sd=np.ones(1)))
+
+    clean, rng = SimpleNamespace(starts=np.array([0])), np.random.default_rng(5)
+    null, wave = rng.normal(size=(1, 400)), np.exp(-0.5 * ((np.arange(400) - 200.5) / 6.0) ** 2)
+    null[0, [200, 201]] -= 100.0
+    bent = share * null + 10.0 * wave  # a name with a memory follows them, and the readings around are off instead
+    final = SimpleNamespace(candidate=model(bent), left=left, effects=("hidden_mode",))
+    odd = outlying_beside(final, model(null))
+    assert (odd is not None) is found and (odd is None or odd.rows.tolist() == [200, 201])
+
+
+def test_dropouts_that_follow_each_other_closely_are_found_beside_a_name():
+    report = diagnosed(make_case("tanks", "dropouts", False), "hidden_mode").report_
+    rows = {row for fault in report.data for row in fault.rows}
+    assert report.verdict == "none" and report.effects == [] and rows >= {292, 293, 295, 296}
 
 
 def test_a_sensor_that_stands_still_is_not_excused_by_a_small_move_of_the_simulator():

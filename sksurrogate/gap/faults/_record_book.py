@@ -11,7 +11,7 @@ import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput, SlowNoise
 from sksurrogate.gap.faults._fault_left import Rival, fault_left, tone_left
-from sksurrogate.gap.faults._wrong_readings import outlying, wrong_readings
+from sksurrogate.gap.faults._wrong_readings import outlying_beside, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
@@ -91,7 +91,7 @@ class RecordBook:
             return replace(self.earlier, closed=True)  # the names leave more without the fault than with it
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
-        odd = outlying(final.candidate)
+        odd = outlying_beside(final, search.fitted_null.candidate)
         if odd is not None:
             return self.with_fault(replace(odd, rows=rows[odd.rows]), np.inf)
         if final.left < AT_THE_NOISE or search.fitted_null.left < AT_THE_NOISE:

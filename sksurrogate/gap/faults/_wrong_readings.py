@@ -8,7 +8,8 @@ import numpy as np
 
 from sksurrogate.gap.faults._corrections import WrongReadings
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import SETTLED
+from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
+from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.kernels.readings import SHORTEST_FLAT, Stretch, flat_stretches, spikes
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
@@ -132,6 +133,18 @@ def outlying_rows(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
     ]
     rows = np.concatenate(found) if found else np.zeros(0, dtype=int)
     return rows if len(rows) <= MOST_OUTLYING * len(residual) else rows[:0]
+
+
+def outlying_beside(final: Evidence, null: BaseCandidate) -> WrongReadings | None:
+    """Outlying readings on top of the names, or of the simulator alone where the names leave them too: names may stand in for them."""
+    odd = outlying(final.candidate)
+    if odd is not None or final.left < SETTLED or not final.effects:
+        return odd
+    odd = outlying(null)
+    if odd is None:
+        return None
+    left, alone = (np.sum(model.residual[odd.output, odd.rows] ** 2) for model in (final.candidate, null))
+    return odd if left > MOST_LEFT**2 * alone else None
 
 
 def outlying(model: BaseCandidate) -> WrongReadings | None:
