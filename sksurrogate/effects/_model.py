@@ -157,11 +157,10 @@ class AugmentedModel:
 
     @property
     def free_states(self) -> np.ndarray:
-        """Which initial states are unknown: all nominal ones, and hidden ones that need not have been at rest."""
+        """Which initial states are unknown: all nominal ones, and hidden ones that need not have been at rest, as in a piece of a run."""
         known = np.ones(self.n_states, dtype=bool)
         for i, rows in self._hidden.items():
-            effect = self.effects[i]
-            known[rows] = isinstance(effect, HiddenEffect) and effect.free_start
+            known[rows] = self.record.recorded is not None or getattr(self.effects[i], "free_start", False)
         return known
 
     @property
@@ -246,7 +245,8 @@ class BoundModel:
             place = a.plant.inputs.index(str(effect.location))
             other = given[a.plant.inputs.index(effect.variable)] if effect.variable else None
             distinct = [row[first, None] for row in self.theta[a.slice_of(i)]]
-            signals[place] = timed(effect, record.t).transform(signals[place], other, distinct, self.h, record.starts)
+            own_path = timed(effect, record.t).transform
+            signals[place] = own_path(signals[place], other, distinct, self.h, record.recorded_starts)
         mean, half, shown = _stacked(signals)
         if mean.shape[2] > 1:
             column = np.ravel(column)

@@ -30,6 +30,7 @@ from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
+from sksurrogate.gap.fit._unstable import followed_rows, in_pieces, largest_growth
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
@@ -90,6 +91,12 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     library = _allowed(_candidates(plant, balances, effects, diagnoser), diagnoser, effects, task)
     with _right_unit(model, record), finite_along(model, whole, task.labels):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
+        most = largest_growth(problem.sd, record.spread)
+        length = followed_rows(smoothed.A, problem.scale, record.starts, most)
+        if length is not None:
+            whole = in_pieces(whole, length)
+            record, rows = excerpt(whole, SEARCHED_SAMPLES)
+            problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)

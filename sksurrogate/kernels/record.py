@@ -57,6 +57,8 @@ class Record:
         How long after ``t`` the readings of a row were taken; None where all were taken at ``t``.
     steps : ndarray (n_samples,) or None
         Time from every row to the next; None where that is ``dt`` everywhere.
+    recorded : ndarray of int (n_samples,) or None
+        Number of the recorded run of every row, where ``starts`` are those of pieces; None where runs are whole.
     input_noise : ndarray (n_outputs,) or float
         RMS that noise on the measured inputs moves the outputs by, as far as it is known: no model follows it.
     """
@@ -70,6 +72,7 @@ class Record:
     offset: np.ndarray | None = None
     steps: np.ndarray | None = None
     input_noise: np.ndarray | float = 0.0
+    recorded: np.ndarray | None = None
 
     @classmethod
     def from_runs(
@@ -170,6 +173,19 @@ class Record:
         """Number of the run of every row."""
         return np.repeat(np.arange(len(self.starts)), self.lengths)
 
+    @property
+    def recorded_run_of_row(self) -> np.ndarray:
+        """Number of the recorded run of every row."""
+        return self.run_of_row if self.recorded is None else self.recorded
+
+    @cached_property
+    def recorded_starts(self) -> np.ndarray:
+        """First rows of what was recorded without a break: the lag of an input does not begin anew in a piece."""
+        if self.recorded is None:
+            return self.starts
+        step = self.dt if self.steps is None else self.steps[:-1]
+        return np.flatnonzero(np.r_[True, (np.diff(self.recorded) != 0) | (np.diff(self.t) > 1.5 * step)])
+
     def back(self, k: int) -> np.ndarray:
         """Row k samples before each, or the first of its run."""
         return np.maximum(np.arange(self.n_samples) - k, self.starts[self.run_of_row])
@@ -180,7 +196,8 @@ class Record:
         offset = None if self.offset is None else self.offset[rows]
         steps = None if self.steps is None else self.steps[rows]
         u, y, t = self.u[:, rows], self.y[:, rows], self.t[rows]
-        return Record(u, y, t, starts, self.dt, known, offset, steps, self.input_noise)
+        recorded = None if self.recorded is None else self.recorded[rows]
+        return Record(u, y, t, starts, self.dt, known, offset, steps, self.input_noise, recorded)
 
     def select(self, runs: Sequence[int]) -> Record:
         """Some of the runs."""

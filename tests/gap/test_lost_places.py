@@ -6,7 +6,7 @@ import pytest
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap import _pipeline as pipeline
 from sksurrogate.gap.unnamed import _ode_channels
-from sksurrogate.gap.unnamed._ode_channels import _pieces, largest_growth
+from sksurrogate.gap.fit._unstable import largest_growth, piece_starts
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import smooth
 from sksurrogate.physics import ODESimulator
@@ -103,5 +103,5 @@ def test_pieces_are_as_long_as_noise_and_growth_allow():
     record = Record(np.zeros((0, n)), np.zeros((1, n)), np.arange(n) * 1.0, np.array([0]), 1.0)
     for noise in (0.05, 0.01, 0.001):
         limit = largest_growth(np.array([noise]), np.array([1.0]))
-        pieces = np.diff(_pieces(record, A, limit))
+        pieces = np.diff(piece_starts(A, np.ones(1), record.starts, limit))
         assert np.all(pieces == max(int(np.floor(limit / np.log(1.1))) + 1, 20))

@@ -40,6 +40,11 @@ PIECES_NOTE = (
     "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."
 )
+UNSTABLE_NOTE = (
+    "The simulator is unstable along the data: small differences grow beyond what the noise allows to follow. Free runs therefore "
+    "start again every {rows} rows, with initial states of their own. Diagnose the plant with its controller "
+    "(ClosedLoopSimulator) to compare whole runs."
+)
 
 
 def lost_places(names: Sequence[str]) -> list[str]:
@@ -225,5 +230,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         notes += [self.clock] if self.clock and verdict != "none" else []
+        if self.whole.recorded is not None:
+            notes.append(UNSTABLE_NOTE.format(rows=int(self.whole.lengths.max())))
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes

@@ -263,7 +263,7 @@ class Offsets(_OfRuns):
     def corrected(self, record: Record) -> Record:
         """Without the offsets."""
         y = record.y.copy()
-        y[self.output] -= self.values[record.run_of_row]
+        y[self.output] -= self.values[record.recorded_run_of_row]
         return replace(record, y=y)
 
 
@@ -283,7 +283,7 @@ class Gains(_OfRuns):
     def corrected(self, record: Record) -> Record:
         """Every run by its own scale."""
         y = record.y.copy()
-        y[self.output] /= 1.0 + self.values[record.run_of_row]
+        y[self.output] /= 1.0 + self.values[record.recorded_run_of_row]
         return replace(record, y=y)
 
 
@@ -323,8 +323,9 @@ class Hum(_OfRuns):
 
     def corrected(self, record: Record) -> Record:
         """Without the tone."""
-        y, run = record.y.copy(), record.run_of_row
-        phase = self.angular_frequency * (record.t - record.t[record.starts[run]])
+        y, run = record.y.copy(), record.recorded_run_of_row
+        _, first, place = np.unique(run, return_index=True, return_inverse=True)
+        phase = self.angular_frequency * (record.t - record.t[first[place]])
         y[self.output] -= self.values[run, 0] * np.sin(phase) + self.values[run, 1] * np.cos(phase)
         return replace(record, y=y)
 
@@ -339,8 +340,8 @@ class Shifts(_OfRuns):
     def corrected(self, record: Record) -> Record:
         """Outputs moved back; what is then missing at an end of the run was not measured."""
         rows, wrong = np.arange(record.n_samples), np.zeros(record.y.shape, bool)
-        for (a, b), k in zip(record.spans, self.values):
-            source = np.arange(a, b) + int(k)
+        for a, b in record.spans:
+            source = np.arange(a, b) + int(self.values[record.recorded_run_of_row[a]])
             wrong[:, a:b] = (source < a) | (source >= b)
             rows[a:b] = np.clip(source, a, b - 1)
         known = None if record.known is None else record.known[:, rows]

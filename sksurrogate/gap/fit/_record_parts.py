@@ -54,7 +54,7 @@ def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
             total += b - a
     rows = np.concatenate([np.arange(a, b) for a, b in bounds])
     starts = np.cumsum([0] + [b - a for a, b in bounds[:-1]])
-    return record.rows(rows, starts), rows
+    return replace(record, recorded=record.recorded_run_of_row).rows(rows, starts), rows
 
 
 def _cut(a: int, b: int, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -72,9 +72,11 @@ SHORTEST_BLOCK = 20
 
 
 def run_folds(record: Record) -> np.ndarray:
-    """Fold of every run, (n_runs,): as many as runs, :data:`MOST_FOLDS` at most."""
-    n_runs = len(record.starts)
-    return np.arange(n_runs) % min(MOST_FOLDS, n_runs)
+    """Fold of every run, (n_runs,): as many as runs, :data:`MOST_FOLDS` at most; pieces go with their run where there are enough."""
+    number = np.unique(record.recorded_run_of_row[record.starts], return_inverse=True)[1]
+    if number.max() + 1 < FEWEST_RUNS:
+        number = np.arange(len(record.starts))
+    return number % min(MOST_FOLDS, number.max() + 1)
 
 
 def blocked(record: Record) -> Record:

@@ -9,7 +9,8 @@ import numpy as np
 
 from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
-from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK, blocked
+from sksurrogate.gap.fit._record_parts import blocked
+from sksurrogate.gap.fit._unstable import largest_growth, piece_starts
 from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
@@ -50,7 +51,8 @@ def _along(null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Se
     """The channel about a path, in pieces where the plant is unstable; about the path that it gives, where that is near."""
     problem = null.problem
     _, A = state_jacobian(null.model.bind(null.fit.theta[:, None]), x, null.model.scale)
-    pieces = _pieces(problem.record, A, largest_growth(problem.sd, problem.record.spread))
+    most = largest_growth(problem.sd, problem.record.spread)
+    pieces = piece_starts(A, null.model.scale, problem.record.starts, most)
     if len(pieces) > len(problem.record.starts):
         null = on_record(null, replace(problem.record, starts=pieces))
         problem = null.problem
@@ -67,36 +69,6 @@ def _along(null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Se
 def on_record(null: OdeCandidate, record: Record) -> OdeCandidate:
     """The null over the same samples in other runs."""
     return replace(null.problem, record=record).candidate(null.effects, null.fit)
-
-
-def largest_growth(sd: np.ndarray, spread: np.ndarray) -> float:
-    """Growth (log) of small differences over a piece of a run up to which a model that is linear about a measured path holds.
-
-    A path of error e leaves ``e^2 / spread`` of second order in every step; grown by ``exp(g)`` that stays within the noise
-    as long as ``exp(g) e^2 / spread < sd``, and e is at most the noise: ``g < log(spread / sd)``.
-
-    ``sd, spread`` (n_outputs,): noise and deviation of every output.
-
-    Examples
-    --------
-    >>> round(largest_growth(np.array([0.01]), np.array([1.0])), 3)
-    4.605
-    """
-    return max(float(-0.5 * np.log(np.mean((sd / spread) ** 2))), 0.0)
-
-
-def _pieces(record: Record, A: np.ndarray, most: float) -> np.ndarray:
-    """First rows of pieces over which small differences grow by at most so much (log), no shorter than a block of a fold."""
-    radius = np.max(np.abs(np.linalg.eigvals(A.transpose(2, 0, 1))), axis=1)
-    growth = np.log(np.maximum(np.where(np.isfinite(radius), radius, 1.0), 1.0))
-    first = np.zeros(record.n_samples, bool)
-    first[record.starts] = True
-    total, since = 0.0, 0
-    for k in range(record.n_samples):
-        total, since = (0.0, 0) if first[k] else (total + float(growth[k]), since + 1)
-        if total > most and since >= SHORTEST_BLOCK:
-            first[k], total, since = True, 0.0, 0
-    return np.flatnonzero(first)
 
 
 def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> tuple[str, ...]:
