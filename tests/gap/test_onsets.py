@@ -103,6 +103,15 @@ def test_a_part_of_a_column_is_found_and_a_whole_one_is_not():
     assert confined(*screen_of(columns, noise), least=20.0) == []
 
 
+def test_a_window_that_closes_what_an_effect_leaves_is_worth_a_fit():
+    """Always there it explains 96 % already."""
+    rng = np.random.default_rng(0)
+    age = np.tile(np.arange(200), 2)
+    columns = rng.normal(size=(3, 400)) * np.where(age < 12, 0.7, 1.0)
+    best = confined(*screen_of(columns, 10 * (0.1 * rng.normal(size=400) + columns[1] * (age >= 12))), least=5.0)[0]
+    assert (best.effect.name, best.span) == ("quadratic_drag", ("onset",)) and best.drop < 1.05 * best.always
+
+
 @pytest.mark.parametrize("span", [("onset",), ("end",), ("onset", "end")])
 def test_what_moves_the_outputs_as_an_effect_in_a_window_does_so_in_its_window(span):
     """A quadratic drag is a loss twice as large here, and a friction is something else."""

@@ -22,8 +22,9 @@ from sksurrogate.gap.search._stopping import grows_in_vain
 
 #: Effects that are tried in a window, and columns of the screen that are looked at for them.
 MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
-#: A window is worth a fit where it explains this much more of the squared residual than the same effect always does.
-LENGTHENED = 1.05
+#: A window is worth a fit where it explains this much more of the squared residual than the same effect always does, or leaves less
+#: than this share of what that leaves.
+LENGTHENED, MOST_REMAINING = 1.05, 0.5
 #: What a window may have.
 SPANS = (("onset",), ("end",), ("onset", "end"))
 
@@ -76,12 +77,13 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
         for span, rows in windows.items():
             own, left = parts[1:, :, rows], r[:, rows]
             drop = restarted + _drop(np.einsum("kon,on->k", own, left), np.einsum("kon,kon->k", own, own), low)
-            better = drop > (LENGTHENED * best if len(span) > 1 else best)
+            better = _worth_more(drop, best, total) if len(span) > 1 else drop > best
             best, kind = np.where(better, drop, best), np.where(better, SPANS.index(span), kind)
+    worth = (best > least) & _worth_more(best, always, total)
     found: dict = {}
     for k in np.argsort(-best):
         effect = screen.starts[order[k]].effect
-        if best[k] > max(least, LENGTHENED * always[k]) and effect.key not in found:
+        if worth[k] and effect.key not in found:
             found[effect.key] = Confined(effect, SPANS[kind[k]], float(best[k]), float(always[k]))
     return list(found.values())
 
@@ -144,6 +146,17 @@ def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> l
         values = grown(one, screen.raw[able[j]], product[j] / size[j] ** 2)
         found[one.key] = starting(one, span), np.r_[values, theta[1:]]
     return list(found.values())
+
+
+def _worth_more(drop: np.ndarray, other: np.ndarray, total: float) -> np.ndarray:
+    """Whether something explains enough more of a squared residual than something simpler does.
+
+    Examples
+    --------
+    >>> _worth_more(np.array([60.0, 97.5, 95.0]), np.array([50.0, 94.0, 94.0]), 100.0)
+    array([ True,  True, False])
+    """
+    return np.asarray((drop > LENGTHENED * other) | (total - drop < MOST_REMAINING * (total - other)))
 
 
 def _drop(g: np.ndarray, h: np.ndarray, low: np.ndarray) -> np.ndarray:
