@@ -157,10 +157,10 @@ class AugmentedModel:
 
     @property
     def free_states(self) -> np.ndarray:
-        """Which initial states are unknown: all nominal ones, and hidden ones that need not have been at rest, as in a piece of a run."""
+        """Which initial states are unknown: all nominal ones, and hidden ones that need not have been at rest."""
         known = np.ones(self.n_states, dtype=bool)
         for i, rows in self._hidden.items():
-            known[rows] = self.record.recorded is not None or getattr(self.effects[i], "free_start", False)
+            known[rows] = getattr(self.effects[i], "free_start", False)
         return known
 
     @property
