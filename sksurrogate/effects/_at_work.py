@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import SimulatorError
 
-__all__ = ["acting_in", "is_null", "values_of"]
+__all__ = ["acting_in", "is_null", "paired", "values_of"]
 
 
 def acting_in(effects: Sequence[Any], runs: Sequence[Sequence[Any] | None] | None, label: Any) -> list[int]:
@@ -43,13 +43,39 @@ def acting_in(effects: Sequence[Any], runs: Sequence[Sequence[Any] | None] | Non
     return [k for k, labels in enumerate(some) if labels is None or label in labels]
 
 
+def paired(effects: Sequence[Any], values: Sequence[Any]) -> list[tuple[BaseEffect, Any]]:
+    """Effects with their values.
+
+    Raises
+    ------
+    SimulatorError
+        An entry is no effect, or there are not as many values.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> [(effect.name, given) for effect, given in paired([CATALOGUE["input_lag"]("u")], [{"time_constant": 0.1}])]
+    [('input_lag', {'time_constant': 0.1})]
+    """
+    strange = next((one for one in effects if not isinstance(one, BaseEffect)), None)
+    if strange is not None:
+        raise SimulatorError(
+            f"effects holds {strange!r}, expected effects with their places: CATALOGUE['linear_loss']('x', 'x') for one."
+        )
+    if len(effects) != len(values):
+        raise SimulatorError(
+            f"effects has {len(effects)} entries, values {len(values)}: give one dict for each effect."
+        )
+    return list(zip(effects, values))
+
+
 def values_of(effect: BaseEffect, given: Any) -> tuple[float, ...]:
     """Parameters of an effect in their order, from a dict or a sequence."""
     names = [parameter.name for parameter in effect.parameters]
     if isinstance(given, Mapping):
         if set(given) != set(names):
             raise SimulatorError(f"values of {effect!r}: got {sorted(given)}, expected {names}.")
-        return tuple(float(given[name]) for name in names)
+        given = [given[name] for name in names]
     numbers = tuple(float(value) for value in np.ravel(given))
     if len(numbers) != len(names):
         raise SimulatorError(f"values of {effect!r}: got {len(numbers)} numbers, expected {names}.")

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sksurrogate.effects._at_work import values_of
+from sksurrogate.effects._at_work import paired, values_of
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, ParameterEffect
 
 __all__ = ["acting_params", "entering_at", "term_at"]
@@ -70,7 +70,7 @@ def entering_at(
 def acting_params(model: Augmented, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters with the effects on them."""
     acting = dict(p)
-    for effect, given in zip(model.effects, model.values):
+    for effect, given in paired(model.effects, model.values):
         if isinstance(effect, ParameterEffect):
             name = str(effect.location)
             driver = () if effect.variable is None else (_signal(model, effect.variable, x, u),)

@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate._columns import by_name
-from sksurrogate.effects._at_work import acting_in, is_null, values_of
+from sksurrogate.effects._at_work import acting_in, is_null, paired, values_of
 from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
@@ -275,7 +275,7 @@ class AugmentedSimulator(BaseSimulator):
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
         """dx/dt with the effects (kinks are sharp unless ``scale`` is given)."""
         states, acting = list(self.states), acting_params(self, t, x, u, p)
-        laws = [(e, g) for e, g in zip(self.effects, self.values) if isinstance(e, BalanceEffect)]
+        laws = [(e, g) for e, g in paired(self.effects, self.values) if isinstance(e, BalanceEffect)]
         at_ports = [(e, g) for e, g in laws if e.location not in states]
         enters, forces = entering_at(self, t, x, u, at_ports)
         dx = list(self.simulator.rhs(t, x, enters, acting, *forces))
@@ -294,7 +294,7 @@ class AugmentedSimulator(BaseSimulator):
         else:
             plain = [x[list(self.states).index(name)] for name in names]
         y = list(plain)
-        acting = [(e.order, e, g) for e, g in zip(self.effects, self.values) if isinstance(e, SensorEffect)]
+        acting = [(e.order, e, g) for e, g in paired(self.effects, self.values) if isinstance(e, SensorEffect)]
         for _, effect, given in sorted(acting, key=lambda item: item[0]):
             i = names.index(str(effect.location))
             other = plain[names.index(effect.variable)] if effect.variable else None
@@ -367,14 +367,12 @@ class AugmentedSimulator(BaseSimulator):
             )
         if not plant.inputs:
             plant = replace(plant, inputs=tuple(f"u{k}" for k in range(inputs.shape[2])))
-        if len(self.effects) != len(self.values):
-            raise SimulatorError(
-                f"effects has {len(self.effects)} entries, values {len(self.values)}: give one dict for each effect."
-            )
         kept: list[BaseEffect] = []
         numbers: list[float] = []
-        for effect, given in zip(self.effects, self.values):
+        for effect, given in paired(self.effects, self.values):
             theta = values_of(effect, given)
+            if np.isnan(theta).any():
+                raise SimulatorError(f"values of {effect!r}: got {given!r}, expected numbers.")
             if not (plant.access == "trajectory" and not plant.outputs):
                 check_place(effect, plant)
             if not is_null(effect, theta):
@@ -400,9 +398,10 @@ class AugmentedSimulator(BaseSimulator):
             whole = AugmentedModel(model, chosen, (), record, n_sub=n_sub, scale=scale, sharpness=self.sharpness)
             return whole.bind(numbers)
 
-        scale = (
-            None if self.scale is None else np.broadcast_to(np.asarray(self.scale, dtype=float), (len(plant.states),))
-        )
+        scale = None if self.scale is None else np.asarray(self.scale, dtype=float)
+        if scale is not None and scale.shape not in ((), (1,), (len(plant.states),)):
+            raise SimulatorError(f"scale has shape {scale.shape}, expected one size for each of {list(plant.states)}.")
+        scale = None if scale is None else np.broadcast_to(scale, (len(plant.states),))
         method = str(getattr(plant.simulator, "method", "auto")).replace("exact", "auto")  # effects are not linear
         with np.errstate(all="ignore"):
             X, bound, fixed = augmented_states(augmented, start.T, scale, method)

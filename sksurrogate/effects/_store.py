@@ -13,6 +13,7 @@ import numpy as np
 
 from sksurrogate._files import write_text
 from sksurrogate.effects._arguments import as_arguments, as_text, listed
+from sksurrogate.effects._at_work import acting_in, paired, values_of
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
@@ -81,8 +82,8 @@ def _write_model(augmented: AugmentedSimulator, path: Any) -> None:
         )
     tuned = retuned_simulator(simulator, augmented.retuned)
     values = [
-        {p.name: float(v) for p, v in zip(e.parameters, _values(e, given))}
-        for e, given in zip(augmented.effects, augmented.values)
+        {p.name: float(v) for p, v in zip(e.parameters, values_of(e, given))}
+        for e, given in paired(augmented.effects, augmented.values)
     ]
     patched, left = tuned.as_parameters(augmented.effects, values)
     patched.to_mjcf(path)
@@ -102,6 +103,7 @@ def _write_model(augmented: AugmentedSimulator, path: Any) -> None:
 def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
     """What :func:`save_augmented` writes."""
     scale, runs = augmented.scale, augmented.runs or [None] * len(augmented.effects)
+    acting_in(augmented.effects, runs, None)  # refuses runs of other effects
     for note, value in notes.items():
         try:
             json.dumps(value)
@@ -119,10 +121,10 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
                 "variable": effect.variable,
                 "arguments": as_text(effect),
                 **({"window": list(effect.span)} if isinstance(effect, Starting) else {}),
-                "params": {p.name: _within(effect, p, v) for p, v in zip(effect.parameters, _values(effect, values))},
+                "params": {p.name: _within(effect, p, v) for p, v in zip(effect.parameters, values_of(effect, values))},
                 **({} if labels is None else {"runs": [_label(one) for one in labels]}),
             }
-            for effect, values, labels in zip(augmented.effects, augmented.values, runs)
+            for (effect, values), labels in zip(paired(augmented.effects, augmented.values), runs)
         ],
         "params": {name: float(value) for name, value in (augmented.params or {}).items()},
         "scale": None if scale is None else [float(size) for size in np.ravel(scale)],
@@ -135,11 +137,6 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
             "and notes, or keep the simulator with skops or joblib."
         )
     return written
-
-
-def _values(effect: BaseEffect, values: Any) -> list[float]:
-    """Values in the order of the effect's parameters."""
-    return [values[p.name] for p in effect.parameters] if hasattr(values, "keys") else list(values)
 
 
 def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSimulator:

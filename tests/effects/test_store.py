@@ -17,7 +17,7 @@ from sksurrogate.effects import (
     starting,
 )
 from sksurrogate.effects._formula import Term
-from sksurrogate.exceptions import DataError
+from sksurrogate.exceptions import DataError, SimulatorError
 
 U = np.linspace(0.1, 0.2, 30)[:, None]
 
@@ -242,3 +242,42 @@ def test_parts_of_another_kind_are_refused(place, value, tmp_path):
     (tmp_path / "f.json").write_text(json.dumps(text))
     with pytest.raises(DataError, match=r"f\.json|span"):
         load_augmented(make_reactor(), tmp_path / "f.json")
+
+
+LAG = CATALOGUE["input_lag"]("u")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (([LAG],), "effects has 1 entries, values 0"),
+        (([LAG], [(0.1,), (0.2,)]), "effects has 1 entries, values 2"),
+        (([(LAG, (0.1,))], [(0.1,)]), "effects holds"),
+        ((["input_lag"], [(0.1,)]), "effects holds 'input_lag', expected effects"),
+        (([CATALOGUE["input_lag"]], [(0.1,)]), "effects holds <class"),
+        (([LAG], [(0.1, 0.2)]), "got 2 numbers, expected"),
+        (([LAG], [(np.nan,)]), "got .nan"),
+        (([LAG], [(0.1,)], None, None, [1.0, 2.0]), r"scale has shape \(2,\), expected one size for each of"),
+    ],
+)
+def test_effects_that_do_not_fit_their_values_are_neither_simulated_nor_saved(given, message, tmp_path):
+    # What was left out without a word came back as the simulator alone.
+    *first, scale = (*given, None) if len(given) < 5 else given
+    wrong = AugmentedSimulator(make_reactor(), *first, scale=scale)
+    with pytest.raises(SimulatorError, match=message):
+        wrong.simulate(np.ones((3, 1)))
+    if scale is None:
+        with pytest.raises((SimulatorError, DataError)):
+            save_augmented(wrong, tmp_path / "f.json")
+        assert not (tmp_path / "f.json").exists()
+
+
+def test_a_right_hand_side_leaves_no_effect_out_without_a_word():
+    wrong = AugmentedSimulator(make_reactor(), [CATALOGUE["linear_loss"]("y", "y")])
+    with pytest.raises(SimulatorError, match="values 0"):
+        wrong.rhs(0.0, np.ones((1, 1)), np.ones((1, 1)), dict(make_reactor().params))
+
+
+def test_runs_of_other_effects_are_not_saved(tmp_path):
+    with pytest.raises(SimulatorError, match="runs has 2 entries, effects 1"):
+        save_augmented(AugmentedSimulator(make_reactor(), [LAG], [(0.1,)], runs=[["a"], ["b"]]), tmp_path / "f.json")
