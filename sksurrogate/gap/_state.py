@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.gap.decide._equivalence import Slot, probabilities
 from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
-from sksurrogate.gap.decide._intervals import intervals
+from sksurrogate.gap.decide._intervals import intervals, is_sized
 from sksurrogate.gap.decide._partial_results import PartialResults, Parts, WithIntervals
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._retuning import retuned_table
@@ -145,6 +145,7 @@ class DiagnosisState(Generic[C]):
         return DecisionFeatures(
             names=len(final.effects),
             probability=min(found.parts.probabilities, default=1.0),
+            sized=found.values is None or is_sized(final.effects, found.values.low, found.values.high),
             retuned=found.retuned,
             share_left=share_left(shrink),
             left=unnamed.over_noise(final, found.retuned),

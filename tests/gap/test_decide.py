@@ -5,6 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.decide._intervals import is_sized
 from sksurrogate.gap.decide._rules import MOST_LEFT, RULES, DecisionFeatures, certified, decide, first_rule, share_left
 from sksurrogate.gap.results._shrink import Shrink
 
@@ -40,6 +42,21 @@ def test_what_is_larger_than_a_disturbance_is_not_called_one():
 def test_a_name_that_is_not_certain_is_unknown_however_much_it_closes():
     assert decide(replace(NAMED, probability=0.7)) == decide(replace(NAMED, probability=0.7))
     assert rule_of(replace(NAMED, probability=0.7)) == "uncertain_names"
+
+
+def test_a_name_whose_interval_holds_no_effect_is_not_certain_however_probable_it_is():
+    unsized = replace(NAMED, probability=0.9999, sized=False)
+    assert (decide(unsized)[0], rule_of(unsized)) == ("unknown", "uncertain_names")
+    assert decide(replace(unsized, names=0, retuned=True, share_left=0.05))[0] == "explained"  # of names alone
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "sized"), [(0.1, 0.4, True), (0.0, 0.4, False), (-0.1, 0.4, False), (-0.4, -0.1, True)]
+)
+def test_an_interval_that_holds_no_effect(low, high, sized):
+    """The second of two effects; the first has two parameters, of which only the magnitude counts."""
+    effects = [CATALOGUE["power_law"]("v", "v"), CATALOGUE["linear_loss"]("v", "v")]
+    assert is_sized(effects, np.array([1.0, -1.0, low]), np.array([2.0, 1.0, high])) is sized
 
 
 def test_within_the_noise_a_certain_name_explains():

@@ -69,6 +69,9 @@ def test_an_effect_that_is_not_certain_is_named_with_its_probability():
         "No effect is certain. The likeliest is coulomb friction at speed (level: 0.4 rad/s^2), which closes 97.0 % of the gap on "
         "held-out runs: more likely than not (probability 0.600)."
     )
+    unsized = Reasons("uncertain_names", "", {"sized": False})
+    said = headline(report(replace(FRICTION, probability=0.99), verdict="unknown", reasons=unsized))
+    assert said.endswith("of the gap on held-out runs: the interval of a magnitude holds no effect at all.")
 
 
 def test_a_free_parameter_that_moved_is_a_change_too():

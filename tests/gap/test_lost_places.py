@@ -5,8 +5,8 @@ import pytest
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap import _pipeline as pipeline
-from sksurrogate.gap.unnamed import _ode_channels
 from sksurrogate.gap.fit._unstable import largest_growth, piece_starts
+from sksurrogate.gap.unnamed import _ode_channels
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import smooth
 from sksurrogate.physics import ODESimulator

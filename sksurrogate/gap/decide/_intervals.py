@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._normal_equations import seen_inverse
@@ -45,3 +48,25 @@ def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
     half = np.sqrt((BAND * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2 + within_a_sample**2)
     low, high = candidate.problem.bounds(candidate.effects)
     return np.maximum(theta - half, low), np.minimum(theta + half, high)
+
+
+def is_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -> bool:
+    """Whether the interval of each effect's magnitude leaves out the value at which it does nothing.
+
+    Parameters
+    ----------
+    low, high : ndarray (n_theta,)
+        Of the effects' parameters, one effect behind the other, then of others.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> drag, lag = CATALOGUE["quadratic_drag"]("v", "v"), CATALOGUE["hidden_mode"]("v", "v")
+    >>> is_sized([drag], np.array([0.1]), np.array([0.2])), is_sized([drag], np.array([-0.1]), np.array([0.2]))
+    (True, False)
+    >>> is_sized([drag, lag], np.array([0.1, 0.0, 2.0, 0.1]), np.array([0.2, 5.0, 3.0, 0.2]))
+    False
+    """
+    first = np.cumsum([0, *(len(effect.parameters) for effect in effects)])[:-1]
+    nulls = [effect.parameters[0].null for effect in effects]
+    return not any(low[k] <= null <= high[k] for k, null in zip(first, nulls))

@@ -25,6 +25,7 @@ class DecisionFeatures:
 
     names: int = 0  #: Effects that passed their certificate
     probability: float = 1.0  #: That of the least probable of them, whatever else acts; 1 where nothing is named
+    sized: bool = True  #: Whether the interval of each one's magnitude leaves out the value at which it does nothing
     retuned: bool = False  #: Whether the free parameters moved by more than chance
     #: Share of the gap that is left, in amplitude, on runs left out; of the outputs' deviation where the gap is larger
     share_left: float = 1.0
@@ -96,8 +97,8 @@ class Rule:
 
 
 def certain(f: DecisionFeatures) -> bool:
-    """Every name is probable, or re-tuning alone moved the parameters."""
-    return bool(f.probability >= CERTAIN_NAME if f.names else f.retuned)
+    """Every name is probable and of a known size, or re-tuning alone moved the parameters."""
+    return bool(f.probability >= CERTAIN_NAME and f.sized if f.names else f.retuned)
 
 
 RULES: tuple[Rule, ...] = (
@@ -121,7 +122,8 @@ RULES: tuple[Rule, ...] = (
         "uncertain_names",
         lambda f: f.names > 0 and not certain(f),
         "unknown",
-        "An effect closes part of the gap, but another effect or a law without a name explains it as well.",
+        "An effect closes part of the gap, but another effect or a law without a name explains it as well, or its interval holds no "
+        "effect.",
     ),
     Rule(
         "at_a_bound",
