@@ -21,6 +21,7 @@ from sksurrogate.effects._small_signal import SampledPoint
 from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export._describe import SUBSTEPS
+from sksurrogate.export._dynamic import substeps_of
 from sksurrogate.export._graph import Graph
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._free_run import OF_SCIPY, raise_if_diverged
@@ -310,7 +311,7 @@ class AugmentedSimulator(BaseSimulator):
         The formulae are those of :meth:`simulate` in ``n_sub`` (default: 4) substeps of Runge-Kutta's method;
         :meth:`substeps` gives the number with which both are equal.
         """
-        return graph_of(self._parts(), n_sub or SUBSTEPS, self.scale, self.sharpness)
+        return graph_of(self._parts(), substeps_of(n_sub, SUBSTEPS), self.scale, self.sharpness)
 
     def start_state(self, x0: Any = None, u0: Any = None, n_sub: int | None = None) -> np.ndarray:
         """All states of :meth:`to_graph` at the start of a run.
@@ -331,7 +332,9 @@ class AugmentedSimulator(BaseSimulator):
         parts = self._parts()
         x = parts[0].x0 if x0 is None else np.asarray(x0, dtype=float).ravel()
         u = np.zeros(len(parts[0].inputs)) if u0 is None else np.asarray(u0, dtype=float).ravel()
-        started = SampledPoint(sampled_of(parts, n_sub or SUBSTEPS, self.scale, self.sharpness)).complete(x, u)
+        started = SampledPoint(sampled_of(parts, substeps_of(n_sub, SUBSTEPS), self.scale, self.sharpness)).complete(
+            x, u
+        )
         timed = len(self.to_graph(n_sub).states or ()) - len(started)
         return np.append(started, np.zeros(timed))
 
@@ -346,7 +349,7 @@ class AugmentedSimulator(BaseSimulator):
         """
         if n_sub is None and _has_rhs(self):
             return super().to_control()
-        form = sampled_of(self._parts(), n_sub or 16, self.scale, self.sharpness)
+        form = sampled_of(self._parts(), substeps_of(n_sub, 16), self.scale, self.sharpness)
         return BaseSimulator.to_control(SampledPoint(form))  # type: ignore[arg-type]
 
     def _parts(self) -> tuple[Plant, list[BaseEffect], np.ndarray]:

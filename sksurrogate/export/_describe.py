@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.export._dynamic import add_derivative_model, add_filter, add_state_model, runge_kutta
+from sksurrogate.export._dynamic import add_derivative_model, add_filter, add_state_model, runge_kutta, substeps_of
 from sksurrogate.export._features import FEATURE_MAPS, add_features, add_free_basis
 from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
@@ -56,6 +56,7 @@ def to_graph(model: Any, n_sub: int | None = None) -> Graph:
     >>> to_graph(LinearRegression().fit([[0.0], [1.0]], [1.0, 3.0]))(x=[2.0])["y"].round(6)
     array([5.])
     """
+    substeps = substeps_of(n_sub, SUBSTEPS)
     if hasattr(model, "to_graph"):
         return model.to_graph(n_sub=n_sub)
     graph = Graph()
@@ -73,7 +74,7 @@ def to_graph(model: Any, n_sub: int | None = None) -> Graph:
         if getattr(model, "inputs", None) is None or getattr(model, "outputs", None) is None:
             raise SurrogateError(f"{kind} does not name its signals: give it inputs=[...] and outputs=[...].")
         x, u = graph.input("x", len(model.states)), graph.input("u", len(model.inputs))
-        graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, model, x, u, n_sub or SUBSTEPS)
+        graph.outputs["x_next"], graph.outputs["y"] = add_step(graph, model, x, u, substeps)
         graph.dt = float(getattr(model, "dt", None) or 1.0)
         return graph
     check_is_fitted(model)
@@ -226,7 +227,7 @@ def add_step(graph: Graph, simulator: Any, x: int, u: int, n_sub: int) -> tuple[
     _refuse_time(simulator, params)
     try:
         return _stepped(graph, simulator, params, x, u, n_sub)
-    except TypeError as error:
+    except (TypeError, AttributeError) as error:  # a function of numpy or others that a graph does not have
         raise SurrogateError(f"{type(simulator).__name__} cannot be exported: {error}") from error
 
 

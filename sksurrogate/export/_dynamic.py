@@ -10,9 +10,24 @@ import numpy as np
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.export._graph import Graph
 
-__all__ = ["add_derivative_model", "add_filter", "add_state_model", "runge_kutta"]
+__all__ = ["add_derivative_model", "add_filter", "add_state_model", "runge_kutta", "substeps_of"]
 
 AddEstimator = Callable[[Graph, Any, int], int]
+
+
+def substeps_of(n_sub: Any, default: int) -> int:
+    """Substeps a sample as they were asked for, a default where they were not.
+
+    Examples
+    --------
+    >>> substeps_of(None, 4), substeps_of(2, 4)
+    (4, 2)
+    """
+    if n_sub is None:
+        return default
+    if not isinstance(n_sub, (int, np.integer)) or isinstance(n_sub, bool) or n_sub < 1:
+        raise SurrogateError(f"n_sub={n_sub!r}: expected a whole number of substeps of at least 1, or None.")
+    return int(n_sub)
 
 
 def runge_kutta(graph: Graph, rate: Callable[[int], int], x: int, dt: float, n_sub: int) -> int:

@@ -140,6 +140,8 @@ def _described(graph: Graph, model: Any, x0: Any, u0: Any, n_sub: int | None) ->
         raise SurrogateError(
             f"x0 has {len(start)} and u0 {len(held)} components: expected {n_x} states and {n_u} inputs."
         )
+    if not (np.isfinite(start).all() and np.isfinite(held).all()):
+        raise SurrogateError(f"x0={start.tolist()}, u0={held.tolist()}: expected finite numbers.")
     n_y = graph.nodes[graph.outputs["y"]].size
     inputs, outputs = graph.signals or (getattr(model, "inputs", None), getattr(model, "outputs", None))
     states = _named(graph.states or getattr(model, "states", None), n_x, "x")

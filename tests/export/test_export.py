@@ -16,8 +16,9 @@ from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures, StandardScal
 
 from sksurrogate.compose import HybridRegressor, RecursivePredictor
 from sksurrogate.datasets import linear_reactor, make_reactor, make_reactor_runs
+from sksurrogate.effects import AugmentedSimulator
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.export import Graph, state_space, to_c, to_casadi, to_graph, to_onnx
+from sksurrogate.export import Graph, state_space, to_c, to_casadi, to_fmu, to_graph, to_onnx
 from sksurrogate.neural import FNNRegressor
 from sksurrogate.physics import ODESimulator, StepSimulator, steady_state
 
@@ -261,3 +262,34 @@ def test_what_cannot_leave_speaks():
         graph(x=np.zeros(3))
     with pytest.raises(ValueError, match=r"inputs \['x'\]"):
         graph(u=np.zeros(3))
+
+
+def decay(t, x, u, p):
+    return (u[0] - x[0],)
+
+
+def decay_plant(rhs=decay):
+    return ODESimulator(rhs, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+
+
+@pytest.mark.parametrize("n_sub", [0, -1, 2.5, True, "4"])
+@pytest.mark.parametrize("leave", [to_graph, AugmentedSimulator.to_graph])
+def test_substeps_that_are_no_number_of_steps_are_refused(n_sub, leave):
+    # Minus one step was no step: the state stayed where it was.
+    model = decay_plant() if leave is to_graph else AugmentedSimulator(decay_plant())
+    with pytest.raises(SurrogateError, match=r"n_sub=.*expected a whole number of substeps"):
+        leave(model, n_sub=n_sub)
+    assert leave(model, n_sub=2)(x=[1.0], u=[0.0])["x_next"] == pytest.approx(np.exp(-0.1), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["sinc", "angle"])
+def test_functions_that_a_graph_does_not_have_are_said(name):
+    with pytest.raises(SurrogateError, match="ODESimulator cannot be exported"):
+        to_graph(decay_plant(lambda t, x, u, p: (getattr(np, name)(x[0]) + u[0],)))
+
+
+@pytest.mark.parametrize("start", [{"x0": [np.nan]}, {"x0": [0.0], "u0": [np.inf]}])
+def test_a_unit_starts_at_finite_numbers(start, tmp_path):
+    with pytest.raises(SurrogateError, match="expected finite numbers"):
+        to_fmu(decay_plant(), tmp_path / "unit.fmu", **start)
+    assert not list(tmp_path.iterdir())
