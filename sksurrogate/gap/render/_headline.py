@@ -138,7 +138,9 @@ def sentence_of(report: ReportData) -> str:
 
 
 def _place(kind: str | None, location: str) -> str:
-    return f"the balance of {location}" if kind == "state" else f"the {kind} {location}"
+    """Where a law without a name acts."""
+    words = {"state": f"the balance of {location}", "parameter": f"the term that the parameter {location} scales"}
+    return words.get(str(kind), f"the {kind} {location}")
 
 
 def _what_remains(report: ReportData) -> str:
@@ -148,7 +150,7 @@ def _what_remains(report: ReportData) -> str:
         return _with_law(report)
     if rest.location is None or not rest.lawful > 0:
         return ""
-    driven = f", driven by {rest.variable}" if rest.variable else ""
+    driven = f", driven by {rest.variable}" if rest.variable and rest.kind != "parameter" else ""
     return f" What remains is most likely at {_place(rest.kind, rest.location)}{driven}."
 
 

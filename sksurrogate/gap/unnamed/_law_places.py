@@ -1,4 +1,4 @@
-"""Laws of states, inputs, outputs and time in every balance, input and sensor, and what they move the outputs by."""
+"""Laws of states, inputs, outputs and time in every balance, input, element and sensor, and what they move the outputs by."""
 
 from __future__ import annotations
 
@@ -12,7 +12,17 @@ import numpy as np
 from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
-from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST, Law, laws, of_time, over_sample, staircases, surfaces
+from sksurrogate.gap.unnamed._elements import elements_along
+from sksurrogate.gap.unnamed._law_shapes import (
+    AND_ITS_PAST,
+    Law,
+    laws,
+    of_time,
+    over_sample,
+    staircases,
+    static,
+    surfaces,
+)
 from sksurrogate.kernels.disturbance import Disturbance
 
 
@@ -28,7 +38,7 @@ class Curve(NamedTuple):
 
 
 def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
-    """Laws of near states and inputs in every balance, of each input in its place, of outputs in every sensor."""
+    """Laws of near states and inputs in every balance, of each input in its place, of an element's flow, of outputs in every sensor."""
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
     moved = partial(response, D)
@@ -56,6 +66,13 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
         for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown, law.shown)
             yield Curve(name, law.variable, moves), law, "input"
+    rows = problem.rows_of_balances
+    for element in elements_along(problem.model, record, x):
+        push = np.einsum("tib,b->it", D.B, element.direction[rows])
+        law = Law(element.parameter, *static(element.flow))
+        law = law._replace(functions=over_sample(record, law.functions))
+        moves = partial(moved, push, law.functions)
+        yield Curve(element.parameter, element.parameter, moves), law, "parameter"
     readings = base.fit.y
     of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]
     for o, name in enumerate(plant.outputs):

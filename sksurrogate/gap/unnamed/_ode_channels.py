@@ -14,6 +14,7 @@ from sksurrogate.gap.fit._unstable import largest_growth, piece_starts
 from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
+from sksurrogate.gap.unnamed._elements import element_of
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._smoothed_path import paths
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -25,7 +26,7 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
     """The null with one free signal at a place, linearised about the path that it gives.
 
     ``null``: the simulator, free parameters re-tuned.
-    ``location, kind``: state, input or output; a parameter stands for the largest force.
+    ``location, kind``: state, input, output, or the parameter of an element.
 
     Raises
     ------
@@ -98,6 +99,10 @@ def _about(
     if kind == "input" and location in plant.inputs:
         i = plant.inputs.index(location)
         B, unit = input_push(null, x, i), max(float(np.std(record.u[i])), 1e-12)
+    element = element_of(location, null.problem.model, record, x) if kind == "parameter" else None
+    if element is not None:
+        shares = element.direction[problem.rows_of_balances]
+        B, unit = np.einsum("tib,b->it", whole.B, shares)[:, None], float(problem.force_unit() @ np.abs(shares))
     D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
     linear = linear_set(about)
     sensor = sensor_at(null, location, kind)
