@@ -33,6 +33,9 @@ def test_direction_and_flow_are_those_of_the_equations():
     found = {one.parameter: one for one in elements_along(model, record, x)}
     assert sorted(found) == ["d", "k"]  # m moves one balance alone
     for name, flow in (("k", x[0] - x[2]), ("d", x[1] - x[3])):
+        np.testing.assert_allclose(
+            found[name].flow * np.sign(found[name].flow @ flow), flow, rtol=1e-5
+        )  # in its own size
         both = found[name].direction[:, None] * found[name].flow  # their product does not depend on the choice of sign
         expected = np.array([0.0, -1.0, 0.0, 2.0])[:, None] * flow
         np.testing.assert_allclose(both, expected, rtol=1e-5, atol=1e-6)
@@ -49,4 +52,7 @@ def test_a_spring_that_is_stiffer_in_compression_is_a_law_of_the_spring():
     diagnoser = GapDiagnoser(two_masses(), effects=effects, n_jobs=1, random_state=0)
     report = diagnoser.fit(U.reshape(-1, 1), Y, groups=np.repeat(np.arange(4), 300)).report_
     assert report.verdict in ("partial", "unknown")
+    law = report.missing_term
+    assert (law.location, law.kind, law.effects) == ("k", "parameter", ())
+    assert law.curves[0].variable == "flow of k" or law.curves[0].explained > 0.8
     assert (report.remainder.location, report.remainder.kind) == ("k", "parameter")

@@ -52,7 +52,7 @@ class Drivers:
         plain = {signal for name in names - late for signal in signal_names(name)} - {"t"}
         if late and (len(late) > 1 or plain - {past_name(next(iter(late)))}):
             return False
-        return self.kind == "state" or self.at_port(plain) or len(plain - {self.location}) < 2
+        return self.kind in ("state", "parameter") or self.at_port(plain) or len(plain - {self.location}) < 2
 
     def at_port(self, names: set[str]) -> bool:
         """Whether a law of some signals acts at the port of an input: it has a state among them."""

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 
@@ -17,8 +18,9 @@ class Element(NamedTuple):
     """What a parameter scales: ``dx/dt = ... + p * flow * direction``."""
 
     parameter: str
-    direction: np.ndarray  #: (n_states,): share of every balance in its flow, of length 1
-    flow: np.ndarray  #: (n_samples,): the signal of the element along a path, per unit of the parameter
+    direction: np.ndarray  #: (n_states,): what a unit of the flow does to every balance
+    #: (n_samples,): signal of the element along a path; of a sum of states and inputs in the size of the first, as ``a - c``
+    flow: np.ndarray
 
 
 def elements_along(model: PlantModel, record: Record, x: np.ndarray) -> list[Element]:
@@ -37,7 +39,7 @@ def elements_along(model: PlantModel, record: Record, x: np.ndarray) -> list[Ele
             step = PARAMETER_STEP * (abs(value) or 1.0)
             slope = (model.derivative(*at, {name: np.array([[value + step]])})[:, 0] - rate) / step
             one = _element(name, slope)
-            found += [] if one is None else [one]
+            found += [] if one is None else [_in_natural_size(one, np.concatenate([x, record.u]))]
     return found
 
 
@@ -57,3 +59,15 @@ def _element(name: str, slope: np.ndarray) -> Element | None:
     direction = U[:, 0] * size
     direction /= np.linalg.norm(direction)
     return Element(name, direction, direction @ slope)
+
+
+def _in_natural_size(one: Element, signals: np.ndarray) -> Element:
+    """With the flow in the size of a signal, where it is a sum of signals (n_signals, n_samples) and a constant."""
+    columns = np.vstack([signals, np.ones(signals.shape[1])])
+    size = np.maximum(np.abs(columns).max(axis=1), 1e-300)
+    factors = linear_least_squares((columns / size[:, None]).T, one.flow, rcond=1e-10) / size
+    share = np.abs(factors[:-1]) * size[:-1]
+    largest = factors[np.argmax(share >= 0.5 * share.max())]  # the first of those that matter
+    if largest == 0 or np.std(one.flow - factors @ columns) > OTHER_WAY * np.std(one.flow):
+        return one
+    return one._replace(direction=one.direction * largest, flow=one.flow / largest)

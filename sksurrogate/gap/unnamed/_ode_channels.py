@@ -111,6 +111,8 @@ def _about(
         raise np.linalg.LinAlgError("the noise model gives no likelihood along this path")
     push = B[:, 0] if sensor is None else None
     signals = problem.signals_along(x)
+    if element is not None:
+        signals[f"flow of {location}"] = element.flow
     return Channel(record, D, noise, linear, push, sensor, unit, held, signals, value, x, len(soft)), lin.x
 
 
