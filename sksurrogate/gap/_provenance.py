@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
 from importlib import metadata
+from inspect import signature
 from numbers import Real
 from typing import Any
 
@@ -19,6 +20,18 @@ from sksurrogate.physics._simulator import Plant, units_of
 
 #: Effects longer than this list are counted instead of named.
 LONGEST_LIST = 12
+#: Parameters of a diagnoser that decide what it answers, and have no field of their own.
+OTHER_SETTINGS = (
+    "exclude",
+    "plausible",
+    "bounds",
+    "priors",
+    "time",
+    "clock_offset",
+    "tolerance",
+    "correction",
+    "time_limit",
+)
 
 
 def with_origin(report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs: int, n_rows: int) -> GapReport:
@@ -46,6 +59,7 @@ def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tupl
         effects=_asked(diagnoser.effects),
         seed=str(diagnoser.random_state),
         include_law=bool(diagnoser.include_law),
+        settings=_settings(diagnoser),
         version=_version(),
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
     )
@@ -71,6 +85,13 @@ def _asked(effects: Any) -> str:
     listed = [effects] if isinstance(effects, str) else list(effects)
     names = [one if isinstance(one, str) else str(getattr(one, "name", one)) for one in listed]
     return ", ".join(names) if len(names) <= LONGEST_LIST else f"{len(names)} effects"
+
+
+def _settings(diagnoser: Any) -> str:
+    """Other settings that are not at their defaults, in words."""
+    defaults = {name: one.default for name, one in signature(type(diagnoser).__init__).parameters.items()}
+    given = {name: getattr(diagnoser, name) for name in OTHER_SETTINGS}
+    return ", ".join(f"{name}={value!r}" for name, value in given.items() if repr(value) != repr(defaults[name]))
 
 
 def _version() -> str:

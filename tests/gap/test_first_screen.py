@@ -8,6 +8,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap import EffectEstimate, GapDiagnoser, GapReport
+from sksurrogate.gap._provenance import _settings
 from sksurrogate.gap.render._code import code_of
 from sksurrogate.gap.render._curves import effect_curve
 from sksurrogate.gap.render._headline import (
@@ -214,6 +215,14 @@ def test_the_provenance_is_on_the_page(diagnoser):
     for word in ("ODESimulator", "4, 480", "0.1 s", "quadratic_drag, sensor_bias, linear_loss"):
         assert word in page and word in " ".join(text.split())
     assert diagnoser.report_.provenance.date[:2] == "20"
+
+
+def test_settings_off_their_defaults_belong_to_the_provenance():
+    """Enough to repeat the report: what was ruled out, limits, the tolerance; nothing where all is at its default."""
+    plain = GapDiagnoser(None)
+    asked = GapDiagnoser(None, exclude=["drift", "speed"], bounds={"k": (0.0, None)}, tolerance=0.2)
+    assert _settings(plain) == ""
+    assert _settings(asked) == "exclude=['drift', 'speed'], bounds={'k': (0.0, None)}, tolerance=0.2"
 
 
 def test_units_stand_beside_the_numbers(diagnoser):

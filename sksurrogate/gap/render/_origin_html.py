@@ -23,6 +23,7 @@ def origin_pairs(report: ReportData) -> list[tuple[str, str]]:
         ("sample time", with_unit(number(origin.dt), report.units.get(TIME, "")) if np.isfinite(origin.dt) else ""),
         ("free parameters", ", ".join(origin.free)),
         ("effects", origin.effects if origin.n_rows else ""),
+        ("other settings", origin.settings),
         ("seed", origin.seed),
         ("sksurrogate", origin.version),
         ("date", origin.date[:16].replace("T", " ")),

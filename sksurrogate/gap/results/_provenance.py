@@ -29,6 +29,8 @@ class Provenance:
         ``random_state`` as given.
     include_law : bool
         Whether ``augmented_`` carries a certified law.
+    settings : str
+        What else was not left at its default, as in ``exclude=('drift',), tolerance=0.2``; it is in no other field.
     version, date : str
         Version of the package; date and time (ISO 8601, with the offset from UTC).
     files : tuple of str
@@ -51,6 +53,7 @@ class Provenance:
     files: tuple[str, ...] = ()
     command: str = ""
     include_law: bool = True
+    settings: str = ""
 
 
 #: Of a report that was put together by hand.
