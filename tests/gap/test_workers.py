@@ -7,6 +7,7 @@ import joblib
 import numpy as np
 import pytest
 
+from sksurrogate._parallel import _deaf
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
@@ -26,11 +27,11 @@ def test_joblibs_setting_spreads_the_fits_and_changes_no_answer(monkeypatch):
     here = printed(diagnoser.fit(X, y, groups=groups).report_)
     asked = []
 
-    def spy(**options):
-        asked.append(joblib.effective_n_jobs(options["n_jobs"]))
-        return joblib.Parallel(**options)
+    def spy(n_jobs):
+        asked.append(joblib.effective_n_jobs(n_jobs))
+        return _deaf.workers(n_jobs)
 
-    monkeypatch.setattr("sksurrogate.gap.search._expander.Parallel", spy)
+    monkeypatch.setattr("sksurrogate.gap.search._expander.workers", spy)
     assert printed(diagnoser.fit(X, y, groups=groups).report_) == here and not asked
     with joblib.parallel_config("threading", n_jobs=2):
         assert printed(diagnoser.fit(X, y, groups=groups).report_) == here

@@ -10,6 +10,7 @@ import sklearn
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
+from sksurrogate._parallel import _deaf
 from sksurrogate.blind import run_blind_check
 from sksurrogate.compose import RecursivePredictor
 from sksurrogate.datasets import make_reactor, make_reactor_runs
@@ -67,11 +68,11 @@ def test_a_diagnosis_on_the_cluster(client, monkeypatch):
     here = GapDiagnoser(make_reactor(second=80.0), effects=names, random_state=0).fit(X, y, groups=groups).report_
     workers = []
 
-    def spy(**options):
-        workers.append(joblib.effective_n_jobs(options["n_jobs"]))
-        return joblib.Parallel(**options)
+    def spy(n_jobs):
+        workers.append(joblib.effective_n_jobs(n_jobs))
+        return _deaf.workers(n_jobs)
 
-    monkeypatch.setattr("sksurrogate.gap.search._expander.Parallel", spy)
+    monkeypatch.setattr("sksurrogate.gap.search._expander.workers", spy)
     with joblib.parallel_config("dask"):
         there = GapDiagnoser(make_reactor(second=80.0), effects=names, random_state=0).fit(X, y, groups=groups).report_
     assert printed(here) == printed(there)
