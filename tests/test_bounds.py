@@ -36,7 +36,7 @@ BOUNDS = {
         "closeness": SIZE_OR_ZERO, "slope": SIZE_OR_ZERO, "curvature": SIZE_OR_ZERO, "momentum": ([0.0, 1 - TINY], [-TINY, 1.0]),
     },
     FourierFeatures: {"n_harmonics": COUNT, "period": SIZE},
-    GapDiagnoser: {"tolerance": SHARE, "time_limit": SIZE},
+    GapDiagnoser: {"tolerance": SHARE, "time_limit": SIZE, "clock_offset": SIZE_OR_ZERO},
     GaussianFeatures: {"centers": COUNT, "width": SIZE},
     HeavisideFeatures: {"thresholds": COUNT},
     HybridRegressor: {"n_lags": COUNT, "shrinkage": SIZE_OR_ZERO, "fade": SIZE_OR_ZERO},

@@ -64,9 +64,11 @@ def is_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -
     >>> drag, lag = CATALOGUE["quadratic_drag"]("v", "v"), CATALOGUE["hidden_mode"]("v", "v")
     >>> is_sized([drag], np.array([0.1]), np.array([0.2])), is_sized([drag], np.array([-0.1]), np.array([0.2]))
     (True, False)
+    >>> is_sized([CATALOGUE["sensor_rectification"]("v")], np.array([]), np.array([]))  # it has no magnitude
+    True
     >>> is_sized([drag, lag], np.array([0.1, 0.0, 2.0, 0.1]), np.array([0.2, 5.0, 3.0, 0.2]))
     False
     """
     first = np.cumsum([0, *(len(effect.parameters) for effect in effects)])[:-1]
-    nulls = [effect.parameters[0].null for effect in effects]
-    return not any(low[k] <= null <= high[k] for k, null in zip(first, nulls))
+    nulls = [(k, effect.parameters[0].null) for k, effect in zip(first, effects) if effect.parameters]
+    return not any(low[k] <= null <= high[k] for k, null in nulls)
