@@ -66,9 +66,13 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
         for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown, law.shown)
             yield Curve(name, law.variable, moves), law, "input"
-    rows = problem.rows_of_balances
+    named = {effect.location for effect in base.effects}
     for element in elements_along(problem.model, record, x):
-        push = np.einsum("tib,b->it", D.B, element.direction[rows])
+        if (
+            named and element.parameter not in named
+        ):  # beside names, a law of an element corrects the name of its parameter
+            continue
+        push = np.einsum("tib,b->it", D.B, element.direction[problem.rows_of_balances])
         law = Law(element.parameter, *static(element.flow))
         law = law._replace(functions=over_sample(record, law.functions))
         moves = partial(moved, push, law.functions)
