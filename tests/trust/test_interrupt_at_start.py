@@ -43,9 +43,16 @@ if __name__ == "__main__":
 """
 
 
+def as_in_a_terminal():
+    """A process that hears Ctrl-C, whatever the one that starts it has blocked or ignores."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def interrupted(code):
     """First line of a process, its status and errors after Ctrl-C, which its children get too."""
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    options["preexec_fn"] = as_in_a_terminal
     process = subprocess.Popen([sys.executable, "-c", code], **options)
     said = process.stdout.readline().split()
     os.killpg(process.pid, signal.SIGINT)
