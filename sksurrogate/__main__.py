@@ -13,9 +13,13 @@ __all__ = ["main"]
 
 def main() -> int:
     """The command line; an interrupt while it is imported ends it with a sentence."""
-    before = signal.signal(signal.SIGINT, _ended)
+    before = signal.getsignal(signal.SIGINT)
+    heard = before is signal.default_int_handler  # a command in the background may have been started to ignore it
+    if heard:
+        signal.signal(signal.SIGINT, _ended)
     run = import_module("sksurrogate.cli").main  # not at the top: the import takes most of a second
-    signal.signal(signal.SIGINT, before)
+    if heard:
+        signal.signal(signal.SIGINT, before)
     return int(run())
 
 

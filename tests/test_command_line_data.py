@@ -274,6 +274,13 @@ def tanks_as_recorded(kind):
     return "\n".join(lines) + "\n"
 
 
+def diagnosis_of_tanks(folder, kind):
+    """The command for such a record, and its files."""
+    (folder / "tanks.py").write_text(TANKS)
+    (folder / "d.csv").write_text(tanks_as_recorded(kind))
+    return ["diagnose", f"{folder / 'tanks.py'}:plant", str(folder / "d.csv"), "--run", "run", "--time", "t"]
+
+
 @pytest.mark.parametrize(
     ("kind", "options", "name", "place"),
     [
@@ -283,17 +290,7 @@ def tanks_as_recorded(kind):
     ],
 )
 def test_stamps_gaps_and_clocks_as_a_file_has_them(tmp_path, capsys, kind, options, name, place):
-    (tmp_path / "tanks.py").write_text(TANKS)
-    (tmp_path / "d.csv").write_text(tanks_as_recorded(kind))
-    command = [
-        "diagnose",
-        str(tmp_path / "tanks.py") + ":plant",
-        str(tmp_path / "d.csv"),
-        "--run",
-        "run",
-        "--time",
-        "t",
-    ]
+    command = diagnosis_of_tanks(tmp_path, kind)
     effects = ["--effects", "cubic_stiffness", "sensor_gain", "sensor_delay", "linear_loss", "input_gain"]
     assert main([*command, *effects, *options, "--quiet", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
@@ -303,17 +300,7 @@ def test_stamps_gaps_and_clocks_as_a_file_has_them(tmp_path, capsys, kind, optio
 
 
 def test_a_stamp_that_goes_back_is_named_with_its_row(tmp_path, capsys):
-    (tmp_path / "tanks.py").write_text(TANKS)
-    (tmp_path / "d.csv").write_text(tanks_as_recorded("mistake"))
-    command = [
-        "diagnose",
-        str(tmp_path / "tanks.py") + ":plant",
-        str(tmp_path / "d.csv"),
-        "--run",
-        "run",
-        "--time",
-        "t",
-    ]
+    command = diagnosis_of_tanks(tmp_path, "mistake")
     assert main([*command, "--quiet"]) == 2
     said = capsys.readouterr().err
     assert (

@@ -22,7 +22,7 @@ from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 from sklearn.preprocessing import StandardScaler
 
 from sksurrogate._files import append_line
-from sksurrogate._parallel._deaf import workers
+from sksurrogate._parallel._interrupts import workers
 from sksurrogate.blind._cases import Question, draw
 from sksurrogate.blind._score import score
 from sksurrogate.blind._solve import Solver, predict

@@ -15,7 +15,7 @@ from joblib import delayed, effective_n_jobs
 
 from sksurrogate._files import append_line
 from sksurrogate._fingerprint import fingerprint
-from sksurrogate._parallel._deaf import workers
+from sksurrogate._parallel._interrupts import workers
 from sksurrogate.blind._cases import ARMS, draw
 from sksurrogate.blind._follow import followed
 from sksurrogate.blind._own import plant_of

@@ -20,7 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from joblib.externals.loky.backend.reduction import dumps
 
-from sksurrogate._parallel._deaf import deaf
+from sksurrogate._parallel._interrupts import interrupts_blocked
 from sksurrogate._parallel._orphans import watch_parent
 from sksurrogate.blind._cases import Question
 from sksurrogate.exceptions import SimulatorError
@@ -177,7 +177,7 @@ class Solver:
             paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
             threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
             self._asked = 0
-            with deaf():
+            with interrupts_blocked():
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", "from sksurrogate.blind._solve import main; main()", self.function],
                     stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tempfile.gettempdir(),

@@ -18,7 +18,7 @@ from sklearn.utils import check_random_state
 
 from sksurrogate._files import beside
 from sksurrogate._fingerprint import fingerprint
-from sksurrogate._parallel._deaf import workers
+from sksurrogate._parallel._interrupts import workers
 from sksurrogate._parallel._pickled import refuse_what_stays
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.physics import ODESimulator

@@ -60,9 +60,9 @@ class PlantModel:
     def seconds_of_a_call(self, u: np.ndarray) -> float:
         """Of the right-hand side or the step at the initial state and inputs (n_inputs, n_points)."""
         x = np.repeat(self.plant.x0[:, None], u.shape[1], axis=1)
-        begun = time.perf_counter()
+        started = time.perf_counter()
         _ = self.derivative(0.0, x, u) if self._rhs is not None else self.step(0.0, x, u, self.plant.dt)
-        return time.perf_counter() - begun
+        return time.perf_counter() - started
 
     @contextmanager
     def watched(self) -> Iterator[None]:

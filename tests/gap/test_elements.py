@@ -30,7 +30,7 @@ def test_direction_and_flow_are_those_of_the_equations():
     record = Record(rng.normal(size=(1, 50)), x[[0, 2]], np.arange(50) * 0.03, np.array([0]), 0.03)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
-    found = {one.parameter: one for one in elements_along(model, record, x)}
+    found = {one.parameter: one for one in elements_along(model, record, x, plant.params)}
     assert sorted(found) == ["d", "k"]  # m moves one balance alone
     for name, flow in (("k", x[0] - x[2]), ("d", x[1] - x[3])):
         np.testing.assert_allclose(

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
-from sksurrogate.gap.faults._fault_left import Found, Rival
+from sksurrogate.gap.faults._fault_left import Alternative, Found
 from sksurrogate.gap.faults._proposals import _rest_of_shifts, later, tone
 from sksurrogate.gap.faults._wrong_readings import (
     _in_rows,
@@ -238,8 +238,8 @@ def test_a_late_run_beside_a_loss_is_no_law():
 
 @pytest.mark.parametrize(
     ("left", "score", "law", "right"),
-    [(1.0, 10.0, Rival(20.0, 6.0), True), (1.0, 10.0, Rival(20.0, 1.0), False), (6.0, 10.0, Rival(20.0, 8.0), False),
-     (6.0, 20.0, Rival(10.0, 1.0), True)],
+    [(1.0, 10.0, Alternative(20.0, 6.0), True), (1.0, 10.0, Alternative(20.0, 1.0), False), (6.0, 10.0, Alternative(20.0, 8.0), False),
+     (6.0, 20.0, Alternative(10.0, 1.0), True)],
 )  # fmt: skip
 def test_a_fault_that_alone_comes_to_the_noise_beats_a_likelier_law(left, score, law, right):
     assert Found(Shifts(None, np.ones(1)), None, score, 100.0, 0.9, left).beats(law) is right

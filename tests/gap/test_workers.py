@@ -7,7 +7,7 @@ import joblib
 import numpy as np
 import pytest
 
-from sksurrogate._parallel import _deaf
+from sksurrogate._parallel import _interrupts
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
@@ -29,7 +29,7 @@ def test_joblibs_setting_spreads_the_fits_and_changes_no_answer(monkeypatch):
 
     def spy(n_jobs):
         asked.append(joblib.effective_n_jobs(n_jobs))
-        return _deaf.workers(n_jobs)
+        return _interrupts.workers(n_jobs)
 
     monkeypatch.setattr("sksurrogate.gap.search._expander.workers", spy)
     assert printed(diagnoser.fit(X, y, groups=groups).report_) == here and not asked

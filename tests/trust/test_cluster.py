@@ -10,7 +10,7 @@ import sklearn
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold
 
-from sksurrogate._parallel import _deaf
+from sksurrogate._parallel import _interrupts
 from sksurrogate.blind import run_blind_check
 from sksurrogate.compose import RecursivePredictor
 from sksurrogate.datasets import make_reactor, make_reactor_runs
@@ -70,7 +70,7 @@ def test_a_diagnosis_on_the_cluster(client, monkeypatch):
 
     def spy(n_jobs):
         workers.append(joblib.effective_n_jobs(n_jobs))
-        return _deaf.workers(n_jobs)
+        return _interrupts.workers(n_jobs)
 
     monkeypatch.setattr("sksurrogate.gap.search._expander.workers", spy)
     with joblib.parallel_config("dask"):

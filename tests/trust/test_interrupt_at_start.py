@@ -27,7 +27,7 @@ runpy.run_module("sksurrogate", run_name="__main__")
 
 WORKS = """
 import os, signal, sys, time
-from sksurrogate._parallel._deaf import delayed, workers
+from sksurrogate._parallel._interrupts import delayed, workers
 
 def number(k):
     time.sleep(0.2 + 60 * k)

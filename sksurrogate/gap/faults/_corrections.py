@@ -109,6 +109,10 @@ def _without_single_readings(u: np.ndarray) -> np.ndarray:
 SMOOTHINGS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (held_levels, smooth_path, _without_single_readings)
 
 
+#: Standard deviations that one draw of a noise may be off its mean.
+DRAWS_APART = 3.0
+
+
 @dataclass(frozen=True, eq=False)
 class SlowNoise:
     """What such noise as an input has moves the outputs by: slow beside the plant it cannot be distinguished from the input.
@@ -136,10 +140,6 @@ class SlowNoise:
     def is_possible(self) -> bool:
         """Whether such noise would not make a larger gap than there is."""
         return self.share - DRAWS_APART * self.spread < 1.0
-
-
-#: Standard deviations that one draw of a noise may be off its mean.
-DRAWS_APART = 3.0
 
 
 @dataclass(frozen=True, eq=False)

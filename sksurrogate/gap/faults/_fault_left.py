@@ -32,7 +32,7 @@ ROUNDS = 3
 FOLLOWED = 4
 
 
-class Rival(NamedTuple):
+class Alternative(NamedTuple):
     """What stands, with the likeliest law beside it."""
 
     score: float  #: As that of a fault
@@ -55,17 +55,17 @@ class Found:
         """Whether it is the reason of what is left."""
         return self.removed > (MOST_OF_NOISE if isinstance(self.fault, NoisyInput) else MOST_OF_IT)
 
-    def beats(self, rival: Rival) -> bool:
+    def beats(self, alternative: Alternative) -> bool:
         """Whether it is the better reason: by size where it alone comes to the noise, else by likelihood.
 
         A law far from the data is linear along the measured path, and a free force makes up for what it leaves: its likelihood is
         that of no model that was simulated.
         """
-        return self.left < SETTLED < rival.left or self.score >= rival.score
+        return self.left < SETTLED < alternative.left or self.score >= alternative.score
 
 
 def fault_left(
-    bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any], rival: Callable[[], Rival]
+    bases: Sequence[Evidence], run: np.ndarray, search: BaseSearch[Any], alternative: Callable[[], Alternative]
 ) -> BaseFault | None:
     """The likeliest fault of the record on top of one of several models, None where none is the reason of what they leave.
 
@@ -73,7 +73,7 @@ def fault_left(
         beside a fault that nothing stands for may be a stack of wrong names.
     ``run`` (n_samples,): number of the run of every row.
     ``search``: for scores.
-    ``rival()``: what a fault must beat to be taken out; asked for only where one is the reason of what is left.
+    ``alternative()``: what a fault must beat to be taken out; asked for only where one is the reason of what is left.
     """
     null = next(base.candidate for base in bases if not base.effects)
     smoother = [Proposal(moved[:, None], _smoother(fault)) for fault, moved in smoother_inputs(null)]
@@ -81,7 +81,7 @@ def fault_left(
     followed = [one.fit.followed(one.proposal, one.tried, search) for one in _first(seen, bases, null, smoother)]
     clear = [one for one in followed if one is not None and one.gain > CERTAIN]
     good = max((one for one in clear if one.enough), key=lambda one: one.score, default=None)
-    if good is not None and good.beats(rival()):
+    if good is not None and good.beats(alternative()):
         return good.fault
     return _noise_of_an_input(clear)
 

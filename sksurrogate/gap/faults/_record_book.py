@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput, SlowNoise
-from sksurrogate.gap.faults._fault_left import Rival, fault_left, tone_left
+from sksurrogate.gap.faults._fault_left import Alternative, fault_left, tone_left
 from sksurrogate.gap.faults._wrong_readings import outlying_beside, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, SETTLED
@@ -99,9 +99,13 @@ class RecordBook:
             hum = tone_left(near, self.raw.run_of_row[rows])
             return self if hum is None else self.with_fault(hum, np.inf)
 
-        def with_law() -> Rival:
+        def with_law() -> Alternative:
             law, score = law_left(final), search.score(final.candidate)
-            return Rival(score, final.left) if law is None else Rival(score + 0.5 * max(law.gain, 0.0), law.left)
+            return (
+                Alternative(score, final.left)
+                if law is None
+                else Alternative(score + 0.5 * max(law.gain, 0.0), law.left)
+            )
 
         fault = fault_left(_bases(search, final), self.raw.run_of_row[rows], search, with_law)
         if fault is None:

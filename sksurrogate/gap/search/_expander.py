@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from joblib import delayed, effective_n_jobs
 
-from sksurrogate._parallel._deaf import workers
+from sksurrogate._parallel._interrupts import workers
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from sksurrogate._parallel._deaf import workers
+from sksurrogate._parallel._interrupts import workers
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +24,8 @@ class Element(NamedTuple):
     flow: np.ndarray
 
 
-def elements_along(model: PlantModel, record: Record, x: np.ndarray) -> list[Element]:
-    """Elements of a right-hand side along a path of its states (n_states, n_samples).
+def elements_along(model: PlantModel, record: Record, x: np.ndarray, parameters: Iterable[str]) -> list[Element]:
+    """Elements that some parameters scale in a right-hand side, along a path of its states (n_states, n_samples).
 
     A parameter scales an element where its slopes ``df/dp`` keep one direction. One that moves a single balance is left out:
     there laws of all signals are looked for anyway.
@@ -35,17 +36,13 @@ def elements_along(model: PlantModel, record: Record, x: np.ndarray) -> list[Ele
     at = record.t, x[:, None], record.u[:, None]
     with np.errstate(all="ignore"):
         rate = model.derivative(*at)[:, 0]
-        for name, value in plant.params.items():
+        for name in parameters:
+            value = plant.params[name]
             step = PARAMETER_STEP * (abs(value) or 1.0)
             slope = (model.derivative(*at, {name: np.array([[value + step]])})[:, 0] - rate) / step
             one = _element(name, slope)
             found += [] if one is None else [_in_natural_size(one, np.concatenate([x, record.u]))]
     return found
-
-
-def element_of(name: str, model: PlantModel, record: Record, x: np.ndarray) -> Element | None:
-    """That of a parameter; None where it scales no element."""
-    return next((one for one in elements_along(model, record, x) if one.parameter == name), None)
 
 
 def _element(name: str, slope: np.ndarray) -> Element | None:

@@ -310,11 +310,9 @@ class _Fit:
             self.linear.problem.record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * self.linear.problem.sd
         )
         deviation = float(np.max(moved / self.linear.problem.record.spread))
-        own = one.theta[: self.linear.J.shape[1]]
-        rest = self.linear.r - np.einsum("okt,k->ot", self.linear.J, own) - F
-        rms = float(
-            np.sqrt(np.sum(self.linear.base.without_starts(rest[None]) ** 2) / self.linear.problem.record.n_values)
-        )
+        by_parameters = np.einsum("okt,k->ot", self.linear.J, one.theta[: self.linear.J.shape[1]])
+        rest = self.linear.base.without_starts((self.linear.r - by_parameters - F)[None])
+        rms = float(np.sqrt(np.sum(rest**2) / self.linear.problem.record.n_values))
         large = float(one.large)
         probability = float(np.exp(large - np.logaddexp(small, large)))
         left = LawLeft(curve.location, kind, curve.variable, size, spread, gain, deviation, probability, rms)

@@ -67,11 +67,10 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
             moves = partial(moved, push, law.functions, shown, law.shown)
             yield Curve(name, law.variable, moves), law, "input"
     named = {effect.location for effect in base.effects}
-    for element in elements_along(problem.model, record, x):
-        if (
-            named and element.parameter not in named
-        ):  # beside names, a law of an element corrects the name of its parameter
-            continue
+    # Beside names, a law of an element corrects the name of its own parameter.
+    for element in elements_along(
+        problem.model, record, x, named.intersection(plant.params) if named else plant.params
+    ):
         push = np.einsum("tib,b->it", D.B, element.direction[problem.rows_of_balances])
         law = Law(element.parameter, *static(element.flow))
         law = law._replace(functions=over_sample(record, law.functions))

@@ -14,7 +14,7 @@ from sksurrogate.gap.fit._unstable import largest_growth, piece_starts
 from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
-from sksurrogate.gap.unnamed._elements import element_of
+from sksurrogate.gap.unnamed._elements import elements_along
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._smoothed_path import paths
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -99,7 +99,8 @@ def _about(
     if kind == "input" and location in plant.inputs:
         i = plant.inputs.index(location)
         B, unit = input_push(null, x, i), max(float(np.std(record.u[i])), 1e-12)
-    element = element_of(location, null.problem.model, record, x) if kind == "parameter" else None
+    wanted = [location] if kind == "parameter" else []
+    element = next(iter(elements_along(problem.model, record, x, wanted)), None)
     if element is not None:
         shares = element.direction[problem.rows_of_balances]
         B, unit = np.einsum("tib,b->it", whole.B, shares)[:, None], float(problem.force_unit() @ np.abs(shares))

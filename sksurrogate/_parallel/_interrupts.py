@@ -13,11 +13,11 @@ from typing import Any
 from joblib import Parallel, delayed, effective_n_jobs
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
-__all__ = ["deaf", "workers"]
+__all__ = ["interrupts_blocked", "workers"]
 
 
 @contextmanager
-def deaf() -> Iterator[None]:
+def interrupts_blocked() -> Iterator[None]:
     """Processes that are started within never see Ctrl-C; this one sees it afterwards.
 
     Python shows a traceback of an interrupt that comes while a process still imports what it needs.
@@ -25,7 +25,7 @@ def deaf() -> Iterator[None]:
     Examples
     --------
     >>> import signal, subprocess, sys
-    >>> with deaf():
+    >>> with interrupts_blocked():
     ...     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     >>> child.send_signal(signal.SIGINT)
     >>> _ = child.communicate(b"\\n")
@@ -43,7 +43,7 @@ def deaf() -> Iterator[None]:
 
 
 def workers(n_jobs: int | None, **options: Any) -> Parallel:
-    """joblib's workers, started :func:`deaf`.
+    """joblib's workers, started with :func:`interrupts_blocked`.
 
     Examples
     --------
@@ -55,6 +55,6 @@ def workers(n_jobs: int | None, **options: Any) -> Parallel:
         if sys.platform != "win32":
             for tracker in (resource_tracker, loky_tracker):
                 tracker.ensure_running()  # where one starts later it lets interrupts in again
-        with deaf():
+        with interrupts_blocked():
             Parallel(n_jobs=n_jobs)(delayed(os.getpid)() for _ in range(n))
     return Parallel(n_jobs=n_jobs, **options)
