@@ -68,9 +68,8 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
             yield Curve(name, law.variable, moves), law, "input"
     named = {effect.location for effect in base.effects}
     # Beside names, a law of an element corrects the name of its own parameter.
-    for element in elements_along(
-        problem.model, record, x, named.intersection(plant.params) if named else plant.params
-    ):
+    wanted = [name for name in plant.params if not named or name in named]
+    for element in elements_along(problem.model, record, x, wanted):
         push = np.einsum("tib,b->it", D.B, element.direction[problem.rows_of_balances])
         law = Law(element.parameter, *static(element.flow))
         law = law._replace(functions=over_sample(record, law.functions))
