@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
+from sksurrogate._close_names import did_you_mean
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import DataError
@@ -159,8 +159,8 @@ def _patterns(option: str, entries: Any, effects: Sequence[BaseEffect], plant: P
             raise DataError(f"{held}: {how}")
         for word, known, what in _words(entry, names, places):
             if not _is_among(word, known):
-                close = difflib.get_close_matches(word, sorted(known), n=3, cutoff=0.5)
-                hint = f" (did you mean {' or '.join(map(repr, close))}?)" if close else ""
+                hint = did_you_mean(word, sorted(known))
+                hint = f" ({hint.strip()})" if hint else ""
                 raise DataError(f"{option} holds {entry!r}: {word!r} is {what}{hint}; {how}")
         found.append(_pattern(entry, names))
     return found

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from sksurrogate._close_names import did_you_mean
 from sksurrogate.effects import _balance as balance
 from sksurrogate.effects import _disturbance as disturbance
 from sksurrogate.effects import _hidden as hidden
@@ -174,10 +174,9 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
     """One entry of ``effects=`` as instances."""
     if isinstance(item, str):
         if item not in CATALOGUE:
-            close = difflib.get_close_matches(item, CATALOGUE, n=3, cutoff=0.4)
-            hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"known are {list(CATALOGUE)}."
+            hint = did_you_mean(item, CATALOGUE, 0.4) or f" known are {list(CATALOGUE)}."
             raise DataError(
-                f"effects: {item!r} is not in the catalogue; {hint} "
+                f"effects: {item!r} is not in the catalogue;{hint} "
                 "An effect of your own goes in as a class or an instance."
             )
         return places.instances(CATALOGUE[item], plant)

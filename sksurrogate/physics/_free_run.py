@@ -30,6 +30,11 @@ OF_SCIPY = (
     'compare, or simulate with method="RK4", hold="zoh" and without events.'
 )
 
+#: The way out of a run that diverged.
+REMEDY = (
+    'Check x0, the units of the inputs and the signs in rhs; a stiff plant may want method="LSODA" or a smaller dt.'
+)
+
 Derivative = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -242,7 +247,12 @@ class _Stuck(ArithmeticError):
 
 
 def raise_if_diverged(
-    X: np.ndarray, t: np.ndarray, states: tuple[str, ...], labels: list[object] | None = None, said: str = ""
+    X: np.ndarray,
+    t: np.ndarray,
+    states: tuple[str, ...],
+    labels: list[object] | None = None,
+    said: str = "",
+    remedy: str = REMEDY,
 ) -> None:
     """Raise :class:`SimulationDiverged` with run, time, state and remedy if states (n_runs, n_samples, n_states) are not finite.
 
@@ -257,9 +267,7 @@ def raise_if_diverged(
     label = labels[run] if labels is not None else (run if len(X) > 1 else None)
     where = "" if label is None else f"run {label!r}, "
     raise SimulationDiverged(
-        f"the simulation became infinite or nan: {where}row {row}, t = {t[row]:g}, state {state!r}. "
-        'Check x0, the units of the inputs and the signs in rhs; a stiff plant may want method="LSODA" or a smaller dt.'
-        f"{said}",
+        f"the simulation became infinite or nan: {where}row {row}, t = {t[row]:g}, state {state!r}. {remedy}{said}",
         run=label,
         row=row,
         time=float(t[row]),

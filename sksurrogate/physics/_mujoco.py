@@ -20,6 +20,12 @@ from sksurrogate.physics._mujoco_units import joint_units
 
 __all__ = ["MuJoCoSimulator"]
 
+#: The way out of a run that diverged.
+REMEDY = (
+    'Check x0 and the units of the inputs; a stiff model may want a smaller timestep or integrator="implicitfast" '
+    "(<option .../> in the MJCF)."
+)
+
 
 def _is_markov(self: MuJoCoSimulator) -> bool:
     return self._engine().markov
@@ -286,7 +292,7 @@ class MuJoCoSimulator(NamedModel):
         rows = np.concatenate([[0], np.cumsum(counts)])
         X0 = np.broadcast_to(start, (len(U), engine.n_states))
         X, read = engine.runs(float(times[0]), X0, controls, self.params, rows)
-        raise_if_diverged(X, times, layout.states)
+        raise_if_diverged(X, times, layout.states, remedy=engine.refusal(self.params) or REMEDY)
         return X, read, times
 
     # ---- back to MuJoCo ---------------------------------------------------------------------------------------------

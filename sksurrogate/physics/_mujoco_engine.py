@@ -101,6 +101,13 @@ class Engine:
         """Parameters that differ from the model's."""
         return {name: float(value) for name, value in self._differing(p)[0].items()}
 
+    def refusal(self, p: Mapping[str, float]) -> str:
+        """A sentence on the first parameter with a value that the model cannot have; empty where there is none."""
+        for name, value in p.items():
+            if not self.parameters[name].admits(value):
+                return f"params: {name}={value:g} is no value of the model; expected {self.parameters[name].domain}."
+        return ""
+
     def with_values(self, p: Mapping[str, float]) -> Any:
         """A copy of the model with these parameters."""
         mujoco = require("mujoco", "mujoco")

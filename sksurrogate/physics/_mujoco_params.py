@@ -41,6 +41,11 @@ class ModelParameter:
         """Whether a model can have this value (elementwise)."""
         return np.isfinite(value) & ((np.asarray(value) > 0) | (self.quantity != "mass"))
 
+    @property
+    def domain(self) -> str:
+        """What :meth:`admits`, in words."""
+        return "a finite number above 0" if self.quantity == "mass" else "a finite number"
+
 
 def read_parameters(model: Any) -> dict[str, ModelParameter]:
     """Everything that can be re-tuned, by name.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._close_names import did_you_mean
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._mujoco_effects import law_of
 from sksurrogate.physics._mujoco_engine import Engine
@@ -40,10 +41,20 @@ def known_names(names: list[str], known: Sequence[str], argument: str, fault: st
     """Names that the model has, each once."""
     for k, name in enumerate(names):
         if name not in known:
-            raise SimulatorError(f"{argument}: {name!r} {fault} of the model; it has {list(known)}.")
+            raise SimulatorError(
+                f"{argument}: {name!r} {fault} of the model;{did_you_mean(name, known)} it has {list(known)}."
+            )
         if name in names[:k]:
             raise SimulatorError(f"{argument}: {name!r} is listed twice; list each name once.")
     return names
+
+
+def number(value: Any, name: str) -> float:
+    """The value of a parameter."""
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise SimulatorError(f"params: {name}={value!r}, expected a number.") from error
 
 
 def whole_steps(widths: np.ndarray, step: float, what: str) -> np.ndarray:
@@ -109,7 +120,7 @@ class NamedModel(ParametricSimulator):
     def _read_params(self, given: Any) -> dict[str, float]:
         own = self._engine().parameters
         names = list(own) if given is None else known_names(listed(given), tuple(own), "params", "is not a parameter")
-        return {name: float(given[name]) if isinstance(given, Mapping) else own[name].value for name in names}
+        return {name: number(given[name], name) if isinstance(given, Mapping) else own[name].value for name in names}
 
     def _read_dt(self, given: float | None) -> float:
         step = self._engine().timestep

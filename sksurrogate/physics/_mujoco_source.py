@@ -58,8 +58,12 @@ def read_model(model: Any) -> Any:
     elif isinstance(model, (str, os.PathLike)):
         found = _compiled(identity(model))
     else:
+        way = (
+            "; give model.compile(), or model.to_xml(), which can be written back" if hasattr(model, "compile") else ""
+        )
         raise SimulatorError(
-            f"model={model!r}: expected the path of an MJCF or URDF file, XML text, or a mujoco.MjModel, not {type(model).__name__}."
+            f"model={model!r}: expected the path of an MJCF or URDF file, XML text, or a mujoco.MjModel, not "
+            f"{type(model).__name__}{way}."
         )
     if found.nv == 0:
         raise SimulatorError("model has no joint: nothing in it moves. Add a <joint> or a <freejoint> to a body.")

@@ -428,9 +428,19 @@ def test_a_file_that_changed_is_read_again(tmp_path):
         ({"inputs": ["first", "first"]}, r"inputs: 'first' is listed twice"),
         (
             {"outputs": ["elbow"]},
-            r"outputs: 'elbow' is neither a state nor a sensor of the model; it has \['shoulder.pos'",
+            r"outputs: 'elbow' is neither a state nor a sensor of the model; did you mean 'elbow.*'\? it has \['shoulder.pos'",
         ),
         ({"params": ["elbow.friction"]}, r"params: 'elbow.friction' is not a parameter of the model"),
+        ({"params": {"elbow.damping": "soft"}}, r"params: elbow.damping='soft', expected a number"),
+        (
+            {"params": {"upper.mass": 0.0}},
+            r"params: upper.mass=0 is no value of the model; expected a finite number above 0",
+        ),
+        (
+            {"params": {"elbow.damping": np.nan}},
+            r"elbow.damping=nan is no value of the model; expected a finite number\.",
+        ),
+        ({"x0": [0.0, 1e200, 0.0, 0.0]}, r"a smaller timestep or integrator=.implicitfast. \(<option"),
         ({"dt": 0.003}, r"dt is 0.003, expected a positive multiple of the model's timestep 0.002"),
         ({"x0": [0.0]}, r"x0 has 1 values, expected 4: one for each of states=\['shoulder.pos'"),
         ({"n_threads": 0}, r"n_threads=0: expected None, -1 or a positive integer"),
@@ -453,6 +463,11 @@ def test_mistakes_in_the_constructor_are_named(options, match):
 def test_models_that_cannot_be_read_are_named(model, match):
     with pytest.raises(SimulatorError, match=match):
         MuJoCoSimulator(model).simulate(np.zeros((3, 0)))
+
+
+def test_a_model_that_is_not_compiled_says_how_to_give_it():
+    with pytest.raises(SimulatorError, match=r"not MjSpec; give model.compile\(\), or model.to_xml\(\)"):
+        MuJoCoSimulator(mujoco.MjSpec()).simulate(np.zeros((3, 0)))
 
 
 def test_mistakes_in_the_data_are_named():
