@@ -12,7 +12,7 @@ ROOT = Path(sksurrogate.__file__).parent
 FILES = sorted(path for path in ROOT.rglob("*.py") if path.name != "__init__.py")
 #: From the ground up; a folder or file imports from lower floors only.
 FLOORS = (
-    {"exceptions", "_files", "_printed", "_terminal", "_units"},
+    {"exceptions", "_close_names", "_files", "_printed", "_terminal", "_units"},
     {
         "kernels",
         "export",
