@@ -55,6 +55,44 @@ def test_the_right_unit_of_time_is_not_doubted():
     assert said(0.1, np.random.default_rng(3).normal(size=(320, 1))) == ""
 
 
+class Stepper:
+    """The same plant as a simulator that takes its own steps, and counts them."""
+
+    states, inputs, outputs, x0, dt = ["q", "v"], ["u"], ["q"], [0.0, 0.0], 0.1
+    params: dict = {}
+    timestep, exact_step = 0.05, True
+
+    def __init__(self, dt=0.1):
+        self.dt, self.longest = dt, 0.0
+
+    def step(self, t, x, u, p, dt):
+        self.longest = max(self.longest, dt)
+        n = max(1, round(dt / self.timestep))
+        for _ in range(n):
+            k1 = np.array(swing(t, x, u, p))
+            x = x + dt / n * np.array(swing(t, x + 0.5 * dt / n * k1, u, p))
+        return x
+
+    def simulate(self, U, x0=None, t=None):
+        x, out = np.zeros(2) if x0 is None else np.array(x0, dtype=float), []
+        for u in U:
+            out.append(x[:1])
+            x = self.step(0.0, x, u, {}, self.dt)
+        return np.array(out)
+
+
+def test_a_simulator_with_its_own_step_is_asked_for_no_longer_sample():
+    simulator, y = Stepper(), np.random.default_rng(3).normal(size=(320, 1))
+    runs = [[v[k == RUNS] for k in (0, 1)] for v in (U, y)]
+    record = Record.from_runs(*runs, [0.1 * np.arange(160)] * 2, 0.1)
+    assert other_unit_of_time(PlantModel(describe(simulator)), record) == ""
+    assert simulator.longest <= 0.1  # 3600 times longer would cost 3600 times as much
+    record = Record.from_runs(
+        [runs[0][0], runs[0][1]], [measured()[k == RUNS] for k in (0, 1)], [100.0 * np.arange(160)] * 2, 100.0
+    )
+    assert "1000 times shorter" in other_unit_of_time(PlantModel(describe(Stepper(100.0))), record)
+
+
 def test_a_diagnosis_says_so_in_a_note_or_in_the_error():
     with pytest.raises(SimulatorError, match=r"1000 times shorter .* Write dt=0\.1\."):
         GapDiagnoser(plant(100.0), effects=["input_gain"], n_jobs=1).fit(U, measured(), groups=RUNS)

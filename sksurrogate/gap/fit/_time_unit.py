@@ -22,6 +22,9 @@ SUBSTEPS_OF_A_LOOK = 8
 def other_unit_of_time(model: PlantModel, record: Record) -> str:
     """A sentence where the simulator alone explains the record with a sample time in another unit, and not with its own.
 
+    A simulator that says what its own ``timestep`` is was given ``dt`` in that unit, as a multiple of it. Only shorter sample
+    times are tried with it: one that is 3600 times longer would take 3600 times as many of its steps.
+
     Returns
     -------
     str
@@ -30,7 +33,9 @@ def other_unit_of_time(model: PlantModel, record: Record) -> str:
     own = max(_explained(model, record, 1.0), 0.0)
     if own > 1.0 - MORE_EXPLAINED:
         return ""
-    shares = {factor: _explained(model, record, factor) for factor in FACTORS}
+    steps = getattr(model.plant.simulator, "timestep", None) is not None
+    tried = [factor for factor in FACTORS if factor < 1.0 or not steps]
+    shares = {factor: _explained(model, record, factor) for factor in tried}
     best = max(shares, key=lambda factor: shares[factor])
     if shares[best] < own + MORE_EXPLAINED:
         return ""
