@@ -27,8 +27,8 @@ from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeBackend
+from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
-from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
 from sksurrogate.gap.fit._unstable import followed_rows, in_pieces, largest_growth
 from sksurrogate.gap.search._base import BaseSearch
@@ -201,11 +201,11 @@ def _prepared(
 
 @contextmanager
 def _right_unit(model: PlantModel, record: Record) -> Iterator[None]:
-    """Where the simulator fails along the data, the error says whether another unit of time would do."""
+    """Where the simulator fails along the data, the error says whether another unit would do."""
     try:
         yield
     except SimulatorError as error:
-        raise type(error)(f"{error} {other_unit_of_time(model, record)}".rstrip()) from error
+        raise type(error)(f"{error} {other_unit(model, record)}".rstrip()) from error
 
 
 def _check_asked(plant: Plant, effects: Any, kept: list[BaseEffect]) -> None:

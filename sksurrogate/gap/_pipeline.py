@@ -87,8 +87,8 @@ class DiagnosisPipeline(LawStage[C]):
             _ = self.baseline
 
     def look_for_names(self) -> None:
-        """The search, and effects that begin or end within the runs; nothing where time has another unit."""
-        if self.unnamed.clock:
+        """The search, and effects that begin or end within the runs; nothing where the record has another unit."""
+        if self.unnamed.other_unit:
             return
         try:
             self.search.run()
@@ -100,7 +100,7 @@ class DiagnosisPipeline(LawStage[C]):
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
         self.unnamed.look(self.final)
-        if self.unnamed.clock:
+        if self.unnamed.other_unit:
             return
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
             self.book = self.book.looked_at(self.search, self.rows, self.unnamed.law_left)

@@ -156,7 +156,7 @@ class DiagnosisState(Generic[C]):
             curve_moved=law.deviation if law is not None else 0.0,
             rounding=rounding.share if rounding is not None else 0.0,
             noisy_input=self.book is not None and any(noise.is_the_gap for noise in self.book.slow_noise),
-            other_clock=bool(unnamed.clock),
+            other_unit=bool(unnamed.other_unit),
             at_bound=any(row["at_bound"] for row in self.retuned()),
             tolerance=self.search.tolerance,
         )

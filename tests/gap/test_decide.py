@@ -82,9 +82,9 @@ def test_retuning_to_a_bound_explains_nothing():
     assert decide(replace(NAMED, at_bound=True))[0] == "explained"  # by what is named beside it
 
 
-def test_in_another_unit_of_time_nothing_is_explained():
-    assert rule_of(replace(NAMED, other_clock=True)) == "unit_of_time"
-    assert decide(replace(NAMED, other_clock=True))[0] == "unknown"
+def test_in_another_unit_nothing_is_explained():
+    assert rule_of(replace(NAMED, other_unit=True)) == "other_unit"
+    assert decide(replace(NAMED, other_unit=True))[0] == "unknown"
 
 
 def test_a_grid_that_nothing_names_is_not_explained():

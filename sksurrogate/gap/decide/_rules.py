@@ -41,7 +41,9 @@ class DecisionFeatures:
     curve_moved: float = 0.0
     rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
-    other_clock: bool = False  #: Whether the simulator alone explains the record with its time in another unit
+    other_unit: bool = (
+        False  #: Whether the simulator alone explains the record with its time or readings in another unit
+    )
     at_bound: bool = False  #: Whether a re-tuned parameter ended at its bound
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 
@@ -103,10 +105,10 @@ def certain(f: DecisionFeatures) -> bool:
 
 RULES: tuple[Rule, ...] = (
     Rule(
-        "unit_of_time",
-        lambda f: f.other_clock,
+        "other_unit",
+        lambda f: f.other_unit,
         "unknown",
-        "The simulator alone explains the record with its time in another unit. Effects are not looked for.",
+        "The simulator alone explains the record with its time, or its readings, in another unit. Effects are not looked for.",
         law=False,
     ),
     Rule(

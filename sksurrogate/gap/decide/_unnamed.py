@@ -33,8 +33,8 @@ class BaseUnnamed(ABC, Generic[C]):
         Size of the states.
     beside : LawLeft or None
         The likeliest law without a name beside what stands, where one was looked for.
-    clock : str
-        A sentence where the record fits in another unit of time.
+    other_unit : str
+        A sentence where the record fits in another unit of time or of its readings.
     places : list of Place or None
         Of the gap, the most likely first; None before what is left was looked at.
     """
@@ -50,7 +50,7 @@ class BaseUnnamed(ABC, Generic[C]):
     scale: np.ndarray | None = None
     beside: LawLeft | None = None
     places: list[Place] | None = None
-    clock: str = ""
+    other_unit: str = ""
 
     def __init__(self, search: BaseSearch[C], seed: int):
         self.search, self.seed, self.complete = search, seed, True

@@ -22,9 +22,9 @@ from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
-from sksurrogate.gap.fit._time_unit import other_unit_of_time
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
@@ -106,9 +106,9 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return law.left if law is not None else None
 
     def begin(self) -> None:
-        """Whether the record fits in another unit of time."""
+        """Whether the record fits in another unit."""
         problem = self.search.problem
-        self.clock = other_unit_of_time(problem.model, problem.record)
+        self.other_unit = other_unit(problem.model, problem.record)
 
     def correction(self, correction: Any) -> Correction | None:
         """Beside the runs of the simulator that are known."""
@@ -229,7 +229,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         notes, rounding = lost_places(self.channels.lost), self.rounding(final)
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
-        notes += [self.clock] if self.clock and verdict != "none" else []
+        notes += [self.other_unit] if self.other_unit and verdict != "none" else []
         if self.whole.recorded is not None:
             notes.append(UNSTABLE_NOTE.format(rows=int(self.whole.lengths.max())))
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples

@@ -81,8 +81,8 @@ def headline(report: ReportData) -> str:
     if report.verdict in ("explained", "partial"):
         part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", "")
         return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{rest}"
-    if report.reasons.rule == "unit_of_time":
-        return "The sample time seems to have another unit than the simulator's rates."
+    if report.reasons.rule == "other_unit":
+        return "The record seems to have another unit than the simulator: of time or of readings."
     return _uncertain(report) if report.reasons.rule == "uncertain_names" else _unknown(report)
 
 
@@ -242,8 +242,8 @@ def _steps(report: ReportData) -> list[str]:
     """What to do next beside the faults of the record."""
     if not report.complete and report.reasons.rule == UNDECIDED.rule:
         return ["Run the diagnosis again: with more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."]
-    if report.reasons.rule == "unit_of_time":
-        return ["Write dt in the unit of time of the simulator's rates (a note says which fits), and diagnose again."]
+    if report.reasons.rule == "other_unit":
+        return ["Write dt and the data in the units of the simulator (a note says which fits), and diagnose again."]
     if report.verdict == "none":
         return ["To look further, excite the plant harder or over a wider range, and record again."]
     steps = _to_separate(report)

@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._time_unit import other_unit_of_time
+from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -31,7 +31,7 @@ def measured(gain=1.0):
 def said(dt, y):
     runs = [[v[k == RUNS] for k in (0, 1)] for v in (U, y)]
     record = Record.from_runs(*runs, [dt * np.arange(160)] * 2, dt)
-    return other_unit_of_time(PlantModel(describe(plant(dt))), record)
+    return other_unit(PlantModel(describe(plant(dt))), record)
 
 
 @pytest.mark.parametrize(
@@ -85,12 +85,12 @@ def test_a_simulator_with_its_own_step_is_asked_for_no_longer_sample():
     simulator, y = Stepper(), np.random.default_rng(3).normal(size=(320, 1))
     runs = [[v[k == RUNS] for k in (0, 1)] for v in (U, y)]
     record = Record.from_runs(*runs, [0.1 * np.arange(160)] * 2, 0.1)
-    assert other_unit_of_time(PlantModel(describe(simulator)), record) == ""
+    assert other_unit(PlantModel(describe(simulator)), record) == ""
     assert simulator.longest <= 0.1  # 3600 times longer would cost 3600 times as much
     record = Record.from_runs(
         [runs[0][0], runs[0][1]], [measured()[k == RUNS] for k in (0, 1)], [100.0 * np.arange(160)] * 2, 100.0
     )
-    assert "1000 times shorter" in other_unit_of_time(PlantModel(describe(Stepper(100.0))), record)
+    assert "1000 times shorter" in other_unit(PlantModel(describe(Stepper(100.0))), record)
 
 
 def test_a_diagnosis_says_so_in_a_note_or_in_the_error():
@@ -99,6 +99,61 @@ def test_a_diagnosis_says_so_in_a_note_or_in_the_error():
     for effects in (["input_gain"], None):
         diagnoser = GapDiagnoser(plant(1e-4), effects=effects, n_jobs=1, random_state=0)
         report = diagnoser.fit(U, measured(), groups=RUNS).report_
-        assert (report.verdict, report.reasons.rule, report.effects) == ("unknown", "unit_of_time", [])
+        assert (report.verdict, report.reasons.rule, report.effects) == ("unknown", "other_unit", [])
         assert any("1000 times longer" in note for note in report.notes)
         assert "another unit" in report.sentence and "Write dt" in report.sentence
+
+
+def pendulums(t, x, u, p):
+    return x[2], x[3], u[0] - 9.0 * np.sin(x[0]) - 0.6 * x[2], 9.0 * (u[1] - np.sin(x[1])) - 0.5 * x[3]
+
+
+NAMES = {"states": ["q1", "q2", "v1", "v2"], "inputs": ["torque", "target"], "outputs": ["q1", "q2"]}
+
+
+def looked_at(U, Y):
+    record = Record.from_runs(U, Y, [0.05 * np.arange(120)] * 2, 0.05)
+    return other_unit(PlantModel(describe(ODESimulator(pendulums, **NAMES, params={}, dt=0.05))), record)
+
+
+def swinging():
+    rng = np.random.default_rng(4)
+    U = [np.repeat(rng.uniform(-6, 6, (10, 2)) * [1.0, 0.15], 12, axis=0) for _ in range(2)]
+    simulator = ODESimulator(pendulums, **NAMES, params={}, dt=0.05)
+    Y = [simulator.simulate(u, x0=[0.4, -0.3, 0.0, 0.0]) for u in U]
+    return U, [y + 2e-3 * rng.normal(size=y.shape) for y in Y]
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ((180 / np.pi, 180 / np.pi), "q1, q2 taken from degrees to radians"),
+        ((1.0, 180 / np.pi), "q2 taken from degrees to radians"),
+        ((1000.0, 1.0), "q1 divided by 1000"),
+        ((0.01, 0.01), "q1, q2 times 100"),
+    ],
+)
+def test_readings_in_another_unit_are_found(factors, words):
+    U, Y = swinging()
+    found = looked_at(U, [y * factors for y in Y])
+    assert f"With {words} the simulator alone explains 100 %" in found and "Convert these columns" in found
+
+
+def test_readings_and_inputs_in_degrees_are_found():
+    U, Y = swinging()
+    U, Y = [np.degrees(u) for u in U], [np.degrees(y) for y in Y]
+    assert "With torque, target, q1, q2 taken from degrees to radians" in looked_at(U, Y)
+
+
+def test_readings_in_the_right_unit_are_not_doubted():
+    U, Y = swinging()
+    assert looked_at(U, Y) == looked_at(U, [0.7 * y for y in Y]) == looked_at(U, [-y for y in Y]) == ""
+
+
+def test_a_diagnosis_of_degrees_says_so():
+    U, Y = swinging()
+    simulator = ODESimulator(pendulums, **NAMES, params={}, dt=0.05)
+    diagnoser = GapDiagnoser(simulator, n_jobs=1, random_state=0)
+    report = diagnoser.fit(np.concatenate(U), np.degrees(np.concatenate(Y)), groups=np.repeat([0, 1], 120)).report_
+    assert (report.verdict, report.reasons.rule, report.effects) == ("unknown", "other_unit", [])
+    assert any("from degrees to radians" in note for note in report.notes)

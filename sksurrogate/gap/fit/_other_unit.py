@@ -1,0 +1,116 @@
+"""Whether the record fits the simulator in another unit: of time, of its readings, of readings and inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._model import PlantModel
+
+#: What people confuse: milliseconds, seconds, minutes, hours.
+FACTORS = (1000.0, 60.0, 3600.0, 1 / 1000.0, 1 / 60.0, 1 / 3600.0)
+#: And in readings: degrees and radians, thousandths, hundredths; how much larger the numbers are than the simulator's.
+DEGREES = 180.0 / np.pi
+OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
+#: In the right unit the simulator alone explains at least this share of every output's variance more: half of what there is.
+MORE_EXPLAINED = 0.5
+#: Steps of the integrator in a sample, enough where a sample resolves the plant.
+SUBSTEPS_OF_A_LOOK = 8
+
+
+def other_unit(model: PlantModel, record: Record) -> str:
+    """A sentence where the simulator alone explains the record in another unit, and not in its own.
+
+    A simulator that says what its own ``timestep`` is was given ``dt`` in that unit, as a multiple of it. Only shorter sample
+    times are tried with it: one that is 3600 times longer would take 3600 times as many of its steps.
+
+    Returns
+    -------
+    str
+        Empty where it does not.
+    """
+    own = max(_explained(model, record), 0.0)
+    if own > 1.0 - MORE_EXPLAINED:
+        return ""
+    return _of_time(model, record, own) or _of_readings(model, record, own)
+
+
+def _of_time(model: PlantModel, record: Record, own: float) -> str:
+    """The sample time in another unit."""
+    steps = getattr(model.plant.simulator, "timestep", None) is not None
+    tried = [factor for factor in FACTORS if factor < 1.0 or not steps]
+    shares = {k: _explained(model, replace(record, t=k * record.t, dt=k * record.dt)) for k in tried}
+    best = max(shares, key=lambda factor: shares[factor])
+    if shares[best] < own + MORE_EXPLAINED:
+        return ""
+    text = f"{best:g} times longer" if best > 1 else f"{1 / best:g} times shorter"
+    return (
+        f"With a sample time {text} the simulator alone explains {100 * shares[best]:.0f} % of every output's variance, with "
+        f"dt={record.dt:g} {100 * own:.0f} %: is the unit of time of dt that of the simulator's rates? Write dt={best * record.dt:g}."
+    )
+
+
+def _of_readings(model: PlantModel, record: Record, own: float) -> str:
+    """Readings in other units, each in the likeliest one, or all of them and the inputs in the same."""
+    n_inputs, n_outputs = len(record.u), len(record.y)
+    options = [(np.full(n_inputs, k), np.full(n_outputs, k)) for k in OF_READINGS]
+    options.insert(0, (np.ones(n_inputs), _likely_units(model, record)))
+    found = [_explained(model, _divided(record, u, y)) for u, y in options]
+    best = int(np.argmax(found))
+    if found[best] < own + MORE_EXPLAINED:
+        return ""
+    plant, (of_inputs, of_outputs) = model.plant, options[best]
+    names, factors = (*plant.inputs, *plant.outputs), np.concatenate([of_inputs, of_outputs])
+    parts = [_in_words(k, [n for n, f in zip(names, factors) if f == k]) for k in dict.fromkeys(factors) if k != 1.0]
+    return (
+        f"With {' and '.join(parts)} the simulator alone explains {100 * found[best]:.0f} % of every output's variance, with "
+        f"the record as it is {100 * own:.0f} %: are the units of the record those of the simulator? Convert these columns."
+    )
+
+
+def _likely_units(model: PlantModel, record: Record) -> np.ndarray:
+    """For each output the factor, or 1, that comes nearest to its size over that of the simulator from its own start."""
+    nominal = _run(model, record, np.repeat(model.plant.x0[:, None], len(record.starts), axis=1))
+    size = np.std(nominal, axis=1)
+    if not np.isfinite(size).all() or not (size > 0).all():
+        return np.ones(len(size))
+    known = np.array([1.0, *OF_READINGS])
+    return known[np.argmin(np.abs(np.log(record.spread / size)[:, None] - np.log(known)), axis=1)]
+
+
+def _divided(record: Record, inputs: np.ndarray, outputs: np.ndarray) -> Record:
+    """Signals in other units."""
+    return replace(record, u=record.u / inputs[:, None], y=record.y / outputs[:, None])
+
+
+def _in_words(factor: float, names: Sequence[str]) -> str:
+    """What is done to some columns."""
+    what = ", ".join(names)
+    if factor in (DEGREES, 1 / DEGREES):
+        units = ("degrees", "radians") if factor > 1 else ("radians", "degrees")
+        return f"{what} taken from {units[0]} to {units[1]}"
+    return f"{what} divided by {factor:g}" if factor > 1 else f"{what} times {1 / factor:g}"
+
+
+def _explained(model: PlantModel, record: Record) -> float:
+    """Share of the variance of each output that the free run explains at least; -inf without a run."""
+    start = np.repeat(model.plant.x0[:, None], len(record.starts), axis=1)
+    for j, i in enumerate(model.plant.output_states or ()):
+        start[i] = record.y[j, record.starts]
+    left = record.residual(_run(model, record, start))
+    left = left - left.mean(axis=1, keepdims=True)
+    share = 1.0 - np.mean(left**2, axis=1) / record.spread**2
+    return float(np.min(share)) if np.isfinite(share).all() else -np.inf
+
+
+def _run(model: PlantModel, record: Record, start: np.ndarray) -> np.ndarray:
+    """Outputs (n_outputs, n_samples) of the free run."""
+    nominal = AugmentedModel(model, (), (), record, n_sub=SUBSTEPS_OF_A_LOOK, scale=np.ones(len(model.plant.states)))
+    with np.errstate(all="ignore"):
+        x = free_run(nominal, np.zeros(0), start)
+        return nominal.bind(np.zeros((0, 1))).outputs(x[:, None])[:, 0]
