@@ -117,6 +117,8 @@ def _by_pandas(
     except ImportError:
         return None
     header, data = read_header(file), file.read_bytes()
+    if data.count(b"\r") > data.count(b"\r\n"):
+        return None  # where lines end with \r alone, pandas drops an empty first cell and moves the others
     named = [*dict.fromkeys([*wanted, *([time] if time else [])]), *([run] if run else [])]
     if b'"' in data or len(set(named)) < len(named) or any(header.count(column) != 1 for column in named):
         return None
@@ -134,7 +136,7 @@ def _by_pandas(
     cells = {column: [str(cell).strip() for cell in frame[place]] for column, place in places.items()}
     labels = cells.pop(run) if run else []
     columns = {column: _plain(texts, column == time, column in gaps, delimiter) for column, texts in cells.items()}
-    if not all(map(len, columns.values())) or max(map(len, labels), default=0) > LONGEST_LABEL:
+    if not all(map(len, columns.values())) or not all(map(_is_label, set(labels))):
         return None
     return columns, _labels(labels) if run else None
 
@@ -186,14 +188,16 @@ def _read(
                 values.append(np.nan)
                 continue
             seconds = clock.seconds(text) if column == time else None
+            if seconds is None and column == time and clock.first is not None:
+                raise DataError(
+                    f"{name}, line {line}, column {column!r}: {_short(text)} is no date and time as in the rows before; correct it, or "
+                    "delete the row (and start a new run there)."
+                )
             values.append(_number(text, column, name, line) if seconds is None else seconds)
         if label_at is not None:
             label = row[label_at].strip()
-            if len(label) > LONGEST_LABEL:
-                raise DataError(
-                    f"{name}, line {line}, column {run!r}: a run label of {len(label)} characters, expected at most "
-                    f"{LONGEST_LABEL}; is this the run column?"
-                )
+            if not _is_label(label):
+                raise DataError(f"{name}, line {line}, column {run!r}: {_why_no_label(label)}")
             labels.append(label)
     if not values:
         raise DataError(f"{name} has a header and no rows.")
@@ -202,23 +206,45 @@ def _read(
     return columns, _labels(labels) if label_at is not None else None
 
 
+def _is_label(text: str) -> bool:
+    """Whether a cell says which run its row belongs to."""
+    return 0 < len(text) <= LONGEST_LABEL and "\ufffd" not in text
+
+
+def _why_no_label(text: str) -> str:
+    if not text:
+        return "the run label is empty: write the label of the run in each of its rows."
+    if len(text) > LONGEST_LABEL:
+        return f"a run label of {len(text)} characters, expected at most {LONGEST_LABEL}; is this the run column?"
+    return f"the run label {_short(text)} is not UTF-8, so that it cannot be told from others: save the file as UTF-8."
+
+
 class _Clock:
     """Dates and times as seconds from the first one."""
 
     def __init__(self) -> None:
-        self.first: datetime | None = None
+        self.first: tuple[datetime, float] | None = None
+        self.others = False
 
     def seconds(self, text: str) -> float | None:
-        """None where the text is not a date and time of ISO 8601."""
-        if not ISO_TIME.match(text.strip()):
+        """None where the text is not a date and time of ISO 8601, or stands in a column of others."""
+        found = None if self.others or not ISO_TIME.match(text.strip()) else _moment(text.strip())
+        if found is None:
+            self.others = True
             return None
-        try:
-            moment = datetime.fromisoformat(text.strip())
-        except ValueError:
-            return None
-        moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
-        self.first = self.first or moment
-        return (moment - self.first).total_seconds()
+        self.first = self.first or found
+        return (found[0] - self.first[0]).total_seconds() + (found[1] - self.first[1])
+
+
+def _moment(text: str) -> tuple[datetime, float] | None:
+    """A time to the microsecond, and the digits below that in seconds."""
+    below = re.search(r"(?<=[.,]\d{6})\d+", text)
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
+    return moment, float(f"0.{below[0]}") * 1e-6 if below else 0.0
 
 
 def _lines(reader: Any, name: str) -> Iterator[tuple[int, list[str]]]:

@@ -6,6 +6,7 @@ import hashlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +122,7 @@ def simulate_experiments(
     cache : path, optional
         Folder of finished batches: a call that was interrupted goes on where it stopped. Batches are identified by
         the design and the value of the simulator: its settings, the code of its functions, their closures and the globals
-        that they read. Changes of files that it reads while it runs (except the file of an FMU), and of programs that it
+        that they read. Changes of files that it reads while it runs (except those of an FMU or a MuJoCo model), and of programs that it
         calls, are not seen: after such a change use another folder.
     batch_size : int, default=128
         Runs that are simulated at once, and kept together in the cache.
@@ -150,22 +151,27 @@ def simulate_experiments(
     >>> data
     Experiments: 4 runs, 200 rows, 1 inputs, with derivatives, 0 runs failed
     """
-    if n_runs < 1 or n_samples < 2 or batch_size < 1:
-        raise DataError(
-            f"n_runs={n_runs}, n_samples={n_samples}, batch_size={batch_size}: at least 1 run, 2 rows, 1 run a batch."
-        )
+    for name, count, least in (("n_runs", n_runs, 1), ("n_samples", n_samples, 2), ("batch_size", batch_size, 1)):
+        if not isinstance(count, Integral) or isinstance(count, bool) or count < least:
+            raise DataError(f"{name}={count!r}: expected a whole number of at least {least}.")
+    if n_jobs is not None and (not isinstance(n_jobs, Integral) or n_jobs == 0):
+        raise DataError(f"n_jobs={n_jobs!r}: expected None, -1 or a positive integer.")
     plant = describe(simulator)
     rng = check_random_state(random_state)
     X0, U = _design(plant, x0_ranges, input_ranges, design, n_runs, n_samples, hold, sampling, rng)
     store = None
     if cache is not None:
         folder = Path(cache)
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DataError(f"cache={str(cache)!r} is no folder and cannot be made one ({error.strerror}).") from error
         store = (folder, fingerprint(simulator, "with cache=, simulator"))
+    sigma = _deviations(noise, len(plant.outputs))
     batches = [slice(a, min(a + batch_size, n_runs)) for a in range(0, n_runs, batch_size)]
     refuse_what_stays(simulator, n_jobs)
     parts = workers(n_jobs)(delayed(_cached)(simulator, U[b], X0[b], store) for b in batches)
-    runs = [run for part in parts for run in part]
+    runs = [run if run is not None and np.all(np.isfinite(run[0])) else None for part in parts for run in part]
     failed = tuple(r for r, run in enumerate(runs) if run is None)
     if failed:
         warnings.warn(
@@ -176,24 +182,36 @@ def simulate_experiments(
         )
     kept = [r for r in range(n_runs) if runs[r] is not None]
     if not kept:
-        raise DataError("every run diverged: narrow x0_ranges or input_ranges, or give the simulator a smaller dt.")
+        raise DataError(
+            "every run diverged: narrow x0_ranges or input_ranges, or give the simulator a smaller dt. The first one: "
+            f"{_why_diverged(simulator, U[0], X0[0])}"
+        )
     columns = [None if runs[kept[0]][i] is None else np.concatenate([runs[r][i] for r in kept]) for i in range(3)]
     y, states, dxdt = columns
     assert y is not None
     positions = plant.output_states if dxdt is not None else None
     dydt = None if positions is None or dxdt is None else dxdt[:, list(positions)]
-    sigma = np.asarray(noise, float)
-    if sigma.shape not in ((), (1,), (y.shape[1],)) or not (sigma >= 0).all():
-        raise DataError(
-            f"noise={noise!r} must be a standard deviation, at least 0, or one for each of {y.shape[1]} outputs."
-        )
-    sigma = np.broadcast_to(sigma, (y.shape[1],))
     if np.any(sigma > 0):
+        sigma = np.broadcast_to(_deviations(noise, y.shape[1]), (y.shape[1],))
         y = y + sigma * rng.normal(size=y.shape)
     if y.shape[1] == 1:
         y, dydt = y[:, 0], None if dydt is None else dydt[:, 0]
     groups = np.repeat(kept, n_samples)
     return Experiments(np.concatenate([U[r] for r in kept]), y, groups, dydt, states, dxdt, X0, failed)
+
+
+def _deviations(noise: Any, n_outputs: int) -> np.ndarray:
+    """Standard deviations of the noise, one for all outputs or one each; known before anything is simulated."""
+    try:
+        sigma = np.asarray(noise, float)
+    except (TypeError, ValueError):
+        sigma = np.array([np.nan])
+    many = (n_outputs,) if n_outputs else sigma.shape
+    if sigma.shape not in ((), (1,), many) or not np.all((sigma >= 0) & np.isfinite(sigma)):
+        raise DataError(
+            f"noise={noise!r} must be a standard deviation, at least 0, or one for each of {n_outputs or 'the'} outputs."
+        )
+    return sigma
 
 
 def _design(
@@ -212,8 +230,11 @@ def _design(
     if isinstance(design, str):
         if design not in ("levels", "multisine", "prbs"):
             raise DataError(f'design={design!r} must be "levels", "multisine", "prbs", a callable or an array.')
-        if np.shape(hold) != (2,) or not 1 <= hold[0] <= hold[1]:
-            raise DataError(f"hold={hold!r}: fewest and most rows of a level, at least 1 and in this order.")
+        whole = np.shape(hold) == (2,) and all(isinstance(rows, Integral) for rows in hold)
+        if not whole or not 1 <= hold[0] <= hold[1]:
+            raise DataError(
+                f"hold={hold!r}: fewest and most rows of a level, at least 1 and in this order, both whole numbers."
+            )
         bounds = _ranges(input_ranges, plant.inputs, "input_ranges", None)
         each = {"levels": n_samples // hold[0] + 2, "multisine": SINES, "prbs": 2}[design]
         unit = _unit(n_runs, len(starts) + each * len(bounds), sampling, rng)
@@ -225,11 +246,7 @@ def _design(
                 U[r, :, i] = low + (high - low) * shape(shares[r, i], n_samples, hold, rng)
     else:
         unit = _unit(n_runs, len(starts), sampling, rng)
-        given = (
-            np.stack([_column(design(rng, n_samples)) for _ in range(n_runs)])
-            if callable(design)
-            else np.asarray(design, float)
-        )
+        given = _given(design, n_runs, n_samples, rng)
         if given.ndim <= 2:
             given = np.repeat(_column(given)[None], n_runs, axis=0)
         if given.shape != (n_runs, n_samples, len(plant.inputs) or given.shape[-1]):
@@ -238,8 +255,32 @@ def _design(
                 f"{len(plant.inputs)}) or one run of it; set n_runs and n_samples to those of the array."
             )
         U = given
+    if not np.all(np.isfinite(U)):
+        run, row = np.argwhere(~np.isfinite(U))[0][:2]
+        raise DataError(
+            f"the inputs of the design are not finite in run {run}, row {row}: {U[run, row].tolist()}; correct design=, or narrow "
+            "input_ranges."
+        )
     low, high = starts[:, 0], starts[:, 1]
     return low + (high - low) * unit[:, : len(starts)], U
+
+
+def _given(design: Any, n_runs: int, n_samples: int, rng: np.random.RandomState) -> np.ndarray:
+    """Inputs of an array, or of a function that is asked for every run."""
+    try:
+        if not callable(design):
+            return np.asarray(design, float)
+        asked = [_column(design(rng, n_samples)) for _ in range(n_runs)]
+        if len({one.shape for one in asked}) == 1:
+            return np.stack(asked)
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"design={design!r} gives no array of numbers ({error}): expected a function design(rng, n_samples), or an array, of "
+            f"the inputs (n_samples={n_samples}, n_inputs)."
+        ) from error
+    raise DataError(
+        f"design={design!r} returned arrays of {sorted({one.shape for one in asked})}, expected {n_samples} rows for every run."
+    )
 
 
 def _column(values: Any) -> np.ndarray:
@@ -270,9 +311,13 @@ def _ranges(given: Any, names: Sequence[str], argument: str, nominal: np.ndarray
                 f"{argument}{where} is {pair!r}, expected a pair (low, high); for a fixed value the same twice."
             )
         low, high = (nominal[k], nominal[k]) if pair is None and nominal is not None else pair
-        if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        try:
+            low, high = float(low), float(high)
+        except (TypeError, ValueError) as error:
+            raise DataError(f"{argument}: ({low!r}, {high!r}), expected two numbers.") from error
+        if not (np.isfinite(high - low) and low <= high):
             raise DataError(f"{argument}: ({low}, {high}) must be finite, low before high.")
-        out.append((float(low), float(high)))
+        out.append((low, high))
     return np.asarray(out, float).reshape(len(out), 2)
 
 
@@ -317,17 +362,40 @@ def _cached(simulator: Any, U: np.ndarray, X0: np.ndarray, store: tuple[Path, st
     path = store[0] / f"batch_{digest.hexdigest()[:24]}.joblib"
     if path.exists():
         try:
-            return joblib.load(path)
+            found = joblib.load(path)
+            if _are_runs(found, U):
+                return found
+            said = "other content"
         except Exception as error:  # a damaged pickle fails in whatever way its bytes say
-            warnings.warn(
-                f"cache=: {path} is damaged ({type(error).__name__}): its runs are simulated again.",
-                RuntimeWarning,
-                stacklevel=2,
-            )
+            said = type(error).__name__
+        warnings.warn(
+            f"cache=: {path} is damaged ({said}): its runs are simulated again.",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     runs = _simulate(simulator, U, X0)
-    with beside(path) as part:  # neither an interrupt nor another process on the same folder leaves half a batch behind
-        joblib.dump(runs, part)
+    try:
+        with beside(
+            path
+        ) as part:  # neither an interrupt nor another process on the same folder leaves half a batch behind
+            joblib.dump(runs, part)
+    except OSError as error:  # the runs are there: a full disk must not cost them
+        warnings.warn(
+            f"cache=: {path} could not be written ({error.strerror or error}): its runs are not kept for the next call.",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     return runs
+
+
+def _are_runs(found: Any, U: np.ndarray) -> bool:
+    """Whether a file holds the runs of these inputs (n_runs, n_samples, n_inputs): three arrays each, None where one diverged."""
+    if not isinstance(found, list) or len(found) != len(U):
+        return False
+    if not all(run is None or (isinstance(run, tuple) and len(run) == 3 and run[0] is not None) for run in found):
+        return False
+    parts = [part for run in found if run is not None for part in run]
+    return all(part is None or (isinstance(part, np.ndarray) and len(part) == U.shape[1]) for part in parts)
 
 
 def _simulate(simulator: Any, U: np.ndarray, X0: np.ndarray) -> list[Any]:
@@ -358,6 +426,15 @@ def _abreast(simulator: ODESimulator, U: np.ndarray, X0: np.ndarray) -> list[Any
     Y = model.output(t, x, u).transpose(1, 2, 0)
     D = model.derivative(t, x, u).transpose(1, 2, 0)
     return list(zip(Y, X, D))
+
+
+def _why_diverged(simulator: Any, U: np.ndarray, x0: np.ndarray) -> str:
+    """What the simulator says of a run."""
+    try:
+        simulated(simulator, U, x0 if len(x0) else None)
+    except SimulationDiverged as error:
+        return str(error)
+    return "its outputs are not finite."
 
 
 def _alone(simulator: Any, U: np.ndarray, x0: np.ndarray) -> Any:

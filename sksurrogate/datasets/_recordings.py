@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import numpy as np
 from scipy.io import loadmat
@@ -37,12 +39,15 @@ class _Source:
     numbers : str
         That of its signals (:func:`_numbers`), which another copy in another container shares.
     signals : tuple of str
+    constants : dict of float
+        Sample time or frequency: known, so that no file needs to be believed.
     """
 
     url: str
     file: str
     numbers: str
     signals: tuple[str, ...]
+    constants: dict[str, float]
 
 
 _TANKS = _Source(
@@ -50,18 +55,21 @@ _TANKS = _Source(
     "3b3c9dc94a63cb7de087a848f70927c58a468ce2bf4e5ca81b669d9edaab6703",
     "89f7d1c4af80cca55de63c1deba2586af91b1059cc5b419920eecc8a658e78ed",
     ("uEst", "yEst", "uVal", "yVal"),
+    {"Ts": 4.0},
 )
 _SILVERBOX = _Source(
     "https://drive.google.com/uc?export=download&id=17iS-6oBUUgrmiAcrZoG9S5sOaljZnDSy",
     "695451dda52ded9054dcf3ce00f5f66e2725bc6d7a9e531aa45b1610f5aadc1d",
     "94847e2ae4063731dd9ffbd1c581491d59ca3a5c485ba8fb32c61d7a05262470",
     ("V1", "V2"),
+    {"fs": 1e7 / 2**14},
 )
 _EXCHANGER = _Source(
     "https://raw.githubusercontent.com/vitorpq/NNLearning/35c13fe266f6ab22003cbbb00c5429133e320543/data/exchanger.dat",
     "a1d69c4101774805c5c93258b9c06fd840db83ac9fe96a0af0193dd85d7175b0",
     "f6a9c111c259aea613d34a6ea4d11d6dfc10be9f85bc2d12221ff2599352f549",
     ("q", "th"),
+    {"Ts": 1.0},
 )
 _BALLS_SHA256 = "33a67ebecee6af978ed76bc7d5e6d3baa9f440370771a420cc7f68ba49b0ce6d"
 _BALLS_COLUMNS = ["ball", "drop", "time_s", "height_m", "velocity_m_s"]
@@ -138,7 +146,7 @@ def fetch_cascaded_tanks(data_home: Any = None, *, download_if_missing: bool = T
     arrays = _fetch("cascaded_tanks", "cascaded_tanks.npz", _TANKS, data_home, download_if_missing, url, _convert_tanks)
     return Bunch(
         **{k: arrays[k].ravel() for k in ("uEst", "yEst", "uVal", "yVal")},
-        Ts=float(arrays["Ts"].ravel()[0]),
+        **_TANKS.constants,
         DESCR=_TANKS_TEXT,
     )
 
@@ -175,7 +183,7 @@ def fetch_silverbox(data_home: Any = None, *, download_if_missing: bool = True, 
     return Bunch(
         V1=arrays["V1"].ravel(),
         V2=arrays["V2"].ravel(),
-        fs=float(arrays["fs"].ravel()[0]),
+        **_SILVERBOX.constants,
         train=slice(40650, middle),
         test_multisine=slice(middle, 127400),
         test_arrow=slice(100, 40575),
@@ -217,7 +225,7 @@ def fetch_heat_exchanger(data_home: Any = None, *, download_if_missing: bool = T
             arrays = _convert_exchanger(text)
         _keep(path, arrays, _EXCHANGER, url)
     return Bunch(
-        q=arrays["q"].ravel(), th=arrays["th"].ravel(), Ts=float(arrays["Ts"].ravel()[0]),
+        q=arrays["q"].ravel(), th=arrays["th"].ravel(), **_EXCHANGER.constants,
         train=slice(0, 3000), test=slice(3000, 4000), DESCR=_EXCHANGER_TEXT,
     )  # fmt: skip
 
@@ -259,6 +267,7 @@ def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True,
     if not path.exists() and download_if_missing and url is not None:
         with _retrieved(url, path.parent, "ball_drops.download") as file:
             content = file.read_bytes()
+        _drops(content, url)
         write_text(note, f"sha256 {hashlib.sha256(content).hexdigest()} from {url}\n")
         write_bytes(path, content)
     if not path.exists():
@@ -266,21 +275,33 @@ def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True,
             f"{path} is not there: save the authors' spreadsheet there as CSV with the columns {_BALLS_COLUMNS}, or give url= "
             "of such a file."
         )
-    known = [_BALLS_SHA256, *(note.read_text(encoding="utf-8").split()[1:2] if note.exists() else [])]
-    if hashlib.sha256(path.read_bytes()).hexdigest() not in known:
+    content = path.read_bytes()
+    noted = note.read_bytes().decode(errors="replace").split()[1:2] if note.exists() else []
+    if hashlib.sha256(content).hexdigest() not in [_BALLS_SHA256, *noted]:
         raise DataError(
             f"{path} is damaged (its checksum is not the known one): delete it and put the right file there."
         )
-    lines = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    if not lines or lines[0] != _BALLS_COLUMNS or any(len(line) != 5 for line in lines):
-        raise DataError(f"{path} has not the columns {_BALLS_COLUMNS}.")
-    rows = lines[1:]
-    time, height, velocity = np.array([line[2:] for line in rows], dtype=float).T
-    ball = np.array([line[0] for line in rows])
+    ball, drop, (time, height, velocity) = _drops(content, str(path))
     return Bunch(
-        ball=ball, drop=np.array([int(line[1]) for line in rows]), time=time, height=height, velocity=velocity,
-        Ts=1 / 15, names=list(dict.fromkeys(ball.tolist())), DESCR=_BALLS_TEXT,
+        ball=ball, drop=drop, time=time, height=height, velocity=velocity, Ts=1 / 15,
+        names=list(dict.fromkeys(ball.tolist())), DESCR=_BALLS_TEXT,
     )  # fmt: skip
+
+
+def _drops(content: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Balls, numbers of the drop, and time, height, velocity (3, n_rows) of a CSV."""
+    try:
+        lines = [line.split(",") for line in content.decode("utf-8-sig").splitlines() if line.strip()]
+        if len(lines) > 1 and lines[0] == _BALLS_COLUMNS and all(len(line) == 5 for line in lines):
+            numbers = np.array([line[2:] for line in lines[1:]], dtype=float).T
+            if np.all(np.isfinite(numbers)):
+                return (
+                    np.array([line[0] for line in lines[1:]]), np.array([int(line[1]) for line in lines[1:]]), numbers,
+                )  # fmt: skip
+        said = f"expected finite numbers in lines of {len(_BALLS_COLUMNS)} cells"
+    except ValueError as error:  # not UTF-8, or not numbers
+        said = str(error)
+    raise DataError(f"{where} has not the columns {_BALLS_COLUMNS} of numbers ({said}): give url= of the right file.")
 
 
 def _numbers(arrays: dict[str, np.ndarray], names: Sequence[str]) -> str:
@@ -320,9 +341,9 @@ def _keep(path: Path, arrays: dict[str, np.ndarray], source: _Source, url: str |
             f"{url or source.url} holds other numbers than the known recording (their checksum is {found[:12]}..., expected "
             f"{source.numbers[:12]}...): nothing is kept. Give url= of the right archive, or put the known file at {path}."
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
+    constants = {name: np.array([value]) for name, value in source.constants.items()}
     with beside(path) as part:
-        np.savez(part, **arrays)  # type: ignore[arg-type]
+        np.savez(part, **arrays, **constants)  # type: ignore[arg-type]
 
 
 def _convert_exchanger(path: Path) -> dict[str, np.ndarray]:
@@ -334,7 +355,7 @@ def _convert_exchanger(path: Path) -> dict[str, np.ndarray]:
         raise DataError(f"{path.name} is not a table of numbers ({error}): not the heat exchanger.") from error
     if table.shape != (4000, 3):
         raise DataError(f"{path.name} has shape {table.shape}, expected (4000, 3): not the heat exchanger.")
-    return {"q": table[:, 1], "th": table[:, 2], "Ts": np.array([1.0])}
+    return {"q": table[:, 1], "th": table[:, 2]}
 
 
 def _fetch(
@@ -360,16 +381,37 @@ def _fetch(
                 raise DataError(
                     f"{url or source.url} unpacks to more than {4 * LARGEST_ARCHIVE >> 20} MiB: not the official archive."
                 )
-            arrays = convert(content)
+            try:
+                arrays = convert(content)
+            except DataError:
+                raise
+            except Exception as error:  # a damaged zip or MATLAB file, or another one, fails in a dozen ways
+                raise DataError(
+                    f"{url or source.url} is not the official archive ({type(error).__name__}: {error}): give url= of the right one."
+                ) from error
     _keep(path, arrays, source, url)
     return arrays
 
 
 @contextmanager
 def _retrieved(url: str, folder: Path, file: str) -> Iterator[Path]:
-    """A file fetched with pooch, which keeps only whole downloads; it goes when the block ends, so that the next address is asked."""
+    """A file fetched with pooch, which keeps only whole downloads; it goes when the block ends, so that the next address is asked.
+
+    A file of this computer (``file:``) is read where it is.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(
+            f"data_home: the folder {folder} cannot be made ({error.strerror}): give data_home= of another one."
+        ) from error
+    if url.startswith("file:"):
+        own = Path(url2pathname(urlsplit(url).path))
+        if not own.is_file():
+            raise DataError(f"url={url!r}: there is no file {own}.")
+        yield own
+        return
     pooch = require("pooch", "data")
-    folder.mkdir(parents=True, exist_ok=True)
     try:
         path = Path(pooch.retrieve(url, known_hash=None, path=folder, fname=file, progressbar=False))
     except Exception as error:
@@ -394,10 +436,10 @@ def _member(archive: zipfile.ZipFile, ending: str) -> dict[str, Any]:
 def _convert_tanks(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
     """From dataBenchmark.mat."""
     content = _member(archive, "dataBenchmark.mat")
-    arrays = {key: np.asarray(content[key], dtype=float).ravel() for key in ("uEst", "yEst", "uVal", "yVal", "Ts")}
-    if any(len(arrays[key]) != 1024 for key in ("uEst", "yEst", "uVal", "yVal")):
+    arrays = {key: np.asarray(content[key], dtype=float).ravel() for key in _TANKS.signals}
+    if any(len(signal) != 1024 for signal in arrays.values()):
         raise DataError("the archive's records are not 1024 samples long: not the cascaded tanks.")
-    return {**arrays, "Ts": arrays["Ts"][:1]}
+    return arrays
 
 
 def _convert_silverbox(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
@@ -406,4 +448,4 @@ def _convert_silverbox(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
     arrays = {key: np.asarray(content[key], dtype=float).ravel() for key in ("V1", "V2")}
     if len(arrays["V1"]) < 127400:
         raise DataError("the archive's record is too short: not the Silverbox.")
-    return {**arrays, "fs": np.array([1e7 / 2**14])}
+    return arrays

@@ -10,12 +10,15 @@ from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._foreign import at_points, offered
-from sksurrogate.physics._inner import InnerRunsMixin
+from sksurrogate.physics._inner import InnerRunsMixin, held_over_samples
 from sksurrogate.physics._ode import ODESimulator
-from sksurrogate.physics._params import ParametricSimulator
+from sksurrogate.physics._params import ParametricSimulator, numbers_of
 from sksurrogate.physics._wrappers import StepSimulator
 
 __all__ = ["CasadiSimulator"]
+
+#: What the inputs of a function may be called at length.
+_LONG = {"states": "x", "inputs": "u", "params": "p"}
 
 
 def _is_continuous(self: CasadiSimulator) -> bool:
@@ -134,12 +137,30 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
                 f"function={self.function!r} is not a casadi.Function: make one, casadi.Function('f', [x, u, p], [dx]), or give a "
                 "Python function to ODESimulator."
             )
+        params = numbers_of(self.params)
+        self._check_params(list(params))
         output = self.output if _has_output(self) else None
         names: dict[str, Any] = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "x0": self.x0}
-        names |= {"params": dict(self.params or {}), "dt": self.dt, "output": output}
+        names |= {"params": params, "dt": self.dt, "output": output}
         if self.discrete:
+            held_over_samples(self.hold, self.method)
             return StepSimulator(self.step, **names)
         return ODESimulator(self.rhs, hold=self.hold, method=self.method, **names)
+
+    def _check_params(self, params: list[str]) -> None:
+        """Every parameter goes somewhere, and to one place."""
+        functions = [f for f in (self.function, self.output_function) if callable(getattr(f, "n_in", None))]
+        named = {function.name_in(i) for function in functions for i in range(function.n_in())}
+        for name in params:
+            if name in named & {"t", *_LONG, *_LONG.values()} - {"p", "params"}:
+                raise SimulatorError(
+                    f"params: {name!r} is also what the function calls its time, states or inputs: give the parameter another name."
+                )
+            if not named & {name, "p", "params", "i2"}:
+                raise SimulatorError(
+                    f"params: no input of the function takes {name!r}; its inputs are {sorted(named)}: leave it out, or make the "
+                    f"function with an input 'p' or {name!r}."
+                )
 
     def _asked(
         self, function: Any, place: int, size: int, t: Any, x: Any, u: Any, p: Mapping[str, Any]
@@ -156,11 +177,10 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
         """For every input of a function: "t", "x", "u" or "p" and, for p, names of the parameters."""
         params = tuple(self.params or {})
         names = {"t": ("t",), "x": tuple(self.states), "u": tuple(self.inputs), "p": params}
-        long = {"states": "x", "inputs": "u", "params": "p"}
         slots: list[tuple[str, tuple[str, ...]]] = []
         for i in range(function.n_in()):
             name = function.name_in(i)
-            kind = "xup"[i] if name == f"i{i}" and i < 3 else long.get(name, name)
+            kind = "xup"[i] if name == f"i{i}" and i < 3 else _LONG.get(name, name)
             if kind not in names and name not in params:
                 raise SimulatorError(
                     f"{function.name()}: its input {name!r} is none of t, x, u, p and no parameter of params={list(params)}; name the "

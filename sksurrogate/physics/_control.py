@@ -11,9 +11,9 @@ from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._branches import Branches
-from sksurrogate.physics._inner import InnerRunsMixin
+from sksurrogate.physics._inner import InnerRunsMixin, held_over_samples
 from sksurrogate.physics._ode import ODESimulator
-from sksurrogate.physics._params import ParametricSimulator
+from sksurrogate.physics._params import ParametricSimulator, numbers_of
 from sksurrogate.physics._wrappers import StepSimulator
 
 __all__ = ["ControlSimulator"]
@@ -92,7 +92,14 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
             return self.system
         kept = self.__dict__.get("_kept")
         if kept is None or kept[0] is not self.system:
-            self._kept = kept = (self.system, require("control", "control").ss(self.system))
+            try:
+                realised = require("control", "control").ss(self.system)
+            except Exception as error:  # more zeros than poles, several inputs without slycot, frequency responses
+                raise SimulatorError(
+                    f"system={type(self.system).__name__} cannot be realised in state space ({type(error).__name__}: {error}): make it with "
+                    "control.ss or control.nlsys."
+                ) from error
+            self._kept = kept = (self.system, realised)
         return kept[1]
 
     @property
@@ -186,22 +193,33 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
             raise SimulatorError(
                 f"system={self.system!r} is not a system of python-control: make one with control.ss, control.tf or control.nlsys."
             )
-        own = self.system.dt
+        own, linear = self.system.dt, hasattr(self._realised(), "A")
+        params = numbers_of(self.params)
+        if linear and params:
+            raise SimulatorError(
+                f"params={params}: a linear system has no parameters; make it with control.nlsys, whose functions get them."
+            )
         names = {
             "states": self.states,
             "inputs": self.inputs,
             "outputs": self.outputs,
-            "params": dict(self.params or {}),
+            "params": params,
             "x0": self.x0,
         }
         if own:
-            step = 1.0 if own is True else float(own)
-            return StepSimulator(self.step, output=self.output, dt=self.dt if self.dt is not None else step, **names)
+            held_over_samples(self.hold)
+            step = float(1.0 if self.dt is None else self.dt) if own is True else float(own)
+            if self.dt is not None and not np.isclose(self.dt, step, rtol=1e-9):
+                raise SimulatorError(
+                    f"dt={self.dt}, but the system goes from sample to sample in {step:g}: leave dt out, or make the system anew for "
+                    "the other sample time."
+                )
+            return StepSimulator(self.step, output=self.output, dt=step, **names)
         if self.dt is None:
-            raise ValueError(
+            raise SimulatorError(
                 "dt=None: a continuous system needs its sample time, e.g. ControlSimulator(system, dt=0.1)."
             )
-        method = "exact" if hasattr(self._realised(), "A") else "auto"
+        method = "exact" if linear else "auto"
         return ODESimulator(self.rhs, output=self.output, dt=self.dt, hold=self.hold, method=method, **names)
 
 

@@ -20,7 +20,7 @@ from sksurrogate.physics._fmu_unit import OpenUnit, describe, unpack
 from sksurrogate.physics._foreign import at_points, offered
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._ode import ODESimulator
-from sksurrogate.physics._params import ParametricSimulator
+from sksurrogate.physics._params import ParametricSimulator, numbers_of
 from sksurrogate.physics._simulator import describe as physics_describe
 
 __all__ = ["FMUSimulator"]
@@ -222,7 +222,7 @@ class FMUSimulator(ParametricSimulator):
         """
         given = (self.inputs, self.outputs, self.initial)
         names = tuple(None if one is None else tuple(one) for one in given)
-        params = tuple(dict(self.params or {}).items())
+        params = tuple(numbers_of(self.params).items())
         key = (os.getpid(), os.fspath(self.path), self.fmi_type, self.access, self.dt, *names, params)
         kept = self.__dict__.get("_looked")
         if kept is None or kept.key != key or (at_file and kept.folder != unpack(key[1])):
@@ -244,16 +244,35 @@ class FMUSimulator(ParametricSimulator):
         kinds = [kind for kind, has in both if has]
         if not kinds or (self.fmi_type is not None and self.fmi_type not in kinds):
             raise SimulatorError(f"fmi_type={self.fmi_type!r}: the unit {self.path!s} offers {kinds}.")
-        params = dict(self.params or {})
+        params = numbers_of(self.params)
         self._variables(description, list(params), "parameter")
+        check_settable(description, self.path, list(params))
+        inputs, known = (
+            self._variables(description, self.inputs, "input"),
+            {v.name: v for v in description.modelVariables},
+        )
+        for name in inputs:
+            if known[name].causality != "input" and known[name].variability != "tunable":
+                raise SimulatorError(
+                    f"inputs={inputs}: {name!r} of the unit {self.path!s} is no input ({known[name].causality}); its inputs are "
+                    f"{self._variables(description, None, 'input')}."
+                )
+            if name in (*params, *(self.initial or ())):
+                raise SimulatorError(
+                    f"inputs and {'params' if name in params else 'initial'} both name {name!r} of the unit {self.path!s}: leave it "
+                    "out of one of them."
+                )
+        outputs = self._variables(description, self.outputs, "output")
+        if not outputs:
+            raise SimulatorError(f"outputs={outputs}: name variables of the unit {self.path!s}: {sorted(known)[:30]}.")
         return Question(
             folder,
             tuple(kinds) if self.fmi_type is None else (self.fmi_type,),
             self.access,
-            tuple(self._variables(description, self.inputs, "input")),
-            tuple(self._variables(description, self.outputs, "output")),
+            tuple(inputs),
+            tuple(outputs),
             None if self.initial is None else tuple(self._variables(description, self.initial, "local")),
-            tuple((name, float(value)) for name, value in params.items()),
+            tuple(params.items()),
             float(self.dt),
         )
 
@@ -300,6 +319,11 @@ class FMUSimulator(ParametricSimulator):
         unknown = [name for name in names if name not in known]
         if unknown:
             raise SimulatorError(f"the unit {self.path!s} has no variable {unknown[0]!r}; it has {sorted(known)[:30]}.")
+        twice = [name for k, name in enumerate(names) if name in names[:k]]
+        if twice:
+            raise SimulatorError(
+                f"variable {twice[0]!r} of the unit {self.path!s} is listed twice; list each name once."
+            )
         return names
 
     # ---- simulation -------------------------------------------------------------------------------------------------
@@ -376,6 +400,8 @@ class FMUSimulator(ParametricSimulator):
             raise SimulatorError(
                 f"U has shape {rows.shape}, expected (n_samples, {len(inputs)}): one column for each of {inputs}."
             )
+        if not len(rows):
+            raise SimulatorError("U has no rows: give one row for each sample.")
         if not offered(rows.T).all():
             row = int(np.flatnonzero(~offered(rows.T))[0])
             raise SimulatorError(f"U={rows[row].tolist()} in row {row}: expected finite inputs of at most 1e100.")

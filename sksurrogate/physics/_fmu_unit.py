@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import os
+import re
 import shutil
 import tempfile
 import zipfile
@@ -22,8 +24,10 @@ __all__ = ["Messages", "OpenUnit", "describe", "equal_steps", "new_instance", "u
 _LARGEST_UNIT = 2_000_000_000
 #: Most files in a unit.
 _MOST_FILES = 20_000
-#: (process, file, time of change) -> folder it was unpacked to; shared by all simulators of a process.
-_UNPACKED: dict[tuple[int, str, int], str] = {}
+#: (process, file, time of change, size, number) -> folder it was unpacked to; shared by all simulators of a process.
+_UNPACKED: dict[tuple[int, str, int, int, int], str] = {}
+#: Numbers of errors of the folder that a unit is unpacked to.
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.ENOENT)
 
 
 def unpack(path: str) -> str:
@@ -31,12 +35,15 @@ def unpack(path: str) -> str:
     file = Path(path)
     if not file.is_file():
         raise SimulatorError(f"path={path!r} is not a file: give the path of an .fmu.")
-    key = (os.getpid(), str(file.resolve()), file.stat().st_mtime_ns)
-    if key in _UNPACKED:
+    state = file.stat()
+    key = (os.getpid(), str(file.resolve()), state.st_mtime_ns, state.st_size, state.st_ino)
+    if (
+        key in _UNPACKED and Path(_UNPACKED[key], "modelDescription.xml").exists()
+    ):  # a computer may tidy its temporary folder meanwhile
         return _UNPACKED[key]
-    folder = Path(tempfile.mkdtemp(prefix="sksurrogate-fmu-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     try:
+        folder = Path(tempfile.mkdtemp(prefix="sksurrogate-fmu-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
         with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
             size = sum(member.file_size for member in members)
@@ -53,6 +60,13 @@ def unpack(path: str) -> str:
             archive.extractall(folder)
     except SimulatorError:
         raise
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise SimulatorError(f"path={path!r} is not a unit that can be unpacked ({error}).") from error
+        raise SimulatorError(
+            f"path={path!r} could not be unpacked into {tempfile.gettempdir()} ({error.strerror}): make room there, or set the "
+            "environment variable TMPDIR to another folder."
+        ) from error
     except Exception as error:  # a damaged or hostile archive fails in a dozen ways: zlib, names, encryption, offsets
         raise SimulatorError(
             f"path={path!r} is not a unit: an .fmu is a zip archive ({type(error).__name__}: {error})."
@@ -65,12 +79,19 @@ def describe(folder: str, path: Any) -> Any:
     """The model description of an unpacked unit."""
     fmpy = require("fmpy", "fmu")
     try:
-        return fmpy.read_model_description(folder)
+        found = fmpy.read_model_description(folder)
     except Exception as error:  # missing, not XML, not of the schema, a version that FMPy does not know
         raise SimulatorError(
             f"path={os.fspath(path)!r}: its modelDescription.xml cannot be read ({type(error).__name__}: "
             f"{str(error)[:200]}): export the unit again, as FMI 2 or 3."
         ) from error
+    for offer in (found.coSimulation, found.modelExchange):
+        if offer is not None and re.search(r"[/\\]", str(offer.modelIdentifier)):
+            raise SimulatorError(
+                f"path={os.fspath(path)!r}: its binary is called {offer.modelIdentifier!r}, which leaves its folder: this unit is not "
+                "safe."
+            )
+    return found
 
 
 def equal_steps(times: np.ndarray) -> list[tuple[int, int]]:
@@ -110,7 +131,13 @@ def new_instance(folder: str, description: Any, kind: str, messages: Messages) -
         messages.keep(said[-1].decode(errors="replace") if isinstance(said[-1], bytes) else str(said[-1]))
 
     simulation = require("fmpy", "fmu").simulation
-    return simulation.instantiate_fmu(folder, description, fmi_type=kind, logger=hear)
+    try:
+        return simulation.instantiate_fmu(folder, description, fmi_type=kind, logger=hear)
+    except Exception as error:  # no binary for this platform, one that cannot be loaded, a unit that refuses to begin
+        raise SimulatorError(
+            f"the unit {description.modelName!r} does not open ({type(error).__name__}: {error}).{messages} Export it again, for this "
+            "platform."
+        ) from error
 
 
 class OpenUnit:

@@ -7,7 +7,18 @@ from typing import Any
 import numpy as np
 from sklearn.utils.metaestimators import available_if
 
-__all__ = ["InnerRunsMixin"]
+from sksurrogate.exceptions import SimulatorError
+
+__all__ = ["InnerRunsMixin", "held_over_samples"]
+
+
+def held_over_samples(hold: Any, method: Any = "auto") -> None:
+    """A map from sample to sample knows neither inputs between samples nor an integrator."""
+    for name, value, only in (("hold", hold, "zoh"), ("method", method, "auto")):
+        if value != only:
+            raise SimulatorError(
+                f"{name}={value!r}: a system that goes from sample to sample holds its inputs and is not integrated; leave {name} out."
+            )
 
 
 class InnerRunsMixin:

@@ -41,7 +41,8 @@ class MuJoCoSimulator(NamedModel):
     Parameters
     ----------
     model : path, str or ``mujoco.MjModel``
-        File of MJCF or URDF, XML text (it starts with ``<``), or a compiled model. The model given is never written.
+        File of MJCF or URDF, XML text (it starts with ``<``), or a compiled model. The model given is never written; what
+        is changed in it after the first use is not seen: make a new simulator then.
     inputs : list of str, optional
         Actuators by name; all of them by default. A port (a joint, see Attributes) may stand here too: a force in it is
         then an input, which is the way to drive a URDF, since a URDF has no actuators.
@@ -287,9 +288,19 @@ class MuJoCoSimulator(NamedModel):
         counts = whole_steps(np.diff(times), engine.timestep, "rows of t are apart by")
         layout = engine.layout
         entries = (*layout.controls, *layout.ports)
-        controls = np.zeros((len(U), int(counts.sum()) + 1, len(entries)))
+        try:
+            controls = np.zeros((len(U), int(counts.sum()) + 1, len(entries)))
+        except MemoryError as error:
+            raise SimulatorError(
+                f"the rows are {float(np.max(np.diff(times))):g} s apart, so that a run takes {int(counts.sum())} steps of the model's timestep "
+                f"{engine.timestep:g} s, which memory does not hold: is the time in seconds?"
+            ) from error
         controls[:, :, [entries.index(name) for name in names]] = np.repeat(U, np.append(counts, 1), axis=1)
         rows = np.concatenate([[0], np.cumsum(counts)])
+        if np.shape(start) not in ((engine.n_states,), (1, engine.n_states), (len(U), engine.n_states)):
+            raise SimulatorError(
+                f"X0 has shape {np.shape(start)}, expected ({engine.n_states},), or ({len(U)}, {engine.n_states}): one row for each run."
+            )
         X0 = np.broadcast_to(start, (len(U), engine.n_states))
         X, read = engine.runs(float(times[0]), X0, controls, self.params, rows)
         raise_if_diverged(X, times, layout.states, remedy=engine.refusal(self.params) or REMEDY)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.exceptions import require
+from sksurrogate.exceptions import SimulatorError, require
 
 __all__ = ["Layout", "name_of", "read_layout"]
 
@@ -67,7 +67,12 @@ class Layout:
 def name_of(model: Any, kind: str, i: int) -> str:
     """Name of an element, or its kind and number where it has none."""
     mujoco = require("mujoco", "mujoco")
-    return mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), i) or f"{kind}{i}"
+    try:
+        return mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), i) or f"{kind}{i}"
+    except UnicodeDecodeError as error:
+        raise SimulatorError(
+            f"model: the name of {kind} {i} is not UTF-8 ({error}): save the file as UTF-8."
+        ) from error
 
 
 def read_layout(model: Any) -> Layout:
@@ -81,27 +86,54 @@ def read_layout(model: Any) -> Layout:
     -------
     Layout
     """
-    positions, velocities, slopes, quaternions = _joints(model)
+    positions, velocities, joints, slopes, quaternions = _joints(model)
     controls, activations = _actuators(model)
-    ports = []
-    for name in velocities:
-        port = name.replace(".vel", "")
-        ports.append(f"{port}.force" if port in controls else port)
-    sensors = {}
-    for i, (first, size) in enumerate(zip(model.sensor_adr, model.sensor_dim)):
-        name = name_of(model, "sensor", i)
-        sensors.update({part: int(first) + k for k, part in enumerate(_parts(name, int(size)))})
+    ports = [f"{port}.force" if port in controls else port for port in joints]
+    sensors = [
+        (part, int(first) + k)
+        for i, (first, size) in enumerate(zip(model.sensor_adr, model.sensor_dim))
+        for k, part in enumerate(_parts(name_of(model, "sensor", i), int(size)))
+    ]
+    own = _sensors_of_states(model)
+    _check_distinct((*positions, *velocities, *activations, *(name for name, _ in sensors if name not in own)))
+    _check_distinct((*controls, *ports))
     return Layout(
-        tuple(positions), tuple(velocities), activations, controls, tuple(ports), sensors,
+        tuple(positions), tuple(velocities), activations, controls, tuple(ports), dict(sensors),
         np.array(slopes, dtype=int).reshape(-1, 2), np.array(quaternions, dtype=int).reshape(-1, 2),
     )  # fmt: skip
 
 
-def _joints(model: Any) -> tuple[list[str], list[str], list[tuple[int, int]], list[tuple[int, int]]]:
-    """Names of positions and velocities; which position follows which velocity, plainly and as a quaternion."""
+def _check_distinct(names: tuple[str, ...]) -> None:
+    """Elements that are asked for by name need one of their own."""
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise SimulatorError(
+            f"model: {twice[0]!r} stands for two of its joints, actuators or sensors (one without a name is called by its kind and "
+            "number): give each a name of its own in the MJCF."
+        )
+
+
+def _sensors_of_states(model: Any) -> set[str]:
+    """Sensors that read a state and have its name."""
+    kinds = require("mujoco", "mujoco").mjtSensor
+    ends = {int(kinds.mjSENS_JOINTPOS): "pos", int(kinds.mjSENS_JOINTVEL): "vel"}
+    pairs = enumerate(zip(model.sensor_type.tolist(), model.sensor_objid.tolist()))
+    own = {
+        name_of(model, "sensor", i): f"{name_of(model, 'joint', j)}.{ends[kind]}"
+        for i, (kind, j) in pairs
+        if kind in ends
+    }
+    return {sensor for sensor, state in own.items() if sensor == state}
+
+
+def _joints(
+    model: Any,
+) -> tuple[list[str], list[str], list[str], list[tuple[int, int]], list[tuple[int, int]]]:
+    """Names of positions, velocities and degrees of freedom; which position follows which velocity, plainly and as a quaternion."""
     kinds = require("mujoco", "mujoco").mjtJoint
     positions: list[str] = []
     velocities: list[str] = []
+    freedoms: list[str] = []
     slopes: list[tuple[int, int]] = []
     quaternions: list[tuple[int, int]] = []
     for i, kind in enumerate(map(kinds, model.jnt_type.tolist())):
@@ -110,13 +142,15 @@ def _joints(model: Any) -> tuple[list[str], list[str], list[tuple[int, int]], li
             slopes.append((first, len(velocities)))
             positions.append(f"{joint}.pos")
             velocities.append(f"{joint}.vel")
+            freedoms.append(joint)
             continue
         linear = _LINEAR_AXES if kind == kinds.mjJNT_FREE else ()
         slopes += [(first + k, len(velocities) + k) for k in range(len(linear))]
         quaternions.append((first + len(linear), len(velocities) + len(linear)))
         positions += [f"{joint}.pos.{part}" for part in (*linear, *_QUATERNION)]
         velocities += [f"{joint}.vel.{part}" for part in (*linear, *_ROTATION)]
-    return positions, velocities, slopes, quaternions
+        freedoms += [f"{joint}.{part}" for part in (*linear, *_ROTATION)]
+    return positions, velocities, freedoms, slopes, quaternions
 
 
 def _actuators(model: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from numbers import Integral
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from sksurrogate._close_names import did_you_mean
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._mujoco_effects import law_of
 from sksurrogate.physics._mujoco_engine import Engine
-from sksurrogate.physics._mujoco_source import identity, read_model
+from sksurrogate.physics._mujoco_source import files_of, identity, read_model
 from sksurrogate.physics._params import ParametricSimulator
 
 __all__ = ["NamedModel", "whole_steps"]
@@ -85,6 +86,10 @@ class NamedModel(ParametricSimulator):
         """The model in memory stays behind."""
         return {key: value for key, value in super().__getstate__().items() if key != "_handle"}
 
+    def _files(self) -> list[Path]:
+        """Files whose content is part of the simulator's value."""
+        return files_of(self.model)
+
     def close(self) -> None:
         """Free the model in memory and its threads; the next simulation opens it again."""
         handle = self.__dict__.pop("_handle", None)
@@ -115,6 +120,8 @@ class NamedModel(ParametricSimulator):
     def _read_outputs(self, given: Sequence[str] | None) -> list[str]:
         layout = self._engine().layout
         names = list(layout.sensors or layout.states) if given is None else listed(given)
+        if not names:
+            raise SimulatorError(f"outputs=[]: name at least one of {[*layout.states, *layout.sensors]}.")
         return known_names(names, (*layout.states, *layout.sensors), "outputs", "is neither a state nor a sensor")
 
     def _read_params(self, given: Any) -> dict[str, float]:

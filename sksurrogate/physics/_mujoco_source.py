@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["editable", "identity", "is_text", "read_model"]
+__all__ = ["editable", "files_of", "identity", "is_text", "read_model"]
+
+#: What a text names: included models, meshes, textures, and their folders.
+_NAMED = re.compile(r"""\b(?:file|meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["']""")
+#: Text or path, and working folder -> files that it was made of, and their stamps.
+_SEEN: dict[tuple[str, str], tuple[list[Path], tuple[Any, ...]]] = {}
 
 
 def is_text(model: Any) -> bool:
@@ -19,19 +25,74 @@ def is_text(model: Any) -> bool:
 
 
 def identity(model: Any) -> tuple[Any, ...]:
-    """What tells one source from another; a file that has changed is another one."""
-    if is_text(model):
-        return ("text", model)
-    if isinstance(model, (str, os.PathLike)):
-        path = Path(os.fspath(model)).absolute()
-        if not path.is_file():
-            raise SimulatorError(
-                f"model={os.fspath(model)!r}: there is no such file; give the path of an MJCF or URDF file, XML text "
-                "(it starts with '<'), or a mujoco.MjModel."
-            )
-        state = path.stat()
-        return ("file", str(path), state.st_mtime_ns, state.st_size)
-    return ("model", id(model))
+    """What tells one source from another; where a file has changed, or one that it includes, it is another one."""
+    if not isinstance(model, (str, os.PathLike)):
+        return ("model", _Same(model))
+    path = Path(os.fspath(model)).absolute()
+    if not (is_text(model) or path.is_file()):
+        raise SimulatorError(
+            f"model={os.fspath(model)!r}: there is no such file; give the path of an MJCF or URDF file, XML text "
+            "(it starts with '<'), or a mujoco.MjModel."
+        )
+    source = ("text", str(model)) if is_text(model) else ("file", str(path))
+    key = (source[1], os.getcwd())
+    files, known = _SEEN.get(key, ([], None))
+    stamps = tuple(map(_stamp, files))
+    if stamps != known:
+        files = files_of(model)
+        stamps = tuple(map(_stamp, files))
+        _SEEN[key] = (files, stamps)
+    return (*source, stamps)
+
+
+class _Same:
+    """A model in memory as a key: equal to itself alone, which is kept, so that no other one gets its number."""
+
+    def __init__(self, model: Any):
+        self.model = model
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.model is self.model
+
+    def __hash__(self) -> int:
+        return id(self.model)
+
+
+def _stamp(file: Path) -> tuple[Any, ...]:
+    """What changes with a file."""
+    try:
+        state = file.stat()
+    except OSError:
+        return (str(file),)
+    return (str(file), state.st_mtime_ns, state.st_size, state.st_ino)
+
+
+def files_of(model: Any) -> list[Path]:
+    """Files that a model is made of: its own, those that it includes, meshes and textures; none of a model in memory."""
+    if not isinstance(model, (str, os.PathLike)):
+        return []
+    own = [] if is_text(model) else [Path(os.fspath(model)).absolute()]
+    folders = [own[0].parent if own else Path.cwd()]
+    names, found, texts = (list(_NAMED.findall(str(model))) if not own else []), list(own), list(own)
+    while True:
+        before = (len(folders), len(found))
+        while texts:
+            names += _names_in(texts.pop())
+        for file in (folder / name for name in names for folder in list(folders)):
+            if file.is_dir() and file not in folders:
+                folders.append(file)
+            elif file.is_file() and file not in found:
+                found.append(file)
+                texts.append(file)
+        if before == (len(folders), len(found)):
+            return found
+
+
+def _names_in(file: Path) -> list[str]:
+    """Names of other files in an XML; none in a mesh, a picture, or a compiled model."""
+    if file.suffix.lower() not in (".xml", ".urdf", ".mjcf"):
+        return []
+    return _NAMED.findall(file.read_text(encoding="utf-8", errors="replace"))
 
 
 def read_model(model: Any) -> Any:

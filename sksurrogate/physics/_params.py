@@ -5,9 +5,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._simulator import BaseSimulator
 
-__all__ = ["ParametricSimulator"]
+__all__ = ["ParametricSimulator", "numbers_of"]
+
+
+def numbers_of(params: Any) -> dict[str, float]:
+    """Parameters as numbers.
+
+    Raises
+    ------
+    SimulatorError
+        ``params`` is no dict, or a value is no number.
+
+    Examples
+    --------
+    >>> numbers_of({"k": "2"}), numbers_of(None)
+    ({'k': 2.0}, {})
+    """
+    if not isinstance(params or {}, Mapping):
+        raise SimulatorError(f"params={params!r}: expected a dict of names and values, for example {{'k': 1.0}}.")
+    found = {}
+    for name, value in dict(params or {}).items():
+        try:
+            number = float(value)
+        except (TypeError, ValueError) as error:
+            raise SimulatorError(f"params: {name}={value!r}, expected a number.") from error
+        if number != number:
+            raise SimulatorError(f"params: {name}=nan, expected a number.")
+        found[str(name)] = number
+    return found
 
 
 class ParametricSimulator(BaseSimulator):

@@ -2,13 +2,14 @@
 
 import socket
 
+import joblib
 import numpy as np
 import pytest
 from scipy.stats import kstest
 
 from sksurrogate.datasets import make_reactor, make_reactor_runs, reactor_rhs, simulate_experiments
 from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
-from sksurrogate.physics import CallableSimulator, ODESimulator
+from sksurrogate.physics import BaseSimulator, CallableSimulator, ODESimulator
 
 RANGES = {"y": (0.5, 15.0)}, {"u": (0.05, 0.25)}
 
@@ -176,3 +177,84 @@ def test_a_connection_cannot_travel_and_works_where_it_is():
 def test_how_long_a_level_is_held_is_two_numbers_in_order(hold):
     with pytest.raises(DataError, match=r"hold=.*fewest and most rows of a level, at least 1 and in this order"):
         simulate_experiments(make_reactor(), *RANGES, n_runs=2, n_samples=20, hold=hold)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"n_runs": 2.5}, "n_runs=2.5: expected a whole number of at least 1"),
+        ({"n_samples": True}, "n_samples=True: expected a whole number"),
+        ({"n_jobs": 0}, "n_jobs=0: expected None, -1 or a positive integer"),
+        ({"noise": np.inf}, "noise=inf must be a standard deviation"),
+        ({"noise": "loud"}, "noise='loud' must be a standard deviation"),
+        ({"hold": (2.5, 4)}, "both whole numbers"),
+        ({"input_ranges": {"u": ("a", "b")}}, "input_ranges: .'a', 'b'., expected two numbers"),
+        ({"input_ranges": {"u": (-1.7e308, 1.7e308)}}, "must be finite"),
+        ({"design": np.full((20, 1), np.inf)}, "not finite in run 0, row 0"),
+        ({"design": lambda rng, n: np.r_[np.ones(n - 1), np.nan]}, "not finite in run 0, row 19"),
+        ({"design": lambda rng, n: np.ones(rng.randint(2, n))}, "expected 20 rows for every run"),
+        ({"design": lambda: np.ones(20)}, "gives no array of numbers .* expected a function design.rng, n_samples."),
+        ({"design": [["a"]] * 20}, "gives no array of numbers"),
+    ],
+)
+def test_arguments_that_mean_nothing_are_refused_before_any_run(given, message):
+    def never(U):
+        raise AssertionError("simulated")
+
+    plant = CallableSimulator(never, inputs=["u"], outputs=["y"])
+    settings = {"input_ranges": {"u": (0.0, 1.0)}, "n_runs": 3, "n_samples": 20, "random_state": 0, **given}
+    with pytest.raises(DataError, match=message):
+        simulate_experiments(plant, **settings)
+
+
+def test_the_reason_is_said_where_every_run_is_lost():
+    plant = CallableSimulator(lambda U: U / 0.0 if U[0, 0] < 0 else int("three"), inputs=["u"], outputs=["y"])
+    lost = pytest.raises(DataError, match=r"every run diverged.* ValueError: invalid literal")
+    with pytest.warns(RuntimeWarning), lost:
+        simulate_experiments(plant, None, {"u": (1.0, 2.0)}, n_runs=2, n_samples=20)
+
+
+class Silent(BaseSimulator):
+    """Gives nan where its input is large, without a word."""
+
+    inputs, outputs = ["u"], ["y"]
+
+    def simulate(self, U, x0=None, t=None):
+        return np.where(U > 1.0, np.nan, U)
+
+
+def test_a_run_that_is_not_finite_is_no_data():
+    design = np.stack([np.full((20, 1), level) for level in (0.5, 2.0)])
+    with pytest.warns(RuntimeWarning, match="1 of 2 runs diverged"):
+        made = simulate_experiments(Silent(), design=design, n_runs=2, n_samples=20)
+    assert made.failed == (1,) and np.all(made.y == 0.5)
+
+
+@pytest.mark.parametrize("content", [None, [1, 2], "runs", [], [("a", "b", "c")], [(np.ones((5, 1)), None, None)] * 4])
+def test_a_batch_with_other_content_is_simulated_again(content, tmp_path):
+    def made():
+        return simulate_experiments(
+            make_reactor(), {"y": (0.5, 15)}, {"u": (0.05, 0.25)}, n_runs=4, n_samples=20, cache=tmp_path, random_state=0
+        ).y  # fmt: skip
+
+    expected = made()
+    joblib.dump(content, next(tmp_path.iterdir()))
+    with pytest.warns(RuntimeWarning, match="is damaged .other content.: its runs are simulated again"):
+        assert np.array_equal(made(), expected)
+
+
+def test_a_full_disk_does_not_cost_the_runs(tmp_path, monkeypatch):
+    def full(*given):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(joblib, "dump", full)
+    with pytest.warns(RuntimeWarning, match="could not be written .No space left on device.: its runs are not kept"):
+        made = simulate_experiments(make_reactor(), None, {"u": (0.05, 0.25)}, n_runs=2, n_samples=20, cache=tmp_path)
+    assert made.y.shape == (40,) and not list(tmp_path.iterdir())
+
+
+def test_a_cache_that_is_a_file_is_said(tmp_path):
+    file = tmp_path / "kept"
+    file.write_text("x")
+    with pytest.raises(DataError, match=r"cache=.* is no folder"):
+        simulate_experiments(make_reactor(), None, {"u": (0.05, 0.25)}, n_runs=2, n_samples=20, cache=file)

@@ -175,3 +175,64 @@ def test_a_broken_archive_and_no_server_are_said_so(server, tmp_path):
         fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/half.zip")
     with pytest.raises(DataError, match="could not download"):
         fetch_cascaded_tanks(tmp_path / "home", url=f"{address}/nothing.zip")
+
+
+BALLS = b"ball,drop,time_s,height_m,velocity_m_s\ngolf,1,0.0,48.0,0.0\n"
+
+
+def test_a_file_of_this_computer_is_an_address_as_the_message_says(tmp_path):
+    own = tmp_path / "my drops.csv"
+    own.write_bytes(BALLS)
+    assert fetch_ball_drops(tmp_path / "home", url=own.as_uri()).height.tolist() == [48.0]
+    assert own.exists()  # it is the user's
+    with pytest.raises(DataError, match=r"there is no file .*nowhere"):
+        fetch_ball_drops(tmp_path / "empty", url=(tmp_path / "nowhere").as_uri())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"<html>404</html>", b"", BALLS[:40], BALLS.replace(b"48.0", b"high"), BALLS.replace(b"48.0", b"nan"), BALLS + b"g\xfflf,1,0,1,0\n"],
+)  # fmt: skip
+def test_a_wrong_download_of_balls_is_not_kept(content, tmp_path):
+    wrong, right = tmp_path / "wrong", tmp_path / "right"
+    wrong.write_bytes(content)
+    right.write_bytes(BALLS)
+    with pytest.raises(DataError, match=r"has not the columns .* give url= of the right file"):
+        fetch_ball_drops(tmp_path / "home", url=wrong.as_uri())
+    assert fetch_ball_drops(tmp_path / "home", url=right.as_uri()).height.tolist() == [48.0]
+
+
+def mat(**content):
+    stream = io.BytesIO()
+    savemat(stream, content)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("content", [b"garbage", b"", mat(other=1.0), mat(uEst="text", yEst=1.0, uVal=1.0, yVal=1.0)])
+def test_an_archive_with_another_member_is_refused_in_words(content, tmp_path):
+    file = tmp_path / "archive.zip"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("dataBenchmark.mat", content)
+    with pytest.raises(DataError, match=r"is not the official archive .* give url= of the right one"):
+        fetch_cascaded_tanks(tmp_path / "home", url=file.as_uri())
+    assert not [path for path in (tmp_path / "home").rglob("*") if path.is_file()]
+
+
+@pytest.mark.parametrize("rate", [99.0, None])
+def test_the_sample_time_is_known_and_not_read(rate, tmp_path, monkeypatch):
+    signals = {name: np.arange(1024.0) for name in ("uEst", "yEst", "uVal", "yVal")}
+    known(monkeypatch, "_TANKS", signals)
+    (tmp_path / "cascaded_tanks").mkdir()
+    np.savez(
+        tmp_path / "cascaded_tanks" / "cascaded_tanks.npz",
+        **signals,
+        **({} if rate is None else {"Ts": np.array([rate])}),
+    )
+    assert fetch_cascaded_tanks(tmp_path).Ts == 4.0
+
+
+def test_a_home_that_is_a_file_is_said(tmp_path):
+    file = tmp_path / "home"
+    file.write_text("x")
+    with pytest.raises(DataError, match=r"data_home: the folder .* cannot be made"):
+        fetch_cascaded_tanks(file, url="file:///nowhere.zip")
