@@ -1,5 +1,6 @@
 """Data: the paper's plant, and real recordings fetched on demand."""
 
+from sksurrogate.datasets._ball_drops import fetch_ball_drops
 from sksurrogate.datasets._experiments import Experiments, simulate_experiments
 from sksurrogate.datasets._generators import (
     linear_reactor,
@@ -9,7 +10,6 @@ from sksurrogate.datasets._generators import (
     reactor_rhs,
 )
 from sksurrogate.datasets._recordings import (
-    fetch_ball_drops,
     fetch_cascaded_tanks,
     fetch_heat_exchanger,
     fetch_silverbox,

@@ -18,10 +18,10 @@ from scipy.io import loadmat
 from sklearn.datasets import get_data_home
 from sklearn.utils import Bunch
 
-from sksurrogate._files import beside, write_bytes, write_text
+from sksurrogate._files import beside
 from sksurrogate.exceptions import DataError, require
 
-__all__ = ["fetch_ball_drops", "fetch_cascaded_tanks", "fetch_heat_exchanger", "fetch_silverbox"]
+__all__ = ["fetch_cascaded_tanks", "fetch_heat_exchanger", "fetch_silverbox", "home", "retrieved"]
 
 #: An archive larger than this is refused unread.
 LARGEST_ARCHIVE = 64 * 2**20
@@ -71,8 +71,6 @@ _EXCHANGER = _Source(
     ("q", "th"),
     {"Ts": 1.0},
 )
-_BALLS_SHA256 = "33a67ebecee6af978ed76bc7d5e6d3baa9f440370771a420cc7f68ba49b0ce6d"
-_BALLS_COLUMNS = ["ball", "drop", "time_s", "height_m", "velocity_m_s"]
 
 _EXCHANGER_TEXT = """Liquid-saturated steam heat exchanger (real, DaISy).
 
@@ -82,14 +80,6 @@ last 1000.
 
 S. Bittanti, L. Piroddi, Nonlinear identification and control of a heat exchanger: a neural network approach, Journal of
 the Franklin Institute 1997; DaISy, Database for the Identification of Systems, KU Leuven.
-"""
-_BALLS_TEXT = """Balls dropped from a bridge (real).
-
-Eleven balls, each dropped twice from about 48 m; heights from video, about 15 Hz. Drop 1 trains, drop 2 tests. The first
-samples of a drop are unreliable (release by hand).
-
-B. de Silva, D. Higdon, S. Brunton, J. N. Kutz, Discovery of physics from data: universal laws and discrepancies,
-Frontiers in Artificial Intelligence 2020.
 """
 _TANKS_TEXT = """Cascaded tanks with overflow (real laboratory data).
 
@@ -217,91 +207,17 @@ def fetch_heat_exchanger(data_home: Any = None, *, download_if_missing: bool = T
     >>> data.th.shape   # doctest: +SKIP
     (4000,)
     """
-    path = _home(data_home) / "heat_exchanger" / "heat_exchanger.npz"
+    path = home(data_home) / "heat_exchanger" / "heat_exchanger.npz"
     if path.exists() or not download_if_missing:
         arrays = _known(path, _EXCHANGER)
     else:
-        with _retrieved(url or _EXCHANGER.url, path.parent, "exchanger.dat") as text:
+        with retrieved(url or _EXCHANGER.url, path.parent, "exchanger.dat") as text:
             arrays = _convert_exchanger(text)
         _keep(path, arrays, _EXCHANGER, url)
     return Bunch(
         q=arrays["q"].ravel(), th=arrays["th"].ravel(), **_EXCHANGER.constants,
         train=slice(0, 3000), test=slice(3000, 4000), DESCR=_EXCHANGER_TEXT,
     )  # fmt: skip
-
-
-def fetch_ball_drops(data_home: Any = None, *, download_if_missing: bool = True, url: str | None = None) -> Bunch:
-    """Balls dropped from a bridge: height against time, eleven balls, two drops each.
-
-    Parameters
-    ----------
-    data_home : path, optional
-        Folder with ``ball_drops/ball_drops.csv``; default scikit-learn's data home, in ``sksurrogate``.
-    download_if_missing : bool, default=True
-        Whether to fetch ``url`` where the file is not there (extra ``data``).
-    url : str, optional
-        Address of the CSV: ball, drop, time_s, height_m, velocity_m_s. The authors publish a spreadsheet
-        (github.com/briandesilva/discovery-of-physics-from-data, data/Ball_drops_data.xls); there is no CSV to be fetched
-        by default.
-
-    Returns
-    -------
-    Bunch
-        ``ball`` (n_rows,) of str, ``drop`` of int, ``time`` in s, ``height`` in m, ``velocity`` in m/s; ``Ts`` = 1/15 s;
-        ``names`` of the balls; ``DESCR``.
-
-    Raises
-    ------
-    DataError
-        As in :func:`fetch_cascaded_tanks`.
-
-    Examples
-    --------
-    >>> from sksurrogate.datasets import fetch_ball_drops
-    >>> data = fetch_ball_drops()   # doctest: +SKIP
-    >>> data.height.shape   # doctest: +SKIP
-    (n_rows,)
-    """
-    path = _home(data_home) / "ball_drops" / "ball_drops.csv"
-    note = path.with_suffix(".ours")
-    if not path.exists() and download_if_missing and url is not None:
-        with _retrieved(url, path.parent, "ball_drops.download") as file:
-            content = file.read_bytes()
-        _drops(content, url)
-        write_text(note, f"sha256 {hashlib.sha256(content).hexdigest()} from {url}\n")
-        write_bytes(path, content)
-    if not path.exists():
-        raise DataError(
-            f"{path} is not there: save the authors' spreadsheet there as CSV with the columns {_BALLS_COLUMNS}, or give url= "
-            "of such a file."
-        )
-    content = path.read_bytes()
-    noted = note.read_bytes().decode(errors="replace").split()[1:2] if note.exists() else []
-    if hashlib.sha256(content).hexdigest() not in [_BALLS_SHA256, *noted]:
-        raise DataError(
-            f"{path} is damaged (its checksum is not the known one): delete it and put the right file there."
-        )
-    ball, drop, (time, height, velocity) = _drops(content, str(path))
-    return Bunch(
-        ball=ball, drop=drop, time=time, height=height, velocity=velocity, Ts=1 / 15,
-        names=list(dict.fromkeys(ball.tolist())), DESCR=_BALLS_TEXT,
-    )  # fmt: skip
-
-
-def _drops(content: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Balls, numbers of the drop, and time, height, velocity (3, n_rows) of a CSV."""
-    try:
-        lines = [line.split(",") for line in content.decode("utf-8-sig").splitlines() if line.strip()]
-        if len(lines) > 1 and lines[0] == _BALLS_COLUMNS and all(len(line) == 5 for line in lines):
-            numbers = np.array([line[2:] for line in lines[1:]], dtype=float).T
-            if np.all(np.isfinite(numbers)):
-                return (
-                    np.array([line[0] for line in lines[1:]]), np.array([int(line[1]) for line in lines[1:]]), numbers,
-                )  # fmt: skip
-        said = f"expected finite numbers in lines of {len(_BALLS_COLUMNS)} cells"
-    except ValueError as error:  # not UTF-8, or not numbers
-        said = str(error)
-    raise DataError(f"{where} has not the columns {_BALLS_COLUMNS} of numbers ({said}): give url= of the right file.")
 
 
 def _numbers(arrays: dict[str, np.ndarray], names: Sequence[str]) -> str:
@@ -313,7 +229,7 @@ def _numbers(arrays: dict[str, np.ndarray], names: Sequence[str]) -> str:
     return digest.hexdigest()
 
 
-def _home(data_home: Any) -> Path:
+def home(data_home: Any) -> Path:
     """Folder of the recordings."""
     return Path(data_home) if data_home is not None else Path(get_data_home()) / "sksurrogate"
 
@@ -368,10 +284,10 @@ def _fetch(
     convert: Callable[[zipfile.ZipFile], dict[str, np.ndarray]],
 ) -> dict[str, np.ndarray]:
     """The arrays: from the local file where its checksum is right, else converted from the archive and stored there."""
-    path = _home(data_home) / name / file
+    path = home(data_home) / name / file
     if path.exists() or not download:
         return _known(path, source)
-    with _retrieved(url or source.url, path.parent, "archive.zip") as archive:
+    with retrieved(url or source.url, path.parent, "archive.zip") as archive:
         if archive.stat().st_size > LARGEST_ARCHIVE or not zipfile.is_zipfile(archive):
             raise DataError(
                 f"{url or source.url} did not give the archive (not a zip file, or broken off): try again later, or give url=."
@@ -394,7 +310,7 @@ def _fetch(
 
 
 @contextmanager
-def _retrieved(url: str, folder: Path, file: str) -> Iterator[Path]:
+def retrieved(url: str, folder: Path, file: str) -> Iterator[Path]:
     """A file fetched with pooch, which keeps only whole downloads; it goes when the block ends, so that the next address is asked.
 
     A file of this computer (``file:``) is read where it is.

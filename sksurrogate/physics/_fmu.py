@@ -15,7 +15,8 @@ from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.physics._fmu_access import Access, Engine, Question, find_access, open_engine
 from sksurrogate.physics._fmu_events import EventSteps
 from sksurrogate.physics._fmu_exchange import ExchangeUnit
-from sksurrogate.physics._fmu_run import check_settable, run_whole
+from sksurrogate.physics._fmu_names import check_driven, check_settable, variables
+from sksurrogate.physics._fmu_run import run_whole
 from sksurrogate.physics._fmu_unit import OpenUnit, describe, unpack
 from sksurrogate.physics._foreign import at_points, offered
 from sksurrogate.physics._free_run import raise_if_diverged
@@ -245,33 +246,17 @@ class FMUSimulator(ParametricSimulator):
         if not kinds or (self.fmi_type is not None and self.fmi_type not in kinds):
             raise SimulatorError(f"fmi_type={self.fmi_type!r}: the unit {self.path!s} offers {kinds}.")
         params = numbers_of(self.params)
-        self._variables(description, list(params), "parameter")
+        variables(description, self.path, list(params), "parameter")
         check_settable(description, self.path, list(params))
-        inputs, known = (
-            self._variables(description, self.inputs, "input"),
-            {v.name: v for v in description.modelVariables},
-        )
-        for name in inputs:
-            if known[name].causality != "input" and known[name].variability != "tunable":
-                raise SimulatorError(
-                    f"inputs={inputs}: {name!r} of the unit {self.path!s} is no input ({known[name].causality}); its inputs are "
-                    f"{self._variables(description, None, 'input')}."
-                )
-            if name in (*params, *(self.initial or ())):
-                raise SimulatorError(
-                    f"inputs and {'params' if name in params else 'initial'} both name {name!r} of the unit {self.path!s}: leave it "
-                    "out of one of them."
-                )
-        outputs = self._variables(description, self.outputs, "output")
-        if not outputs:
-            raise SimulatorError(f"outputs={outputs}: name variables of the unit {self.path!s}: {sorted(known)[:30]}.")
+        inputs = variables(description, self.path, self.inputs, "input")
+        check_driven(description, self.path, inputs, params, list(self.initial or ()))
         return Question(
             folder,
             tuple(kinds) if self.fmi_type is None else (self.fmi_type,),
             self.access,
             tuple(inputs),
-            tuple(outputs),
-            None if self.initial is None else tuple(self._variables(description, self.initial, "local")),
+            tuple(variables(description, self.path, self.outputs, "output")),
+            None if self.initial is None else tuple(variables(description, self.path, self.initial, "local")),
             tuple(params.items()),
             float(self.dt),
         )
@@ -309,22 +294,6 @@ class FMUSimulator(ParametricSimulator):
         if handle is None or handle[0].folder != looked.folder or handle[1] != (os.getpid(), kind):
             self._handle = handle = (OpenUnit(looked.folder, looked.description, kind), (os.getpid(), kind))
         return handle[0]
-
-    def _variables(self, description: Any, given: Sequence[str] | None, causality: str) -> list[str]:
-        """Names as given, else by causality."""
-        known = {variable.name: variable for variable in description.modelVariables}
-        names = (
-            [v.name for v in description.modelVariables if v.causality == causality] if given is None else list(given)
-        )
-        unknown = [name for name in names if name not in known]
-        if unknown:
-            raise SimulatorError(f"the unit {self.path!s} has no variable {unknown[0]!r}; it has {sorted(known)[:30]}.")
-        twice = [name for k, name in enumerate(names) if name in names[:k]]
-        if twice:
-            raise SimulatorError(
-                f"variable {twice[0]!r} of the unit {self.path!s} is listed twice; list each name once."
-            )
-        return names
 
     # ---- simulation -------------------------------------------------------------------------------------------------
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:

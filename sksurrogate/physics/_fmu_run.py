@@ -9,21 +9,7 @@ import numpy as np
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError, require
 from sksurrogate.physics._fmu_unit import OpenUnit, equal_steps
 
-__all__ = ["check_settable", "run_whole"]
-
-
-def check_settable(description: Any, path: Any, names: list[str]) -> None:
-    """A unit ignores start values of what it calculates itself: that must not pass in silence."""
-    for variable in description.modelVariables:
-        if (
-            variable.name in names
-            and variable.causality in ("output", "local")
-            and variable.initial not in ("exact", "approx")
-        ):
-            raise SimulatorError(
-                f"variable {variable.name!r} cannot be set: the unit {path!s} calculates it. Name in initial=[...] a start parameter "
-                'or a variable with initial="exact".'
-            )
+__all__ = ["run_whole"]
 
 
 def run_whole(
