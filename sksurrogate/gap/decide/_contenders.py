@@ -31,9 +31,7 @@ class Contender(NamedTuple):
     law: LawBeside
 
 
-def contenders(
-    search: OdeSearch, final: Evidence, law: LawBeside, tolerance: float
-) -> tuple[Contender, list[Contender]]:
+def contenders(search: OdeSearch, final: Evidence, law: LawBeside) -> tuple[Contender, list[Contender]]:
     """What stands beside its law, and the sets with another effect in the place of one, beside theirs.
 
     They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
@@ -45,15 +43,15 @@ def contenders(
         corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0))
         return max(search.evidence(candidate) - level, corrected) + _before(search, candidate) - own.before
 
-    swapped = [one for one in _near(search, final, tolerance) if _is_swap(one.keys, final.candidate.keys)]
+    swapped = [one for one in _near(search, final) if _is_swap(one.keys, final.candidate.keys)]
     others: list[Contender] = []
     for candidate in sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS]:
         if own.net + reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
-            others.extend(judged_contender(search, candidate, tolerance, [law.seed]))
+            others.extend(judged_contender(search, candidate, [law.seed]))
     return own, others
 
 
-def elsewhere(search: OdeSearch, final: Evidence, own: Contender, tolerance: float) -> list[tuple[frozenset, float]]:
+def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[frozenset, float]]:
     """Names of sets that differ by more than one effect in the place of one, and the nats by which they are likelier than what stands.
 
     Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it,
@@ -65,7 +63,7 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender, tolerance: flo
     keys, level = set(final.candidate.keys), search.evidence(final.candidate)
     apart = [
         one
-        for one in _near(search, final, tolerance)
+        for one in _near(search, final)
         if search.own(one) is not None
         and not (keys <= set(one.keys) or keys >= set(one.keys) or _is_swap(one.keys, final.candidate.keys))
     ]
@@ -78,9 +76,9 @@ def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
     return max((one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE), key=lambda one: one.before)
 
 
-def _near(search: OdeSearch, final: Evidence, tolerance: float) -> list[OdeCandidate]:
+def _near(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
     """Sets that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit."""
-    most = final.fit.cost + tolerance**2 * search.gap_cost
+    most = final.fit.cost + search.tolerated_cost
     return [candidate for candidate in search.fitted.values() if candidate.fit.cost < most]
 
 
@@ -90,11 +88,11 @@ def _is_swap(one: Sequence[tuple], other: Sequence[tuple]) -> bool:
 
 
 def judged_contender(
-    search: OdeSearch, candidate: OdeCandidate, tolerance: float, seeds: Sequence[tuple[int, int, Noise]]
+    search: OdeSearch, candidate: OdeCandidate, seeds: Sequence[tuple[int, int, Noise]]
 ) -> list[Contender]:
     """A set beside its own law; none where that cannot be judged."""
     known = search.judged.get(candidate) or search.judge(estimate_noise(candidate, search.fitted_null.noise))
-    law = judged_law(search, known, candidate, tolerance, along=False, seeds=seeds)
+    law = judged_law(search, known, candidate, along=False, seeds=seeds)
     return [] if law is None else [contender(search, candidate, law)]
 
 
@@ -114,7 +112,6 @@ def judged_law(
     search: OdeSearch,
     final: Evidence,
     candidate: OdeCandidate,
-    tolerance: float,
     along: bool,
     seeds: Sequence[tuple[int, int, Noise]] = (),
     instead: np.ndarray | None = None,
@@ -124,19 +121,18 @@ def judged_law(
     Far from the data, also beside the gap, they are linear about the measured path, not about the free run.
     """
     problem = candidate.problem
-    far = final.left > max(FAR, tolerance * search.gap_over_noise)
+    far = final.left > max(FAR, search.tolerance * search.gap_over_noise)
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
     noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
-    found = [law_along(search, candidate, tolerance, noises, path, seeds=seeds, instead=instead)]
+    found = [law_along(search, candidate, noises, path, seeds=seeds, instead=instead)]
     if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
-        found.append(law_along(search, candidate, tolerance, noises, x, bare=True, seeds=seeds, instead=instead))
+        found.append(law_along(search, candidate, noises, x, bare=True, seeds=seeds, instead=instead))
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
 
 
 def law_along(
     search: OdeSearch,
     candidate: OdeCandidate,
-    tolerance: float,
     noises: Sequence[Noise],
     x: np.ndarray | None,
     bare: bool = False,
@@ -147,6 +143,7 @@ def law_along(
     fit, unit = candidate.fit, search.gap_over_noise
     path = fit.x if x is None else x
     own = None if instead is None else instead.tobytes()
-    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, tolerance, own
+    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, own
     with np.errstate(all="ignore"):
-        return law_beside(candidate, unit, tolerance, noises, x, bare, seeds, search.laws.setdefault(key, {}), instead)
+        known = search.laws.setdefault(key, {})
+        return law_beside(candidate, unit, search.tolerance, noises, x, bare, seeds, known, instead)

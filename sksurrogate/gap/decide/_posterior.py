@@ -54,14 +54,14 @@ class Posterior:
     elsewhere: tuple[tuple[frozenset, float], ...] = ()  #: Keys of other sets, and nats by which they are likelier
 
 
-def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
+def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
     none = _without(final.candidate, tuple(range(n)))
     moved = moved_by(final.candidate)
-    nothing = judged_law(search, final, none, tolerance, along=True, instead=moved[0] if n == 1 else None)
+    nothing = judged_law(search, final, none, along=True, instead=moved[0] if n == 1 else None)
     seeds = [] if nothing is None else [nothing.seed]
-    own = judged_law(search, final, final.candidate, tolerance, along=False, seeds=seeds)
+    own = judged_law(search, final, final.candidate, along=False, seeds=seeds)
     if own is None:
         return Posterior(tuple(1.0 for _ in final.effects), None)
     net = contender(search, final.candidate, own).net
@@ -70,7 +70,7 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     if n > 1:
         rests = [_without(final.candidate, (i,)) for i in range(n)]
         laws = [
-            judged_law(search, final, rest, tolerance, along=True, seeds=[*seeds, own.seed], instead=one)
+            judged_law(search, final, rest, along=True, seeds=[*seeds, own.seed], instead=one)
             for rest, one in zip(rests, moved)
         ]
         without = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
@@ -78,20 +78,20 @@ def weigh(search: OdeSearch, final: Evidence, tolerance: float) -> Posterior:
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
 
 
-def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Evidence, Posterior]:
+def stands(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
     """The set that is likeliest beside a law, without effects that the practical bar does not need. And its posterior.
 
     Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
     another; another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they
     were fitted to close no more of it on runs left out: they are not weighed.
     """
-    final = needed_only(search, final, tolerance)
+    final = needed_only(search, final)
     stood: set[frozenset] = set()
-    if closes_by_size(final, search.gap_cost, tolerance):
-        law = judged_law(search, final, final.candidate, tolerance, along=False)
+    if closes_by_size(final, search.tolerated_cost):
+        law = judged_law(search, final, final.candidate, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
     while final.effects and not leaves_most(final, search.gap_cost):
-        posterior = weigh(search, final, tolerance)
+        posterior = weigh(search, final)
         least = int(np.argmin(posterior.probabilities))
         several, enough = len(final.effects) > 1, posterior.probabilities[least] >= CERTAIN_NAME
         redundant = redundant_effect(final) if several and enough and final.left > SETTLED else None
@@ -101,16 +101,14 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
             stood.add(frozenset(final.candidate.keys))
             if posterior.law is None:
                 return final, posterior
-            own, others = contenders(search, final, posterior.law, tolerance)
+            own, others = contenders(search, final, posterior.law)
             best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
-                best = preferred(
-                    own, judged_contender(search, search.polish(best.candidate), tolerance, [own.law.seed])
-                )
+                best = preferred(own, judged_contender(search, search.polish(best.candidate), [own.law.seed]))
             if best is own:
                 near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
-                apart = tuple(elsewhere(search, final, own, tolerance))
-                return _sure_part(search, final, replace(_of_classes(posterior, own, near), elsewhere=apart), tolerance)
+                apart = tuple(elsewhere(search, final, own))
+                return _sure_part(search, final, replace(_of_classes(posterior, own, near), elsewhere=apart))
             final = search.judged[search.stand(best.candidate)]
             continue
         fewer = search.without(final.candidate, least)
@@ -122,9 +120,7 @@ def stands(search: OdeSearch, final: Evidence, tolerance: float) -> tuple[Eviden
     return search.fitted_null, Posterior((), None, too_far=far)
 
 
-def _sure_part(
-    search: OdeSearch, final: Evidence, posterior: Posterior, tolerance: float
-) -> tuple[Evidence, Posterior]:
+def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tuple[Evidence, Posterior]:
     """A set without the effects that are not certain, where others are: what they close is what remains. Else the set itself."""
     keys = final.candidate.keys
     chances = [one * _not_elsewhere(key, keys, posterior) for one, key in zip(posterior.probabilities, keys)]
@@ -132,7 +128,7 @@ def _sure_part(
         return final, posterior
     fewer = search.without(final.candidate, int(np.argmin(chances)))
     if fewer is not None and fewer.effects:
-        sure = stands(search, _taken(search, fewer, final), tolerance)
+        sure = stands(search, _taken(search, fewer, final))
         if sure[0].effects:
             return sure
     search.stand(final.candidate)
@@ -162,19 +158,18 @@ def _taken(search: OdeSearch, candidate: OdeCandidate, before: Evidence) -> Evid
     return search.judged[search.stand(search.polish(candidate))]
 
 
-def needed_only(search: OdeSearch, final: Evidence, tolerance: float) -> Evidence:
+def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
     """A set without effects that the practical bar does not need, the least needed first.
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others.
     """
-    bar = tolerance**2 * search.gap_cost
     while len(final.effects) > 1 and final.left > SETTLED:
         sets = [search.without(final.candidate, i) for i in range(len(final.effects))]
         known = [one for one in sets if one is not None and one.effects]
         if not known:
             break
         fewer = min(known, key=lambda one: one.fit.cost)
-        if is_needed(final.fit.cost, fewer.fit.cost, bar):
+        if is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost):
             break
         final = _taken(search, fewer, final)
     return final
@@ -200,16 +195,16 @@ def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
     return candidate.problem.candidate(effects, replace(candidate.fit, theta=theta, linearised=None))
 
 
-def law_beside_set(search: OdeSearch, final: Evidence, tolerance: float) -> LawBeside | None:
+def law_beside_set(search: OdeSearch, final: Evidence) -> LawBeside | None:
     """The law beside what is named."""
     if not final.effects:
-        return law_beside_none(search, tolerance)
-    return judged_law(search, final, final.candidate, tolerance, along=False)
+        return law_beside_none(search)
+    return judged_law(search, final, final.candidate, along=False)
 
 
-def law_beside_none(search: OdeSearch, tolerance: float) -> LawBeside | None:
+def law_beside_none(search: OdeSearch) -> LawBeside | None:
     """The law beside no effect at all, along the measured path."""
     null = search.fitted_null
     problem = null.candidate.problem
     noises = null.noise, problem.quiet(null.noise)
-    return law_along(search, null.candidate, tolerance, noises, search.x[: len(problem.plant.states)])
+    return law_along(search, null.candidate, noises, search.x[: len(problem.plant.states)])

@@ -102,7 +102,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return np.max(np.minimum(noises, self.most_noise), axis=0)
 
     def law_left(self, final: Evidence[OdeCandidate]) -> LawLeft | None:
-        law = law_beside_set(self.search, final, self.search.tolerance)
+        law = law_beside_set(self.search, final)
         return law.left if law is not None else None
 
     def begin(self) -> None:
@@ -124,7 +124,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         if not final.effects:
             return Posterior((), None)
         self.search.report("whether a law without a name does as well")
-        _, posterior = stands(self.search, final, self.search.tolerance)
+        _, posterior = stands(self.search, final)
         self.beside = posterior.law.left if posterior.law is not None else None
         return posterior
 
@@ -133,7 +133,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
 
     def law_alone(self) -> LawLeft | None:
         """The law beside no effect at all."""
-        law = law_beside_none(self.search, self.search.tolerance)
+        law = law_beside_none(self.search)
         return law.left if law is not None else None
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:

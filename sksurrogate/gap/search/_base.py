@@ -143,6 +143,11 @@ class BaseSearch(ABC, Generic[C]):
         return min(self.nominal_costs[null], moved)
 
     @property
+    def tolerated_cost(self) -> float:
+        """Squared error over the noise that the tolerance allows a set to leave of the gap."""
+        return self.tolerance**2 * self.gap_cost
+
+    @property
     def fitted_null(self) -> Evidence[C]:
         """The null, once it is fitted."""
         if self.null is None:

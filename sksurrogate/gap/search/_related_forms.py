@@ -86,7 +86,7 @@ def relatives(search: SetMoves[C], effect: BaseEffect, candidate: C) -> list[Bas
 def special_cases(search: BaseSearch[C], named: C, i: int) -> list[BaseEffect]:
     """Simpler forms of effect i with which the set, fitted again, leaves no more of the gap than the tolerance in addition."""
     effect, beside = named.effects[i], frozenset(key for j, key in enumerate(named.keys) if j != i)
-    most = named.fit.cost + search.tolerance**2 * search.gap_cost
+    most = named.fit.cost + search.tolerated_cost
     forms = [form for name in NESTED.get(effect.name, ()) for form in simpler(effect, name, search.library)]
     fitted = ((form, search.fitted.get(beside | {form.key})) for form in forms)
     return [form for form, one in fitted if one is not None and one.fit.cost < most]

@@ -71,7 +71,7 @@ class SetSearch(SetMoves[C]):
         left_behind: dict[frozenset, float] = {}
         while len(best.effects) < MOST_EFFECTS:
             far = passed and len(best.effects) > 1 and self.is_far(best)
-            if far and closes_by_size(self.judged[best], self.gap_cost, self.tolerance):
+            if far and closes_by_size(self.judged[best], self.tolerated_cost):
                 # Of one name a second may show that it was the wrong one.
                 best = self.stand(fewest_parameters(self, best))
                 if not self.leads_on(best, MOST_EFFECTS - len(best.effects)):

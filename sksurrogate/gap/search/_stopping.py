@@ -24,13 +24,13 @@ def grows_in_vain(candidate: BaseCandidate, before: BaseCandidate, null: BaseCan
     return candidate.fit.cost > max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
 
 
-def closes_by_size(candidate: Evidence, gap: float, tolerance: float) -> bool:
-    """Whether a set closes a gap (squared error over the noise) up to the tolerance, further from the data than any noise model holds.
+def closes_by_size(candidate: Evidence, tolerated: float) -> bool:
+    """Whether a set leaves less than the tolerated squared error (over the noise), further from the data than any noise model holds.
 
     There sizes tell candidates apart, not likelihoods: along a path that hardly any noise blurs a flexible law follows
     everything, and a limit that has acted shows nothing. A further name is below the practical bar, unless it leads on.
     """
-    return candidate.left > FAR and candidate.fit.cost < tolerance**2 * gap
+    return candidate.left > FAR and candidate.fit.cost < tolerated
 
 
 def leaves_most(candidate: Evidence, gap: float) -> bool:
