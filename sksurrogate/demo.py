@@ -112,8 +112,8 @@ def story_linearised(n_runs: int = 10, n_samples: int = 200, noise: float = 0.02
     before = simulator.simulate_batch(X_new.reshape(8, n_samples, 1), y_new.reshape(8, n_samples)[:, :1]).reshape(-1)
     closed = _closed(before, after, y_new, noise)
     ending = f"The hybrid (simulator plus a learned correction on five past deviations) closes {100 * closed:.1f} % of the gap on unseen runs."
-    law = report.missing_term.law if report.missing_term is not None else None
-    if law is not None and law.certified:
+    law = report.certified_law
+    if law is not None:
         closed_by_law = f"{100 * report.shrink.fraction_law:.1f} %"
         ending += f" The law closes {closed_by_law} on runs left out: in {law.place} the linear model lacks {law}"
     return Story("a linear model of a nonlinear reactor (the paper's Figure 8)", report, ending, closed)

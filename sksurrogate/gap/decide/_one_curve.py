@@ -12,8 +12,6 @@ from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 
-__all__ = ["driver_of", "moved_by", "redundant_effect"]
-
 
 def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
     """What a unit of the first parameter of each effect moves the outputs by, (1, n_outputs, n_samples); None where that is not known."""

@@ -11,8 +11,6 @@ import numpy as np
 
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["budget_html", "budget_lines", "fills", "part_name", "shown"]
-
 #: Fill of each kind of part (Okabe and Ito's colours); further effects have others, in turn.
 _FILL = {"re-tuning": "#56b4e9", "unnamed law": "#e69f00", "disturbance": "#bbbbbb"}
 _EFFECTS = ("#0072b2", "#009e73", "#cc79a7")

@@ -6,11 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._onset import WINDOW
-from sksurrogate.gap.render._values import number
+from sksurrogate.gap.render._values import is_wrong_parameter, number
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
-
-__all__ = ["code_of"]
 
 _BUILD = """\
 from sksurrogate.effects import {names}
@@ -65,10 +63,8 @@ def code_of(report: ReportData) -> str:
 def _built(report: ReportData) -> str:
     """How the corrected simulator is made."""
     retuned = {str(row["parameter"]): float(row["value"]) for row in report.retuned}
-    always = [e for e in report.effects if e.name == "parameter_error" and not set(WINDOW) & set(e.params)]
-    effects = [e for e in report.effects if not (e in always and e.location in retuned)]
-    law = report.missing_term.law if report.missing_term is not None else None
-    if not all(effect.name in CATALOGUE for effect in effects) or (law is not None and law.certified):
+    effects = [e for e in report.effects if not (is_wrong_parameter(e) and e.location in retuned)]
+    if not all(effect.name in CATALOGUE for effect in effects) or report.certified_law is not None:
         return _FROM_DIAGNOSER
     module, name = _reference(report.provenance.simulator)
     return _BUILD.format(

@@ -12,13 +12,11 @@ from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.render._svg import POINTS, Line, chart
-from sksurrogate.gap.render._units import axis, derivative_unit
+from sksurrogate.gap.render._units import axis, derivative_unit, labelled
 from sksurrogate.gap.render._values import place_of, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
-
-__all__ = ["curve_html", "effect_curve", "effect_html", "form_of"]
 
 
 def effect_curve(effect: EffectEstimate, report: ReportData) -> Curve | None:
@@ -56,10 +54,8 @@ def effect_curve(effect: EffectEstimate, report: ReportData) -> Curve | None:
 def balance_axis(location: str, kind: str, report: ReportData) -> str:
     """What a term is added to, as the label of an axis."""
     if kind == "state":
-        name = f"d({location})/dt"
-        return axis(name, {name: derivative_unit(location, report.units)})
-    name = f"added to {location}"
-    return axis(name, {name: report.units.get(location, "")})
+        return labelled(f"d({location})/dt", derivative_unit(location, report.units))
+    return labelled(f"added to {location}", report.units.get(location, ""))
 
 
 def form_of(effect: EffectEstimate) -> str:

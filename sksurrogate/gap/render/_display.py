@@ -10,20 +10,15 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, part_name, shown
-from sksurrogate.gap.render._runs import fitted_name, noise_of, run_error, worst_first
-from sksurrogate.gap.render._units import TIME, axis, derivative_unit, range_text
+from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, run_error, worst_first
+from sksurrogate.gap.render._units import TIME, axis, derivative_unit, labelled, range_text
 from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
 
-__all__ = ["GapDisplay"]
-
-#: Panels by kind, in the order of the figure; those of the overview.
-_KINDS = (
-    "budget", "waterfall", "ranking", "trace", "residual", "runs", "regions", "time", "frequency", "missing_term",
-)  # fmt: skip
-_OVERVIEW = ("waterfall", "ranking", "trace", "regions", "time", "frequency", "missing_term")
+#: Panels that are drawn on demand alone: the overview has the others.
+ON_DEMAND = ("budget", "residual", "runs")
 
 
 class GapDisplay:
@@ -100,16 +95,17 @@ class GapDisplay:
         """
         plt = require("matplotlib.pyplot", "plot")
         panels = self._panels()
+        there = {name: draw for name, draw in panels.items() if draw is not None}
         if kind is None:
             if ax is not None:
                 raise ValueError("ax holds one panel: give kind too, for example plot(kind='trace', ax=ax).")
-            chosen = [draw for name, draw in panels.items() if name in _OVERVIEW]
-        elif kind not in _KINDS:
-            raise ValueError(f"kind={kind!r}: expected one of {list(_KINDS)}, or None for all.")
+            chosen = [draw for name, draw in there.items() if name not in ON_DEMAND]
         elif kind not in panels:
-            raise ValueError(f"kind={kind!r}: this report has nothing to draw there; it has {list(panels)}.")
+            raise ValueError(f"kind={kind!r}: expected one of {list(panels)}, or None for all.")
+        elif kind not in there:
+            raise ValueError(f"kind={kind!r}: this report has nothing to draw there; it has {list(there)}.")
         else:
-            chosen = [panels[kind]]
+            chosen = [there[kind]]
         if ax is None:
             self.figure_, axes = plt.subplots(
                 len(chosen), 1, figsize=(8, 2.6 * len(chosen) + 0.6 * (len(chosen) == 1)), constrained_layout=True
@@ -122,28 +118,21 @@ class GapDisplay:
         self.ax_ = self.axes_[0]
         return self
 
-    def _panels(self) -> dict[str, Callable[[Any], None]]:
-        """The panels for which the report has numbers, by kind."""
-        report = self.report
-        term = report.missing_term
-        there = {
-            "budget": len(report.budget) > 0,
-            "waterfall": True,
-            "ranking": len(report.ranking) > 0,
-            "trace": bool(report.traces),
-            "residual": bool(report.traces),
-            "runs": len(report.traces) > 1,
-            "regions": len(report.where.by_region) > 1,
-            "time": len(report.where.by_time) > 1,
-            "frequency": len(report.where.by_frequency) > 0,
-            "missing_term": term is not None and bool(term.curves),
+    def _panels(self) -> dict[str, Callable[[Any], None] | None]:
+        """The panels by kind, in the order of the figure; None where the report has no numbers for one."""
+        report, term = self.report, self.report.missing_term
+        return {
+            "budget": self._budget if len(report.budget) else None,
+            "waterfall": self._waterfall,
+            "ranking": self._ranking if len(report.ranking) else None,
+            "trace": self._trace if report.traces else None,
+            "residual": self._residual if report.traces else None,
+            "runs": self._runs if len(report.traces) > 1 else None,
+            "regions": self._regions if len(report.where.by_region) > 1 else None,
+            "time": self._time if len(report.where.by_time) > 1 else None,
+            "frequency": self._frequency if len(report.where.by_frequency) else None,
+            "missing_term": self._missing if term is not None and term.curves else None,
         }
-        draw = {
-            "budget": self._budget, "waterfall": self._waterfall, "ranking": self._ranking, "trace": self._trace,
-            "residual": self._residual, "runs": self._runs, "regions": self._regions, "time": self._time,
-            "frequency": self._frequency, "missing_term": self._missing,
-        }  # fmt: skip
-        return {kind: draw[kind] for kind in _KINDS if there[kind]}
 
     def _budget(self, ax: Any) -> None:
         left, rows = 0.0, shown(self.report.budget)
@@ -179,14 +168,10 @@ class GapDisplay:
         ax.plot(trace.t[known], measured, color="#8a8a8a", lw=3, label="measured")
         ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label="simulator")
         ax.plot(trace.t, trace.corrected[:, j], color="#000000", lw=1, label=fitted_name(self.report))
-        low, high = ax.get_ylim()
-        # A simulator that runs away must not flatten the measurement.
-        room = 0.6 * float(np.ptp(measured)) if len(measured) else 0.0
-        if room > 0:
-            ax.set_ylim(max(low, float(measured.min()) - room), min(high, float(measured.max()) + room))
+        ax.set_ylim(near_readings(ax.get_ylim(), measured))
         ax.set(xlabel=self._time_axis(trace.label), ylabel=axis(self.report.outputs[j], self.report.units))
         ax.margins(x=0)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=3, frameon=False)
+        _legend_above(ax)
 
     def _residual(self, ax: Any) -> None:
         trace, j = self._worst_trace(), self._worst()
@@ -200,7 +185,7 @@ class GapDisplay:
         name = self.report.outputs[j]
         ax.set(xlabel=self._time_axis(trace.label), ylabel=f"residual of {axis(name, self.report.units)}")
         ax.margins(x=0)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=3, frameon=False)
+        _legend_above(ax)
 
     def _runs(self, ax: Any) -> None:
         order = worst_first(self.report)
@@ -210,7 +195,7 @@ class GapDisplay:
         ax.bar(at + 0.2, [after for _, after in errors], 0.4, color="#000000", label=fitted_name(self.report))
         ax.set_xticks(at, [str(self.report.traces[k].label) for k in order], rotation=45 if len(order) > 8 else 0)
         ax.set(xlabel="run, the worst first", ylabel="RMSE / deviation")
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=2, frameon=False)
+        _legend_above(ax)
 
     def _time_axis(self, label: Any) -> str:
         return f"{axis(TIME, self.report.units)} (held-out run {label})"
@@ -272,9 +257,10 @@ class GapDisplay:
         """What the missing term is added to: the balance of a state, an input or an output."""
         units = self.report.units
         if term.kind != "state":
-            return axis(
-                f"added to {term.kind} {term.location}",
-                {f"added to {term.kind} {term.location}": units.get(term.location, "")},
-            )
-        name = f"d({term.location})/dt"
-        return axis(name, {name: derivative_unit(term.location, units)})
+            return labelled(f"added to {term.kind} {term.location}", units.get(term.location, ""))
+        return labelled(f"d({term.location})/dt", derivative_unit(term.location, units))
+
+
+def _legend_above(ax: Any) -> None:
+    """Names of the lines in one row above the field."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.25), ncols=3, frameon=False)

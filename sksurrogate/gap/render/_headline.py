@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.decide._rules import PRACTICAL
-from sksurrogate.gap.render._units import TIME, with_unit
-from sksurrogate.gap.render._values import change_of, confidence, number, percent, place_of, readable
+from sksurrogate.gap.render._units import TIME
+from sksurrogate.gap.render._values import (
+    change_of,
+    confidence,
+    is_wrong_parameter,
+    moved_text,
+    number,
+    percent,
+    place_of,
+    quantity,
+    readable,
+)
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, TIED_LISTED
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._shrink import Shrink
-
-__all__ = [
-    "changes",
-    "first_of",
-    "headline",
-    "next_steps",
-    "not_identified",
-    "related_forms",
-    "sentence_of",
-    "separating",
-]
 
 #: A formula longer than this (characters) is not read in a sentence.
 LONGEST_LINE = 80
@@ -42,8 +41,7 @@ def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     for effect in report.effects:
         what = f"parameter {effect.location}" if effect.name == "parameter_error" else place_of(effect)
         out.append((what, change_of(effect, report.nominal, report.units), confidence(effect.probability)))
-    always = [e for e in report.effects if e.name == "parameter_error" and not set(WINDOW) & set(e.params)]
-    named = {effect.location for effect in always}
+    named = {effect.location for effect in report.effects if is_wrong_parameter(effect)}
     rows = [row for row in report.retuned if "value" in row and row["parameter"] not in named]
     moved = [_retuned(row, report) for row in rows if row.get("moved")]
     as_before = [str(row["parameter"]) for row in rows if not row.get("moved")]
@@ -52,14 +50,10 @@ def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     return [*out, ("re-tuned", moved, "")] if moved else out
 
 
-def _retuned(row: object, report: ReportData) -> str:
-    """``name: before -> after unit [low, high]``."""
-    wrong = EffectEstimate(
-        "parameter_error", row["parameter"], None, 1.0, {"relative_error": row["value"]},  # type: ignore[index]
-        {"relative_error": (row["low"], row["high"])}, 1.0,  # type: ignore[index]
-    )  # fmt: skip
-    line = change_of(wrong, {wrong.location: 0.0}, report.units)[0]
-    return line.replace(": 0 ->", f": {number(row['nominal'])} ->", 1)  # type: ignore[index]
+def _retuned(row: Mapping[str, Any], report: ReportData) -> str:
+    """A re-tuned parameter before and after."""
+    name, ends = row["parameter"], (row["low"], row["high"])
+    return moved_text(name, row["nominal"], row["value"], ends, report.units.get(name, ""))
 
 
 def headline(report: ReportData) -> str:
@@ -73,7 +67,7 @@ def headline(report: ReportData) -> str:
     -------
     str
     """
-    if not report.complete and report.reasons.rule == UNDECIDED.rule:
+    if _is_undecided(report):
         by_then = f" Found by then, not judged yet: {_named(report)}." if report.effects else ""
         return f"The diagnosis stopped before it had an answer.{by_then}"
     if report.verdict == "none":
@@ -84,6 +78,11 @@ def headline(report: ReportData) -> str:
     if report.reasons.rule == "other_unit":
         return "The record seems to have another unit than the simulator: of time or of readings."
     return _uncertain(report) if report.reasons.rule == "uncertain_names" else _unknown(report)
+
+
+def _is_undecided(report: ReportData) -> bool:
+    """Whether the diagnosis stopped before its verdict."""
+    return not report.complete and report.reasons.rule == UNDECIDED.rule
 
 
 def _named(report: ReportData) -> str:
@@ -156,8 +155,8 @@ def _what_remains(report: ReportData) -> str:
 
 def _with_law(report: ReportData) -> str:
     """The certified law, and what it closes; empty without one."""
-    law = None if report.missing_term is None else report.missing_term.law
-    if law is None or not law.certified:
+    law = report.certified_law
+    if law is None:
         return ""
     what = "free curve" if law.is_curve else "law"
     form = f" {str(law).removeprefix('curve ')}" if len(str(law)) <= LONGEST_LINE else " of missing_term.law"
@@ -182,7 +181,7 @@ def _short(effect: EffectEstimate, report: ReportData) -> str:
     line = change_of(effect, report.nominal, report.units)[0] if effect.params else ""
     change, _, _ = line.partition(" [")
     window = "".join(
-        f", {word} t = {with_unit(number(effect.params[name]), report.units.get(TIME, ''))}"
+        f", {word} t = {quantity(effect.params[name], report.units.get(TIME, ''))}"
         for name, word in (("onset", "from"), ("end", "until"))
         if name in effect.params
     )
@@ -240,7 +239,7 @@ def next_steps(report: ReportData) -> list[str]:
 
 def _steps(report: ReportData) -> list[str]:
     """What to do next beside the faults of the record."""
-    if not report.complete and report.reasons.rule == UNDECIDED.rule:
+    if _is_undecided(report):
         return ["Run the diagnosis again: with more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."]
     if report.reasons.rule == "other_unit":
         return ["Write dt and the data in the units of the simulator (a note says which fits), and diagnose again."]
@@ -273,7 +272,7 @@ def _to_separate(report: ReportData) -> list[str]:
 def _about_the_rest(report: ReportData) -> str:
     """What to do about what no name explains."""
     term = report.missing_term
-    if term is not None and term.law is not None and term.law.certified:
+    if report.certified_law is not None:
         kept = "carries it" if report.provenance.include_law else "leaves it out (include_law=False)"
         return f"Check the law of the missing term against physics; diagnoser.augmented_ {kept}."
     if term is not None and term.effects:

@@ -7,18 +7,10 @@ from html import escape
 import numpy as np
 
 from sksurrogate.gap.render._svg import POINTS, Line
-from sksurrogate.gap.render._units import with_unit
-from sksurrogate.gap.render._values import number, percent
+from sksurrogate.gap.render._values import number, percent, quantity
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
-
-__all__ = ["law_html", "law_line", "law_lines"]
-
-
-def _law(report: ReportData) -> Law | None:
-    """The law of the missing term."""
-    return None if report.missing_term is None else report.missing_term.law
 
 
 def _title(law: Law) -> str:
@@ -32,7 +24,7 @@ def _kept(law: Law, report: ReportData) -> str:
     carried = "augmented_ carries it" if report.provenance.include_law else "augmented_ leaves it out"
     kept = f"certified on held-out runs; {carried}" if law.certified else "not certified on held-out runs"
     ranges = "; ".join(
-        f"{name} from {number(low)} to {with_unit(number(high), report.units.get(name, ''))}"
+        f"{name} from {number(low)} to {quantity(high, report.units.get(name, ''))}"
         for name, (low, high) in law.domain.items()
     )
     return f"{kept}. Fitted for {ranges}." if ranges else f"{kept}."
@@ -43,14 +35,14 @@ def _numbers(law: Law) -> list[str]:
     lines = []
     for name, value in law.params.items():
         error = law.standard_errors.get(name, np.nan)
-        text = with_unit(number(value), law.units.get(name, ""))
+        text = quantity(value, law.units.get(name, ""))
         lines.append(f"{name}: {text}" + (f" (standard error {number(error, 2)})" if np.isfinite(error) else ""))
     return lines
 
 
 def law_html(report: ReportData) -> str:
     """The formula with its numbers; empty without one."""
-    law = _law(report)
+    law = report.law
     if law is None:
         return ""
     numbers = "" if law.is_curve else f'<p class="small">{escape("; ".join(_numbers(law)))}</p>'
@@ -64,7 +56,7 @@ def law_html(report: ReportData) -> str:
 
 def law_line(report: ReportData, curve: Curve) -> list[Line]:
     """The law over the variable of a curve, where it depends on this signal alone."""
-    law = _law(report)
+    law = report.law
     if law is None or law.is_curve or tuple(law.variables) != (curve.variable,):
         return []
     try:
@@ -78,7 +70,7 @@ def law_line(report: ReportData, curve: Curve) -> list[Line]:
 
 def law_lines(report: ReportData) -> list[str]:
     """Formula and numbers, for the terminal."""
-    law = _law(report)
+    law = report.law
     if law is None:
         return []
     lines = [f"{_title(law)}: {law}", _kept(law, report)]

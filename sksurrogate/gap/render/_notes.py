@@ -10,8 +10,6 @@ from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["at_a_bound", "failed_stages", "interruption", "lost_candidates", "of_the_inputs", "on_none", "too_little"]
-
 
 def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -> list[str]:
     """What ended the diagnosis early: a time limit at some stages, or an interrupt."""

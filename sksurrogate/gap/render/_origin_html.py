@@ -6,11 +6,9 @@ from html import escape
 
 import numpy as np
 
-from sksurrogate.gap.render._units import TIME, with_unit
-from sksurrogate.gap.render._values import number
+from sksurrogate.gap.render._units import TIME
+from sksurrogate.gap.render._values import quantity
 from sksurrogate.gap.results._report_data import ReportData
-
-__all__ = ["origin_html", "origin_line"]
 
 
 def origin_pairs(report: ReportData) -> list[tuple[str, str]]:
@@ -20,7 +18,7 @@ def origin_pairs(report: ReportData) -> list[tuple[str, str]]:
         ("simulator", f"{origin.simulator} ({origin.access})" if origin.access else origin.simulator),
         ("data", ", ".join(origin.files)),
         ("runs, rows", f"{origin.n_runs}, {origin.n_rows}" if origin.n_rows else ""),
-        ("sample time", with_unit(number(origin.dt), report.units.get(TIME, "")) if np.isfinite(origin.dt) else ""),
+        ("sample time", quantity(origin.dt, report.units.get(TIME, "")) if np.isfinite(origin.dt) else ""),
         ("free parameters", ", ".join(origin.free)),
         ("effects", origin.effects if origin.n_rows else ""),
         ("other settings", origin.settings),

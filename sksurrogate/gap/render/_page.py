@@ -27,15 +27,13 @@ from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._table_html import explained
-from sksurrogate.gap.render._units import TIME, axis, range_text, unit_column
+from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
 from sksurrogate.gap.render._values import place_of
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import Table
-
-__all__ = ["html_fragment", "html_page"]
 
 #: Candidates that the ranking shows before the rest is folded away; candidates at most.
 RANKED_SHOWN, MOST_RANKED = 6, 60
@@ -164,7 +162,7 @@ def _where(report: ReportData) -> str:
         ("By place", where.by_location, place),
         ("By operating range", Table(tuple(regions)), {}),
         (
-            axis("By time", {"By time": report.units.get(TIME, "")}),
+            labelled("By time", report.units.get(TIME, "")),
             where.by_time,
             {"kind": "how the size changes over a run"},
         ),
@@ -193,7 +191,7 @@ def _missing(report: ReportData) -> str:
     out += [curve_html(curve, term.location, term.kind, report, law_line(report, curve)) for curve in curves]
     if term.curves and not curves:
         out.append("<p>No single signal explains it on held-out runs.</p>")
-    if term.candidates and not (term.law is not None and term.law.certified):
+    if term.candidates and report.certified_law is None:
         laws = "".join(f"<li><code>{escape(text)}</code></li>" for text in term.candidates)
         out.append(f"<p>Simple laws that come close:</p><ul>{laws}</ul>")
     return "".join(out)

@@ -7,8 +7,6 @@ from html import escape
 
 from sksurrogate.gap.results._data_faults import DataFaults
 
-__all__ = ["record_html", "record_lines"]
-
 
 def record_lines(faults: DataFaults, width: int) -> list[str]:
     """A title and one paragraph a fault; nothing where nothing is wrong.

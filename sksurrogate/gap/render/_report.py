@@ -13,8 +13,6 @@ from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._json import SCHEMA_ID, json_text, plain, schema_of
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["GapReport"]
-
 
 @dataclass(frozen=True, eq=False)
 class GapReport(ReportData):

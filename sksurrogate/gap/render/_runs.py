@@ -11,8 +11,6 @@ from sksurrogate.gap.render._units import TIME, axis
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
 
-__all__ = ["fitted_name", "noise_of", "run_error", "runs_html", "worst_first"]
-
 
 def deviations(report: ReportData) -> np.ndarray:
     """Standard deviation of every output over all runs (n_outputs,)."""
@@ -54,6 +52,8 @@ DRAWN = 24
 MOST_SIGNALS = 6
 #: Residuals within this many deviations of the noise are noise.
 NOISE_BAND = 2.0
+#: Room that is drawn beyond the readings, over their range.
+BEYOND_READINGS = 0.6
 #: Below this share of the residual before, the one after could not be seen beside it.
 MUCH_SMALLER = 0.3
 
@@ -143,18 +143,28 @@ def fitted_name(report: ReportData) -> str:
 def _output(trace: Trace, j: int, report: ReportData, height: int) -> Panel:
     """Measured, simulator, simulator with what was found."""
     measured, before, after = trace.measured[:, j], trace.before[:, j], trace.corrected[:, j]
-    low, high = limits([measured, before, after])
     known = np.isfinite(measured)
-    finite = measured[known]
-    if len(finite):
-        room = 0.6 * float(np.ptp(finite)) + 1e-12  # a simulator that runs away must not flatten the measurement
-        low, high = max(low, float(finite.min()) - room), min(high, float(finite.max()) + room)
     lines = [
-        Line("measured", trace.t[known], finite, "measured", width=4.0),
+        Line("measured", trace.t[known], measured[known], "measured", width=4.0),
         Line("simulator", trace.t, before, "before", "6 4", 1.8),
         Line(fitted_name(report), trace.t, after, "ink", width=1.3),
     ]
-    return Panel(lines, axis(_name(report.outputs, j, "y"), report.units), (low, high), height=height)
+    ends = near_readings(limits([measured, before, after]), measured[known])
+    return Panel(lines, axis(_name(report.outputs, j, "y"), report.units), ends, height=height)
+
+
+def near_readings(ends: tuple[float, float], readings: np.ndarray) -> tuple[float, float]:
+    """Ends of an axis, not far beyond the readings (n_values,): a simulator that runs away must not flatten them.
+
+    Examples
+    --------
+    >>> near_readings((-1.0, 1e9), np.array([0.0, 10.0]))
+    (-1.0, 16.0)
+    """
+    if not len(readings) or not np.ptp(readings) > 0.0:
+        return ends
+    room = BEYOND_READINGS * float(np.ptp(readings))
+    return max(ends[0], float(readings.min()) - room), min(ends[1], float(readings.max()) + room)
 
 
 def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Panel]:

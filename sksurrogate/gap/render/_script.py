@@ -1,7 +1,5 @@
 """The script of the page: values under the pointer, zoom by dragging; the page is whole without it."""
 
-__all__ = ["SCRIPT"]
-
 SCRIPT = """
 (function(){
 function near(line,x){var p=line.points,a=0,b=p.numberOfItems-1;if(b<0)return null;

@@ -1,7 +1,5 @@
 """The style sheet of the page: light, dark and printed."""
 
-__all__ = ["STYLE"]
-
 _LIGHT = (
     "--ink:#111;--soft:#555;--rule:#ccc;--paper:#fff;--card:#f6f7f8;--measured:#8f8f8f;--before:#d55e00;--accent:#0072b2;"
     "--second:#009e73;--third:#aa4499;--band:#dedede;--grid:#eee;--good:#1a7f37;--warn:#9a6700;--bad:#b3261e"

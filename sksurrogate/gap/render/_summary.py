@@ -13,14 +13,12 @@ import numpy as np
 from sksurrogate.gap.render._budget import part_name, shown
 from sksurrogate.gap.render._headline import not_identified
 from sksurrogate.gap.render._table_html import grid, table_html
-from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
-from sksurrogate.gap.render._values import number, percent, place_of
+from sksurrogate.gap.render._units import TIME, parameter_unit
+from sksurrogate.gap.render._values import number, percent, place_of, quantity
 from sksurrogate.gap.render._waterfall import CAPTION
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.results._trace import Trace
-
-__all__ = ["GapSummary", "summary_of", "table_of"]
 
 _WIDTH = 78
 
@@ -122,7 +120,7 @@ def _facts_of(report: ReportData) -> tuple[tuple[str, str], ...]:
         ("RMSE before:", number(shrink.before)),
         ("No. rows:", str(origin.n_rows or "-")),
         ("RMSE after:", number(shrink.after)),
-        ("Sample time:", with_unit(number(origin.dt), report.units.get(TIME, ""))),
+        ("Sample time:", quantity(origin.dt, report.units.get(TIME, ""))),
         ("RMSE of the noise:", number(shrink.floor)),
         ("Free parameters:", str(len(report.retuned))),
         ("Gap closed:", closed),

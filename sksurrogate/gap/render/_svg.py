@@ -12,8 +12,6 @@ from html import escape
 
 import numpy as np
 
-__all__ = ["POINTS", "Line", "Panel", "bars", "chart", "figure", "limits", "ticks"]
-
 #: Letters of 14 in a picture 480 wide are about 11 px on a phone.
 _FONT = 14
 _LEFT, _RIGHT, _LEGEND, _LABEL, _BOTTOM = 62, 14, 26, 20, 44

@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.gap.render._values import number, percent
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["explained", "grid", "table_html"]
-
 #: Column -> (head, what it means).
 COLUMNS = {
     "output": ("output", ""),

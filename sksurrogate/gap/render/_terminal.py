@@ -10,12 +10,10 @@ from sksurrogate.gap.render._law import law_lines
 from sksurrogate.gap.render._origin_html import origin_line
 from sksurrogate.gap.render._record import record_lines
 from sksurrogate.gap.render._table_html import grid
-from sksurrogate.gap.render._units import TIME, axis, range_text, unit_column
+from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
 from sksurrogate.gap.render._values import percent, place_of
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._report_data import ReportData
-
-__all__ = ["terminal_page"]
 
 #: Rows of a table of where or when.
 MOST_ROWS = 4
@@ -102,7 +100,7 @@ def _where(report: ReportData, width: int) -> list[str]:
             text = f"{percent(row['share'])} at {range_text(row['rule'], report.units)} ({percent(row['samples'])} of the samples)"
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")
     outputs = unit_column(where.by_output, "output", report.units)
-    time = axis("By time", {"By time": report.units.get(TIME, "")})
+    time = labelled("By time", report.units.get(TIME, ""))
     for heading, table in (("By output", outputs), (time, where.by_time[:MOST_ROWS])):
         if len(table) > 1:
             lines += [heading, *(_cut(f"  {line}", width) for line in grid(table))]
@@ -115,7 +113,7 @@ def _missing(report: ReportData, width: int) -> list[str]:
     lines: list[str] = []
     for k, text in enumerate(law_lines(report)):
         lines += textwrap.wrap(text, width, initial_indent="  " if k else "", subsequent_indent="    ")
-    if term is not None and term.candidates and not (term.law is not None and term.law.certified):
+    if term is not None and term.candidates and report.certified_law is None:
         lines.append(f"What is missing at {term.location}, simple laws that come close")
         for text in term.candidates:
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")

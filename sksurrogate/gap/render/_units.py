@@ -10,24 +10,28 @@ from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._table import Table
 
-__all__ = ["TIME", "axis", "derivative_unit", "parameter_unit", "range_text", "unit_column", "with_unit"]
-
 #: Key of ``units`` under which the unit of time stands.
 TIME = "time"
+#: Units that are not written: not known, or none.
+NO_UNIT = ("", "1", "-")
 
 
 def axis(name: str, units: Mapping[str, str]) -> str:
-    """Label of an axis: quantity, slash, unit; the quantity alone where no unit is known or it has none.
+    """Label of an axis for a signal."""
+    return labelled(name, units.get(name, ""))
+
+
+def labelled(quantity: str, unit: str) -> str:
+    """Quantity, slash, unit; the quantity alone where no unit is known or it has none.
 
     Examples
     --------
-    >>> axis("speed", {"speed": "rad/s"}), axis("gain", {"gain": "1"}), axis("speed", {})
+    >>> labelled("speed", "rad/s"), labelled("gain", "1"), labelled("speed", "")
     ('speed / (rad/s)', 'gain', 'speed')
     """
-    unit = units.get(name, "")
-    if unit in ("", "1", "-"):
-        return name
-    return f"{name} / ({unit})" if any(sign in unit for sign in "/ *") else f"{name} / {unit}"
+    if unit in NO_UNIT:
+        return quantity
+    return f"{quantity} / ({unit})" if any(sign in unit for sign in "/ *") else f"{quantity} / {unit}"
 
 
 def with_unit(number: str, unit: str) -> str:
@@ -38,7 +42,7 @@ def with_unit(number: str, unit: str) -> str:
     >>> with_unit("2.5", "m/s"), with_unit("2.5", "1"), with_unit("2.5", "")
     ('2.5 m/s', '2.5', '2.5')
     """
-    return number if unit in ("", "1", "-") else f"{number} {unit}"
+    return number if unit in NO_UNIT else f"{number} {unit}"
 
 
 def derivative_unit(name: str, units: Mapping[str, str]) -> str:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, only_in
-
-__all__ = ["change_of", "confidence", "number", "percent", "place_of", "readable"]
 
 #: Probability from which a word applies, the first that is reached.
 WORDS = ((0.99, "very likely"), (0.9, "likely"), (0.5, "more likely than not"), (0.0, "uncertain"))
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number in few digits, with a real minus in its text left as typed.
+    """A number in few digits; a dash where it is not known.
 
     Examples
     --------
@@ -27,6 +26,11 @@ def number(value: float, digits: int = 4) -> str:
     if value is None or np.isnan(value):
         return "-"
     return format(0.0 if abs(value) < 1e-200 else float(value), f".{digits}g")
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number in few digits with its unit."""
+    return with_unit(number(value), unit)
 
 
 def percent(share: float) -> str:
@@ -86,6 +90,11 @@ def place_of(effect: EffectEstimate) -> str:
     return f"{readable(effect.name)} at {effect.location}{driven}{only_in(effect)}"
 
 
+def is_wrong_parameter(effect: EffectEstimate) -> bool:
+    """Whether it is a parameter of the simulator that is wrong all along, not from a time on."""
+    return effect.name == "parameter_error" and not set(WINDOW) & set(effect.params)
+
+
 def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mapping[str, str]) -> list[str]:
     """What the effect changes, one line a parameter: *before -> after* of the simulator's own, else value and interval.
 
@@ -110,22 +119,35 @@ def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mappi
         rest = {name: value for name, value in effect.params.items() if name != "relative_error"}
         return [_moved(effect, before, units), *change_of(replace(effect, params=rest), {}, units)]
     if before is not None and effect.name == "parameter_step":
-        when = with_unit(number(effect.params["time"]), units.get(TIME, ""))
+        when = quantity(effect.params["time"], units.get(TIME, ""))
         return [f"{_moved(effect, before, units)} from t = {when} on"]
     lines = []
     for name, value in effect.params.items():
         low, high = effect.intervals.get(name, (np.nan, np.nan))
-        text = with_unit(number(value), parameter_unit(effect, name, units))
+        text = quantity(value, parameter_unit(effect, name, units))
         lines.append(f"{readable(name)}: {text} {interval_text(low, high)}".rstrip())
     return lines
 
 
 def _moved(effect: EffectEstimate, before: float, units: Mapping[str, str]) -> str:
-    """``name: before -> after unit [low, high]`` of a parameter of the simulator."""
+    """A wrong parameter of the simulator before and after its relative change."""
 
     def at(change: float) -> float:
         return change if before == 0 else before * (1 + change)
 
-    low, high = sorted(at(end) for end in effect.intervals.get("relative_error", (np.nan, np.nan)))
-    after = with_unit(number(at(effect.params["relative_error"])), units.get(effect.location, ""))
-    return f"{effect.location}: {number(before)} -> {after} {interval_text(low, high)}".rstrip()
+    ends = [at(end) for end in effect.intervals.get("relative_error", (np.nan, np.nan))]
+    return moved_text(
+        effect.location, before, at(effect.params["relative_error"]), ends, units.get(effect.location, "")
+    )
+
+
+def moved_text(name: str, before: float, after: float, ends: Sequence[float], unit: str) -> str:
+    """A parameter before and after, and the ends of its interval in any order.
+
+    Examples
+    --------
+    >>> moved_text("mass", 2.0, 2.5, (2.6, 2.4), "kg")
+    'mass: 2 -> 2.5 kg [2.4, 2.6]'
+    """
+    low, high = sorted(ends)
+    return f"{name}: {number(before)} -> {quantity(after, unit)} {interval_text(low, high)}".rstrip()

@@ -7,8 +7,6 @@ import numpy as np
 from sksurrogate.gap.render._values import percent
 from sksurrogate.gap.results._report_data import ReportData
 
-__all__ = ["CAPTION", "closed", "waterfall"]
-
 #: What the numbers are.
 CAPTION = "RMSE of the free run on held-out runs / standard deviation of each output"
 
@@ -18,7 +16,7 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
 
     What makes held-out runs worse says so: it is not a help.
     """
-    s, law = report.shrink, None if report.missing_term is None else report.missing_term.law
+    s, law = report.shrink, report.law
     beside = "with the law too" if report.effects else "with the law"
 
     def helps(label: str, after: float) -> str:
@@ -37,7 +35,7 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
 
 def closed(report: ReportData) -> list[str]:
     """How much of the gap what is named and a certified law close, and how steady the names are."""
-    s, law = report.shrink, None if report.missing_term is None else report.missing_term.law
+    s = report.shrink
     lines = []
     if np.isfinite(s.fraction) and (report.effects or len(report.retuned)):
         low, high = (100 * end for end in s.interval)
@@ -45,7 +43,7 @@ def closed(report: ReportData) -> list[str]:
         lines.append(
             f"{how}: {percent(s.fraction)} of the gap above the noise, 90 % interval {low:.1f} to {high:.1f} %."
         )
-    if law is not None and law.certified and np.isfinite(s.fraction_law):
+    if report.certified_law is not None and np.isfinite(s.fraction_law):
         lines.append(f"Closed with the law: {percent(s.fraction_law)}.")
     if np.isfinite(s.same_names):
         lines.append(f"{100 * s.same_names:.0f} % of the folds choose the same names.")

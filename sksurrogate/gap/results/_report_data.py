@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._provenance import UNKNOWN_ORIGIN, Provenance
@@ -48,3 +49,13 @@ class ReportData:
     provenance: Provenance = UNKNOWN_ORIGIN
     data: DataFaults = NO_FAULTS
     scale: tuple[float, ...] = ()
+
+    @property
+    def law(self) -> Law | None:
+        """The formula or curve of the missing term; None where none was found."""
+        return None if self.missing_term is None else self.missing_term.law
+
+    @property
+    def certified_law(self) -> Law | None:
+        """The law that closes a practical share of the gap on runs left out; None without one."""
+        return self.law if self.law is not None and self.law.certified else None
