@@ -185,6 +185,11 @@ class Disturbance:
         A, B, C = (part.transpose(1, 2, 0) for part in (self.A, self.B, self.C))
         return Disturbance(A, B, C, starts, self.start_sd, self.slack, self.known)
 
+    def with_forces(self, B: np.ndarray) -> Disturbance:
+        """The same trajectory and sensors under other forces, which move the states by B over one sample."""
+        A, C = self.A.transpose(1, 2, 0), self.C.transpose(1, 2, 0)
+        return Disturbance(A, B, C, self.starts, self.start_sd, self.slack, self.known)
+
     def chains(self, noise: Noise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Size, memory over a sample and precision of the steps of every coloured noise, forces first."""
         spread = np.concatenate([noise.force, noise.coloured])

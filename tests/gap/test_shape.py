@@ -45,7 +45,7 @@ def channel(record, term, seed=1):
     noise = Noise(np.array([SIGMA]), np.array([float(np.std(w)) + 0.05]), 5.0, np.array([1e-4]), 10.0)
     held = np.array([False, False, False, True, True])
     signals = {"a": z[0], "b": z[1]}
-    return Channel(record, D, noise, LinearModel.of(r), 0.1 * ones[0], None, 1.0, held, signals, -np.inf)
+    return Channel("x", "state", record, D, noise, LinearModel.of(r), 0.1 * ones[0], None, 1.0, held, signals, -np.inf)
 
 
 def shape(c, changes=()):

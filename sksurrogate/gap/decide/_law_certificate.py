@@ -70,7 +70,7 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
     theta = candidate.theta_of(i)
     spread = np.maximum(high - theta, theta - low) / BAND
     names = [p.name for p in effect.parameters]
-    signals = signals_of(candidate, plant, fitted.kind)
+    signals = dict(zip(plant.outputs, candidate.fit.y)) if fitted.kind == "output" else candidate.signals
     drivers = sorted({n for term in effect.terms for f in term.factors for n in signal_names(f[1])} & set(signals))
     closed = shrink.fraction_power_law - (shrink.fraction_power if np.isfinite(shrink.fraction_power) else 0.0)
     return Law(
@@ -87,14 +87,6 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
         certified_law(shrink),
         float(beside.evidence),
     )
-
-
-def signals_of(candidate: OdeCandidate, plant: Plant, kind: str) -> dict[str, np.ndarray]:
-    """Signals that a law at a kind of place may see, along the free run."""
-    record = candidate.problem.record
-    if kind == "output":
-        return dict(zip(plant.outputs, candidate.fit.y))
-    return dict(zip([*plant.states, *plant.inputs], [*candidate.fit.x[: len(plant.states)], *record.u]))
 
 
 #: Powers of its signal that a shape has as its unit; the others have none.

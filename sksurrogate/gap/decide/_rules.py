@@ -8,9 +8,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from sksurrogate.gap.decide._posterior import CERTAIN_NAME
-from sksurrogate.gap.fit._closeness import FAR, MOST_LEFT, NEAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE, MOST_LEFT, NEAR, NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
-from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._stopping import STACK

@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -66,6 +67,14 @@ class Backend(ABC):
     def force_unit(self) -> np.ndarray:
         """Size of the force that counts as one in every balance."""
 
+    @abstractmethod
+    def quiet_force(self) -> np.ndarray:
+        """Force of every balance that counts as none."""
+
+    def forced_noises(self, start: Noise) -> list[Noise]:
+        """Noises with forces beside quiet sensors, from which a fit may start too; none where one start finds them."""
+        return []
+
 
 @dataclass(frozen=True, eq=False)
 class BaseCandidate(ABC):
@@ -120,9 +129,12 @@ class BaseCandidate(ABC):
     def white_alone(self) -> bool:
         """Whether white noise, where it is likelier near the data, takes the place of the noise that a fit starts from."""
 
-    @abstractmethod
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
-        """Where a noise fit may start too: with forces beside quiet sensors, and as white noise."""
+        """Where a noise fit may start too: with forces beside quiet sensors; near the data as white noise, for it does not find out
+        of a colour."""
+        problem, rms = self.problem, self.problem.record.rms(self.residual)
+        near = np.all(rms < NEARLY_WHITE * problem.sd)
+        return problem.forced_noises(start), [as_white(start, rms, problem.quiet_force())] if near else []
 
     @abstractmethod
     def taken_out(self, i: int) -> BaseCandidate | None:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.fit._neighbours import neighbours
-from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE, Numerics, OdeBackend
+from sksurrogate.gap.fit._ode import Numerics, OdeBackend
 from sksurrogate.gap.fit._pushes import gain_of_forces
 from sksurrogate.gap.fit._simulations import Simulations, divergence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend

@@ -22,6 +22,8 @@ FAR = 5.0
 #: Names, or re-tuning alone, that leave more than this explain less of the gap than they leave. Such names do not stand: they fall
 #: before they are weighed, or at their certificate.
 MOST_LEFT = 0.5
+#: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
+LARGEST_DISTURBANCE = 0.10
 
 # Levels of the cost over the number of measured values.
 #: Sizes, not likelihoods, tell candidates apart; a limit is fitted from another start too.

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._normal_equations import project_starts
-from sksurrogate.gap.fit._ode import LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._pushes import a_sample_later, gain_of_forces
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance

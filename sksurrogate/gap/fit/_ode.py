@@ -10,8 +10,8 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._structure import largest_gains
-from sksurrogate.gap.fit._backend import Backend, BaseCandidate, as_white
-from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._backend import Backend, BaseCandidate
+from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
 from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
@@ -24,8 +24,6 @@ from sksurrogate.kernels.smoother import Smoothed, output_jacobian, smooth
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-#: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
-LARGEST_DISTURBANCE = 0.10
 #: A force is quiet that moves no output by more than this share of its noise, and is below this share of the RMS of dx/dt.
 QUIET_OUTPUT, QUIET_FORCE = 0.05, 1e-3
 #: Steps of the parameters of an effect or of a formula, over their size, that slopes are good for.
@@ -95,14 +93,6 @@ class OdeCandidate(BaseCandidate):
         theta, (precision, pull) = self.fit.theta, self.held
         reach = np.where((theta != 0) & (np.arange(len(theta)) < self.n_parameters), np.abs(theta), np.inf)
         return self.residual, J, precision + (REACH * reach) ** -2.0, pull
-
-    def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
-        """Forces of three sizes beside quiet sensors, white noise near the data."""
-        problem, rms = self.problem, self.problem.record.rms(self.residual)
-        quiet = replace(start, sigma=problem.sd, coloured=1e-2 * problem.sd, tau=REMEMBERED)
-        forces = [replace(quiet, force=share * problem.force_unit()) for share in FORCES]
-        near = np.all(rms < NEARLY_WHITE * problem.sd)
-        return forces, [as_white(start, rms, problem.quiet_force())] if near else []
 
     @recent_property(MOST_KEPT)
     def start_bases(self) -> list[StartBasis]:
@@ -346,6 +336,11 @@ class OdeBackend(Backend):
     def force_unit(self) -> np.ndarray:
         """RMS of dx/dt of every balance."""
         return self.rate[self.rows_of_balances]
+
+    def forced_noises(self, start: Noise) -> list[Noise]:
+        """Forces of three sizes."""
+        quiet = replace(start, sigma=self.sd, coloured=1e-2 * self.sd, tau=REMEMBERED)
+        return [replace(quiet, force=share * self.force_unit()) for share in FORCES]
 
     def quiet_force(self) -> np.ndarray:
         """Force of every balance that moves no output by more than :data:`QUIET_OUTPUT` of its noise."""

@@ -13,8 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._backend import Backend, BaseCandidate, as_white
-from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
 from sksurrogate.gap.fit._normal_equations import project_starts, solve
@@ -67,12 +66,6 @@ class TrajectoryCandidate(BaseCandidate):
 
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         return self.residual, self.fit.J, *self.held
-
-    def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
-        """White noise near the data: a fit does not find out of a colour."""
-        rms = self.problem.record.rms(self.residual)
-        near = np.all(rms < NEARLY_WHITE * self.problem.sd)
-        return [], [as_white(start, rms, 1e-3 * self.problem.first_noise().force)] if near else []
 
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
         return self.problem.without_starts(columns, starts)
@@ -265,6 +258,9 @@ class TrajectoryBackend(Backend):
     def force_unit(self) -> np.ndarray:
         """Forces are in units of the size of their states."""
         return np.ones(len(self.surrogate.A))
+
+    def quiet_force(self) -> np.ndarray:
+        return 1e-3 * self.first_noise().force
 
     def first_noise(self) -> Noise:
         n = len(self.surrogate.A)

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.gap.fit._linear_model import LinearModel
-from sksurrogate.gap.fit._pushes import REMEMBERED, a_sample_later
-from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.record import Record
 
 #: Correlation times, in samples, from which the size of a signal is fitted.
 CORRELATION_TIMES = (5.0, 25.0)
+#: Signals whose way to the outputs is computed at once.
+SIGNALS_AT_ONCE = 32
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,8 @@ def fit_signal(
 class Channel:
     """How a signal that enters at one place reaches the outputs."""
 
+    location: str
+    kind: str  #: "state", "input", "output" or "parameter"
     record: Record
     D: Disturbance  #: With the one force at the place (for a sensor: a force that is held at nothing)
     noise: Noise  #: With the force, or the coloured sensor noise, that explains the gap
@@ -101,11 +104,9 @@ class Channel:
         if self.push is None:
             out[self.sensor] = signal
             return out
-        A, C = self.D.A.transpose(1, 2, 0), self.D.C.transpose(1, 2, 0)
-        band = recursion_band(A, self.record.starts)
-        for a in range(0, len(signal), 32):
-            b = a_sample_later(self.push[:, None, :] * signal[None, a : a + 32], self.record.starts)
-            out[:, a : a + 32] = np.einsum("oit,ikt->okt", C, solve_recursion(band, b))
+        for a in range(0, len(signal), SIGNALS_AT_ONCE):
+            some = slice(a, a + SIGNALS_AT_ONCE)
+            out[:, some] = self.D.moved(self.push[:, None] * signal[some])
         return out
 
     def force(self, r: np.ndarray | None = None) -> np.ndarray:

@@ -43,8 +43,8 @@ class Channels(ABC, Generic[C]):
         """That of a place; LinAlgError or FloatingPointError where no signal there can be followed."""
 
     @abstractmethod
-    def drivers(self, channel: Channel, location: str, kind: str, changes: Sequence[float] = ()) -> Drivers:
-        """Signals that may drive a law at a place, which may begin at some times."""
+    def drivers(self, channel: Channel, changes: Sequence[float] = ()) -> Drivers:
+        """Signals that may drive a law at the place of a channel, which may begin at some times."""
 
     def at(self, location: str, kind: str) -> Channel | None:
         """That of a place; None where no signal there can be followed."""
@@ -59,7 +59,7 @@ class Channels(ABC, Generic[C]):
         """The formulae of most worth at a place, the best first."""
         channel = self.at(location, kind)
         if channel is not None and (location, kind) not in self._drafts:
-            self._drafts[location, kind] = drafts_at(channel, self.drivers(channel, location, kind))
+            self._drafts[location, kind] = drafts_at(channel, self.drivers(channel))
         return self._drafts.get((location, kind), [])
 
     @property
@@ -82,5 +82,5 @@ class Channels(ABC, Generic[C]):
         table = times(record, channel.force())
         changes = [row["start"] for row in table[1:] if row["kind"] == "change"] if np.ptp(first) == 0 else []
         moments = [float(first[0] + moment) for moment in changes]
-        drivers = self.drivers(channel, location, kind, moments)
+        drivers = self.drivers(channel, moments)
         return shape_of(channel, drivers, drafts_at(channel, drivers) if moments else self.drafts(location, kind))

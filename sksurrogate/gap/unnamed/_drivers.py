@@ -11,7 +11,7 @@ from sksurrogate.effects._formula import Term, signal_names
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect, law_effect
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._channel import Channel
-from sksurrogate.gap.unnamed._law_shapes import at_end
+from sksurrogate.gap.unnamed._law_shapes import at_end, moves
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.record import Record
 
@@ -70,7 +70,12 @@ class Drivers:
     @property
     def moving(self) -> list[str]:
         """Names of those that move."""
-        return [k for k, z in self.signals.items() if np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300)]
+        return [name for name, z in self.signals.items() if moves(z)]
+
+    @property
+    def present(self) -> list[str]:
+        """Names of those that move and are no recent past."""
+        return [name for name in self.moving if name not in self.late]
 
 
 def past_name(name: str) -> str:
@@ -84,15 +89,13 @@ def past_name(name: str) -> str:
     return name.partition("#")[0][4:-1]
 
 
-def drivers_at(
-    base: OdeCandidate, channel: Channel, location: str, kind: str, changes: Sequence[float] = ()
-) -> Drivers:
-    """Signals that may drive a law at a place: states and inputs in a balance, outputs at a sensor.
+def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -> Drivers:
+    """Signals that may drive a law at the place of a channel: states and inputs in a balance, outputs at a sensor.
 
     At an input these are inputs, and states where no single balance stands for its port.
     """
     problem = base.problem
-    plant, record = problem.plant, channel.record
+    plant, record, location, kind = problem.plant, channel.record, channel.location, channel.kind
     assert channel.x is not None
     if kind == "output":
         return Drivers(location, kind, dict(zip(plant.outputs, base.fit.y)), {}, changes=changes)

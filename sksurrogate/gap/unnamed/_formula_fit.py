@@ -69,7 +69,7 @@ def fitted_laws(
         channel = channels.at(location, kind)
         if channel is None:
             continue
-        drivers = channels.drivers(channel, location, kind)
+        drivers = channels.drivers(channel)
         drafts = channels.drafts(location, kind)
         best = max([best, *(draft.level for draft in drafts)])
         chosen = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]

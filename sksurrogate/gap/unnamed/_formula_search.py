@@ -113,7 +113,7 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
 def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Draft | None:
     """A smooth curve of the driver that the best formula holds: cubic B-splines over the range that it covers."""
     names = [name for draft in drafts for term in draft.terms for name in term.variables if name in drivers.signals]
-    names += [name for name in drivers.moving if name not in drivers.late]
+    names += drivers.present
     if not names:
         return None
     z = drivers.signals[names[0]]
@@ -150,8 +150,7 @@ class _Regression:
         self.K = self.base @ known.transpose(1, 0, 2).reshape(known.shape[1], -1).T
         self.half_log = 0.5 * np.log(channel.r.size)
         self.n_drivers, self.log_det = len(self.drivers.moving), 0.0
-        now = [name for name in self.drivers.moving if name not in self.drivers.late]
-        self.linear_forms = [(), *((("v", name),) for name in now)]
+        self.linear_forms = [(), *((("v", name),) for name in self.drivers.present)]
 
     def weights(self, columns: np.ndarray) -> np.ndarray:
         """``S^-1`` of columns (n_outputs, n_columns, n_samples): (n_columns, n_outputs * n_samples)."""

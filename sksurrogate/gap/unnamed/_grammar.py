@@ -47,7 +47,7 @@ def price_of(terms: Sequence[Term], n_drivers: int) -> float:
 
 def terms_of(drivers: Drivers) -> list[Term]:
     """Terms of one driver and of two, plain ones first, and what begins at one of the changes."""
-    now = [name for name in drivers.moving if name not in drivers.late]
+    now = drivers.present
     late = [name for name in drivers.moving if name in drivers.late]
     single = {name: list(factors_of(name, drivers.signals[name])) for name in now}
     first = now[:MOST_OF_PRODUCTS]

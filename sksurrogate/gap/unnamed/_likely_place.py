@@ -17,7 +17,6 @@ from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.gap.unnamed._smoothed_path import paths
-from sksurrogate.kernels.disturbance import Disturbance
 
 #: Places that are compared by the law that fits there.
 COMPARED = 3
@@ -85,12 +84,11 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
     with np.errstate(all="ignore"):
         x = next(paths(null, problem))
         about = null.along(x)
-        A, whole, r = about.linearised.A, about.disturbance, about.residual
-        forces, C = whole.B.transpose(1, 2, 0), whole.C.transpose(1, 2, 0)
+        whole, r = about.disturbance, about.residual
+        forces = whole.B.transpose(1, 2, 0)
 
         def likelihood(push: np.ndarray, unit: float, sensor: int | None = None) -> float:
-            D = Disturbance(A, push, C, record.starts, whole.start_sd, whole.slack, record.known)
-            return fit_signal(D, r, problem.sd, record.spread, unit, sensor, rough=rough)[1]
+            return fit_signal(whole.with_forces(push), r, problem.sd, record.spread, unit, sensor, rough=rough)[1]
 
         for b, name in enumerate(problem.balances):
             found.append(Place(name, "state", likelihood(forces[:, b : b + 1], units[b])))

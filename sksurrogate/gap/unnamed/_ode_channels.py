@@ -17,7 +17,7 @@ from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
 from sksurrogate.gap.unnamed._elements import elements_along
 from sksurrogate.gap.unnamed._law_places import input_push
 from sksurrogate.gap.unnamed._smoothed_path import paths
-from sksurrogate.kernels.disturbance import Disturbance, Noise
+from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.integrate import state_jacobian
 from sksurrogate.kernels.record import Record
 
@@ -94,7 +94,7 @@ def _about(
     problem, about = null.problem, null.along(x)
     record, plant, lin = problem.record, problem.plant, about.linearised
     whole = problem.disturbance_along(null.model, null.fit.theta, x, lin.A, soft)
-    B, C = whole.B.transpose(1, 2, 0)[:, :1], whole.C.transpose(1, 2, 0)
+    B = whole.B.transpose(1, 2, 0)[:, :1]
     unit = float(problem.rate[plant.states.index(soft[0])])
     if kind == "input" and location in plant.inputs:
         i = plant.inputs.index(location)
@@ -104,7 +104,7 @@ def _about(
     if element is not None:
         shares = element.direction[problem.rows_of_balances]
         B, unit = np.einsum("tib,b->it", whole.B, shares)[:, None], float(problem.force_unit() @ np.abs(shares))
-    D = Disturbance(lin.A, B, C, record.starts, whole.start_sd, whole.slack, record.known)
+    D = whole.with_forces(B)
     linear = linear_set(about)
     sensor = sensor_at(null, location, kind)
     noise, value, held = fit_signal(D, linear.r, problem.sd, record.spread, unit, sensor, near=near)
@@ -114,7 +114,10 @@ def _about(
     signals = problem.signals_along(x)
     if element is not None:
         signals[f"flow of {location}"] = element.flow
-    return Channel(record, D, noise, linear, push, sensor, unit, held, signals, value, x, len(soft)), lin.x
+    return (
+        Channel(location, kind, record, D, noise, linear, push, sensor, unit, held, signals, value, x, len(soft)),
+        lin.x,
+    )
 
 
 def sensor_at(null: OdeCandidate, location: str, kind: str) -> int | None:
@@ -129,5 +132,5 @@ class OdeChannels(Channels[OdeCandidate]):
     def made(self, location: str, kind: str) -> Channel:
         return channel_of(self.null, location, kind)
 
-    def drivers(self, channel: Channel, location: str, kind: str, changes: Sequence[float] = ()) -> Drivers:
-        return drivers_at(self.null, channel, location, kind, changes)
+    def drivers(self, channel: Channel, changes: Sequence[float] = ()) -> Drivers:
+        return drivers_at(self.null, channel, changes)

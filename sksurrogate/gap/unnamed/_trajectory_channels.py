@@ -15,7 +15,7 @@ from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._law_left import LawLeft
 
 
-def channel_of(candidate: TrajectoryCandidate, location: str) -> Channel:
+def channel_of(candidate: TrajectoryCandidate, location: str, kind: str) -> Channel:
     """One latent signal at an input or output on top of a candidate, elsewhere on every state of the surrogate.
 
     Signals at an input or output are in its units.
@@ -35,17 +35,18 @@ def channel_of(candidate: TrajectoryCandidate, location: str) -> Channel:
     noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor)
     signals = {**dict(zip(plant.outputs, candidate.fit.y)), **dict(zip(plant.inputs, record.u))}
     pushed = None if sensor is not None else np.repeat(push[:, :1], record.n_samples, axis=1)
-    return Channel(record, D, noise, LinearModel.of(r), pushed, sensor, unit, held, signals, value)
+    return Channel(location, kind, record, D, noise, LinearModel.of(r), pushed, sensor, unit, held, signals, value)
 
 
 class TrajectoryChannels(Channels[TrajectoryCandidate]):
     """Around a simulator with ``simulate`` alone: at its inputs and outputs, elsewhere on every state of its surrogate."""
 
     def made(self, location: str, kind: str) -> Channel:
-        return channel_of(self.null, location)
+        return channel_of(self.null, location, kind)
 
-    def drivers(self, channel: Channel, location: str, kind: str, changes: Sequence[float] = ()) -> Drivers:
-        return Drivers(location, kind, channel.signals, {}, along=self.null.problem.plant.inputs, changes=changes)
+    def drivers(self, channel: Channel, changes: Sequence[float] = ()) -> Drivers:
+        along = self.null.problem.plant.inputs
+        return Drivers(channel.location, channel.kind, channel.signals, {}, along=along, changes=changes)
 
 
 def equivalent_places(channels: Channels[TrajectoryCandidate]) -> list[Place]:
@@ -67,7 +68,7 @@ def law_left(channels: Channels[TrajectoryCandidate], place: Place, unit: float,
     if channel is None or not drafts:
         return LawLeft(place.location, place.kind, "")
     best, candidate = drafts[0], channels.null
-    problem, drivers = candidate.problem, channels.drivers(channel, place.location, place.kind)
+    problem, drivers = candidate.problem, channels.drivers(channel)
     signal = best.coefficients @ drivers.values(best.terms, channel.record)
     over_noise = candidate.without_starts(channel.respond(signal[None]).transpose(1, 0, 2))[0]
     chance = float(expit(best.worth))
