@@ -75,7 +75,7 @@ class DiagnosisState(Generic[C]):
     @property
     def final(self) -> Evidence:
         """What stands."""
-        return self.search.final or self.null
+        return self.search.standing
 
     @property
     def null(self) -> Evidence:
@@ -98,7 +98,7 @@ class DiagnosisState(Generic[C]):
             return
         if final.effects:
             own, retuning = shares(final.candidate, found.shrink.fraction_power)
-            slots = found.slots or [Slot[C](i, [], []) for i in range(len(final.effects))]
+            slots = found.slots or [Slot[C](i, []) for i in range(len(final.effects))]
             chances = probabilities(self.search, final.candidate, slots, self.posterior)
             found.parts = Parts(tuple(own), retuning, tuple(chances))
         else:

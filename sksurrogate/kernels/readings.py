@@ -15,7 +15,7 @@ import numpy as np
 
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
-__all__ = ["Stretch", "flat_stretches", "predicted_by_neighbours", "spikes"]
+__all__ = ["Stretch", "flat_stretches", "predicted_by_neighbours", "spans_where", "spikes"]
 
 #: Rows before and after a reading that it is compared with, and the degree of the path through them.
 SIDE, DEGREE = 6, 3
@@ -210,11 +210,22 @@ def flat_stretches(y: np.ndarray, sd: float) -> list[Stretch]:
     return _apart(found)
 
 
+def spans_where(holds: np.ndarray) -> list[tuple[int, int]]:
+    """First rows and ends of the stretches in which something holds (n_rows,) of bool.
+
+    Examples
+    --------
+    >>> spans_where(np.array([True, False, True, True]))
+    [(0, 1), (2, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.r_[False, holds, False].astype(int))).tolist()
+    return list(zip(edges[::2], edges[1::2]))
+
+
 def _equal_runs(y: np.ndarray) -> list[tuple[int, int]]:
     """Stretches of exactly equal readings, where readings usually differ."""
     same = np.diff(y) == 0
-    edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
-    runs = [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2])]
+    runs = [(a, b + 1) for a, b in spans_where(same)]
     long = [(a, b) for a, b in runs if b - a >= SHORTEST_FLAT]
     other = float(same.sum() - sum(b - a - 1 for a, b in long))
     return long if other < 0.02 * len(y) else []  # on a grid equal neighbours are usual

@@ -125,7 +125,7 @@ def _others(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]]) -> list[C
     same = set()
     for slot in slots:
         own = final.effects[slot.index].key
-        kin = {candidate.effects[-1].key for candidate in slot.twins} | set(search.richer.get(own, []))
+        kin = slot.keys | set(search.richer.get(own, []))
         same |= {(keys - {own}) | {key} for key in kin}
     found = [
         candidate

@@ -13,7 +13,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise, judged_under
+from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
 from sksurrogate.gap.search._nested import richer
 
@@ -28,16 +28,33 @@ SAME_PREDICTION = 0.02
 
 
 @dataclass(frozen=True, eq=False)
+class Twin(Generic[C]):
+    """A candidate with another effect in the place of a named one, the last."""
+
+    candidate: C
+    same: bool  #: Whether its prediction is the same within a fraction of the noise
+
+    @property
+    def effect(self) -> BaseEffect:
+        """The other effect."""
+        return self.candidate.effects[-1]
+
+
+@dataclass(frozen=True, eq=False)
 class Slot(Generic[C]):
     """One named effect and the candidates that could stand in its place."""
 
     index: int
-    twins: list[C]  #: Candidates with another effect in this slot that these data cannot reject
-    identical: list[bool]  #: Whether the prediction of each twin is the same within a fraction of the noise
+    twins: list[Twin[C]]  #: Those that these data cannot reject
     own: C | None = None  #: With the named effect itself in the last place; None where it was not fitted so
 
+    @property
+    def keys(self) -> set[tuple]:
+        """Keys of the other effects."""
+        return {twin.effect.key for twin in self.twins}
 
-def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[Any] = ()) -> list[Slot[C]]:
+
+def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[Any]) -> list[Slot[C]]:
     """Refit every other candidate in each slot under the final noise model; those within :data:`EQUAL` are its class.
 
     So are sets that are ``as_likely`` beside a law of their own.
@@ -47,11 +64,10 @@ def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[A
 
 def _with_as_likely(slot: Slot[C], final: Evidence[C], as_likely: Sequence[Any]) -> Slot[C]:
     """The class of one slot with the other effects that are as likely in its place."""
-    beside = set(final.candidate.keys) - {final.effects[slot.index].key}
-    known = {final.effects[slot.index].key, *(twin.effects[-1].key for twin in slot.twins)}
+    own = final.effects[slot.index].key
+    beside, known = set(final.candidate.keys) - {own}, {own, *slot.keys}
     more = [one for one in as_likely if set(one.keys[:-1]) == beside and one.keys[-1] not in known]
-    identical = [predicts_the_same(one, final) for one in more]
-    return replace(slot, twins=[*slot.twins, *more], identical=[*slot.identical, *identical])
+    return replace(slot, twins=[*slot.twins, *(Twin(one, predicts_the_same(one, final)) for one in more)])
 
 
 def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
@@ -70,7 +86,7 @@ def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
             # Readings in steps have slopes that promise what no fit keeps.
             level, itself = min(level, value), itself or candidate
     found = _with_own_noise(search, final, level, found)
-    twins, identical = [], []
+    twins: list[Twin[C]] = []
     size = len(final.effects[i].parameters)
     for value, candidate in found:
         same = predicts_the_same(candidate, final)
@@ -80,9 +96,8 @@ def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
             if richer(candidate.effects[-1], final.effects[i]):
                 search.richer.setdefault(final.effects[i].key, []).append(candidate.effects[-1].key)
         else:
-            twins.append(candidate)
-            identical.append(same)
-    return Slot(i, twins, identical, itself)
+            twins.append(Twin(candidate, same))
+    return Slot(i, twins, itself)
 
 
 def predicts_the_same(candidate: BaseCandidate, final: Evidence) -> bool:
@@ -103,7 +118,7 @@ def _with_own_noise(
     for place, (value, candidate) in enumerate(found):
         missing = 2.0 * (level - value)
         if EQUAL < missing <= MAY_CATCH_UP and place < MOST_JUDGED:
-            again = search.judge(estimate_noise(candidate, final.noise, final.curvature, max_iterations=8))
+            again = search.judge(estimate_noise(candidate, final.noise, final.curvature, max_iterations=FEW_STEPS))
             value = max(value, again.log_likelihood - 0.5 * search.prior_cost(candidate))
         cheap = search.prior_cost(candidate) <= search.prior_cost(final.candidate) + EQUAL
         if 2.0 * (level - value) <= EQUAL or (cheap and predicts_the_same(candidate, final)):
@@ -145,15 +160,17 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     Returns ``slots``: in the order of the effects that stand then.
     Returns ``posterior``: in the same order.
     """
-    final = search.final or search.fitted_null
+    final = search.standing
     slots, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
         twin = _first_twin(slots[i], own, search.positions)
-        first = None if twin is None else _beside_the_others(search, final, i, twin)
+        first = None if twin is None else _beside_the_others(search, final, i, twin.candidate)
         if twin is None or first is None:
             continue
-        final = search.final = search.judge(estimate_noise(first, final.noise, final.curvature, max_iterations=8))
+        final = search.final = search.judge(
+            estimate_noise(first, final.noise, final.curvature, max_iterations=FEW_STEPS)
+        )
         contained = [*([own.key] if slots[i].own is None else []), *search.richer.get(own.key, [])]
         search.richer.setdefault(first.effects[-1].key, []).extend(contained)
         order = [*(k for k in range(len(slots)) if k != i), i]  # the twin stands last in its candidate
@@ -164,17 +181,17 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     return slots, replace(posterior, probabilities=tuple(kept))
 
 
-def _first_twin(slot: Slot[C], own: BaseEffect, positions: Collection[str]) -> C | None:
+def _first_twin(slot: Slot[C], own: BaseEffect, positions: Collection[str]) -> Twin[C] | None:
     """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself."""
 
-    def place(twin: C) -> tuple[Any, ...]:
-        return rank(twin.effects[-1], positions)
+    def place(twin: Twin[C]) -> tuple[Any, ...]:
+        return rank(twin.effect, positions)
 
     before, size = rank(own, positions), len(own.parameters)
     ahead = [
         twin
-        for twin, same in zip(slot.twins, slot.identical)
-        if (same and slot.own is not None and place(twin) < before) or len(twin.effects[-1].parameters) < size
+        for twin in slot.twins
+        if (twin.same and slot.own is not None and place(twin) < before) or len(twin.effect.parameters) < size
     ]
     return min(ahead, key=place, default=None)
 
@@ -188,11 +205,11 @@ def _beside_the_others(search: BaseSearch[C], final: Evidence[C], i: int, twin: 
     return next(again, None)
 
 
-def _seen_from(slot: Slot[C], twin: C) -> Slot[C]:
+def _seen_from(slot: Slot[C], twin: Twin[C]) -> Slot[C]:
     """The same class with a twin as the named effect."""
-    named = [] if slot.own is None else [(slot.own, slot.identical[slot.twins.index(twin)])]
-    others = [*named, *((one, same) for one, same in zip(slot.twins, slot.identical) if one is not twin)]
-    return replace(slot, twins=[one for one, _ in others], identical=[same for _, same in others], own=twin)
+    named = [] if slot.own is None else [Twin(slot.own, twin.same)]
+    others = [one for one in slot.twins if one is not twin]
+    return replace(slot, twins=[*named, *others], own=twin.candidate)
 
 
 def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Posterior) -> list[float]:
@@ -204,8 +221,8 @@ def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], pos
     own = search.score(final)
     out = []
     for slot, chance in zip(slots, posterior.probabilities):
-        ours = [own, *(_score(search, candidate, final) for candidate in slot.twins)]
-        named = {final.effects[slot.index].key, *(candidate.effects[-1].key for candidate in slot.twins)}
+        ours = [own, *(_score(search, twin.candidate, final) for twin in slot.twins)]
+        named = {final.effects[slot.index].key, *slot.keys}
         against = _others(search, final, slot)
         against += [own + more for keys, more in posterior.elsewhere if not keys & named]
         top = max([*ours, *against])
@@ -225,7 +242,7 @@ def _others(search: BaseSearch[C], final: C, slot: Slot[C]) -> list[float]:
     """Scores of the candidates in one slot that the data reject, at least :data:`EQUAL` below the final one."""
     own = final.effects[slot.index].key
     beside = frozenset(final.keys) - {own}
-    taken = {own, *(candidate.effects[-1].key for candidate in slot.twins)}
+    taken = {own, *slot.keys}
     scores = [
         search.score(candidate)
         for keys, candidate in search.fitted.items()

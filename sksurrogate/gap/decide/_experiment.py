@@ -91,7 +91,7 @@ def next_experiment(
     slot = max(slots, key=lambda s: len(s.twins), default=None)
     if slot is None or not slot.twins:
         return None
-    record, tied = final.candidate.problem.record, slot.twins[:MOST_TIED]
+    record, tied = final.candidate.problem.record, [twin.candidate for twin in slot.twins[:MOST_TIED]]
     varied = variations(record, final.candidate.problem.plant.inputs)
     apart = {name: value for name, value in separations(final, tied, varied).items() if np.isfinite(value).any()}
     if not apart:

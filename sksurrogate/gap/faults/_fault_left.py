@@ -13,7 +13,7 @@ from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, Slow
 from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
-from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, bar, estimate_noise
+from sksurrogate.gap.fit._evidence import CERTAIN, FEW_STEPS, Evidence, bar, estimate_noise
 from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.search._base import BaseSearch
@@ -297,7 +297,7 @@ class _Fit:
         if left < SETTLED and before > 2.0 * after:
             removed = 1.0  # at the noise
         cost = self.cost(proposal, tried)
-        score = max(value, estimate_noise(again, self.noises[1], max_iterations=8).log_likelihood)
+        score = max(value, estimate_noise(again, self.noises[1], max_iterations=FEW_STEPS).log_likelihood)
         score -= 0.5 * (search.prior_cost(again) + model.n_parameters * np.log(self.n) + cost)
         if isinstance(fault, NoisyInput):
             fault = replace(fault, removed=removed)

@@ -86,7 +86,7 @@ class RecordBook:
         ``rows``: rows of the record that it saw.
         ``law_left``: the likeliest law beside what was named: a fault must gain more.
         """
-        final = search.final or search.fitted_null
+        final = search.standing
         if self.earlier is not None and final.left > self.left:
             return replace(self.earlier, closed=True)  # the names leave more without the fault than with it
         if self.closed or self.depth >= MOST_ROUNDS:

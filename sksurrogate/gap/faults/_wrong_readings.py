@@ -10,7 +10,7 @@ from sksurrogate.gap.faults._corrections import WrongReadings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.kernels.readings import SHORTEST_FLAT, Stretch, flat_stretches, spikes
+from sksurrogate.kernels.readings import SHORTEST_FLAT, Stretch, flat_stretches, spans_where, spikes
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 
@@ -122,11 +122,10 @@ def outlying_rows(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """
     scale = 1.4826 * float(np.median(np.abs(residual)))
     off = np.abs(residual) > OUTLYING * max(scale, 1e-300)
-    edges = np.flatnonzero(np.diff(np.r_[False, off, False].astype(int)))
     first_rows = set(starts.tolist()) | {len(residual)}
     found = [
         np.arange(a, b)
-        for a, b in zip(edges[::2], edges[1::2])
+        for a, b in spans_where(off)
         if b - a <= LONGEST_BURST
         and not first_rows & set(range(a, b + 1))  # at the ends of a run nothing returns
         and max(abs(residual[a - 1]), abs(residual[b])) < NEIGHBOURS_OF_OUTLIERS * np.max(np.abs(residual[a:b]))

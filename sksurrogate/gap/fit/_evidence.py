@@ -22,6 +22,8 @@ LIKELIER = 5.0
 #: Gain (twice nats) from which a law without a name is certain, beside names or in their place; further effects, windows of
 #: time and faults of the record must beat their bar by it, which a mismatch of numerics can pass alone.
 CERTAIN = 10.0
+#: Steps of a noise fit that begins at the noise of a candidate nearby.
+FEW_STEPS = 8
 #: What is this many nats below the best is out of the question, however rough the comparison.
 OUT_OF_REACH = 200.0
 

@@ -12,6 +12,8 @@ from html import escape
 
 import numpy as np
 
+from sksurrogate.kernels.readings import spans_where
+
 #: Letters of 14 in a picture 480 wide are about 11 px on a phone.
 _FONT = 14
 _LEFT, _RIGHT, _LEGEND, _LABEL, _BOTTOM = 62, 14, 26, 20, 44
@@ -182,9 +184,7 @@ def _polyline(line: Line, box: tuple[float, float, float, float], width: int, he
         x, y = np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
     px, py = _points(x, y, box, width, height)
     out = []
-    finite = np.isfinite(y) & np.isfinite(x)
-    edges = np.flatnonzero(np.diff(np.r_[False, finite, False].astype(int)))
-    for a, b in zip(edges[::2], edges[1::2]):
+    for a, b in spans_where(np.isfinite(y) & np.isfinite(x)):
         points = " ".join(f"{p:.1f},{q:.1f}" for p, q in zip(px[a:b], py[a:b]))
         name = f' data-name="{escape(line.label)}"' if line.label else ""
         out.append(f'<polyline class="{line.colour}" points="{points}"{_pen(line)}{name}/>')

@@ -101,7 +101,7 @@ class _Columns:
         rows = (flat[:few] @ flat.T).astype(float)
         diagonal = np.einsum("kn,kn->k", flat, flat, dtype=float)
         g, h = eliminate_rows(rows, diagonal, screen.precision, screen.pull)
-        known = inverse(rows[1:, 1:few] + np.diag(screen.precision)) if few > 1 else np.zeros((0, 0))
+        known = inverse(rows[1:, 1:few] + np.diag(screen.precision))
         return cls(flat[few:], rows[1:, few:], known, g, np.maximum(h, 1e-300), screen.low, screen.high)
 
     def with_all(self, some: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -220,7 +220,7 @@ def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
     few = len(known)
     white = project_starts(known, s.J_x, s.problem.record.starts).reshape(few, -1)
     G = white @ white.T
-    known_inverse = inverse(G[1:, 1:] + np.diag(precision)) if few > 1 else np.zeros((0, 0))
+    known_inverse = inverse(G[1:, 1:] + np.diag(precision))
     g, h, low, high = (np.concatenate([getattr(one, name) for one in blocks]) for name in ("g", "h", "low", "high"))
     places = [(block, k) for block in blocks for k in range(len(block.starts))]
 

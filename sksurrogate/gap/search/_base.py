@@ -14,7 +14,7 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST
-from sksurrogate.gap.fit._evidence import C, Evidence, bar, estimate_noise, judged_under
+from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, bar, estimate_noise, judged_under
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
@@ -93,13 +93,13 @@ class BaseSearch(ABC, Generic[C]):
         nearest = sorted(self.fitted.values(), key=lambda candidate: candidate.fit.cost)[:LOOKED_AT]
         for candidate in nearest:
             if candidate not in self.judged:
-                self.judge(judged_under(candidate, [(self.final or null).noise, null.noise]))
+                self.judge(judged_under(candidate, [self.standing.noise, null.noise]))
         passing = [candidate for candidate in nearest if self.gain(candidate) > self.bar(candidate.n_parameters)]
         if passing:
             best = max(passing, key=self.order(passing))
-            stands = (self.final or null).candidate
+            stands = self.standing.candidate
             if best is not stands and self.order([best, stands])(best) > self.order([best, stands])(stands):
-                self.judge(estimate_noise(best, self.judged[best].noise, max_iterations=8))
+                self.judge(estimate_noise(best, self.judged[best].noise, max_iterations=FEW_STEPS))
                 self.stand(best)
 
     def look_for_onsets(self) -> None:
@@ -153,6 +153,11 @@ class BaseSearch(ABC, Generic[C]):
         if self.null is None:
             raise KeyboardInterrupt("interrupted before the first fit: nothing is known yet")
         return self.null
+
+    @property
+    def standing(self) -> Evidence[C]:
+        """What stands: the null where no name passes."""
+        return self.final or self.fitted_null
 
     def stand(self, candidate: C) -> C:
         """What an interrupt leaves."""

@@ -177,7 +177,7 @@ def look_for_onsets(search: Expander) -> None:
 
     One effect that is always there and leaves the noise is not asked: no window could earn its price.
     """
-    null, final = search.fitted_null, search.final or search.fitted_null
+    null, final = search.fitted_null, search.standing
     explained = final.left < AT_THE_NOISE
     if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.first_screen is None:
         return

@@ -12,7 +12,7 @@ import numpy as np
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
-from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise, judged_under
+from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._rounding import names_steps
 from sksurrogate.gap.search._base import BaseSearch, Wanted
 
@@ -85,12 +85,14 @@ class SetMoves(BaseSearch[C]):
                 self.judge(judged_under(candidate, [noise, start]))
                 if not self.is_far(candidate) and self.score(candidate) < self.score(base) - 0.5 * self.bar(1):
                     # It holds the base: what it loses to it, it loses to a noise that was made for others.
-                    self.judge(estimate_noise(candidate, noise, curvature, max_iterations=8))
+                    self.judge(estimate_noise(candidate, noise, curvature, max_iterations=FEW_STEPS))
         candidates.sort(key=self.score, reverse=True)
         if self.own(candidates[0]) is None:
-            self.judge(estimate_noise(candidates[0], start, shape, max_iterations=8))
+            self.judge(estimate_noise(candidates[0], start, shape, max_iterations=FEW_STEPS))
         near = [r for r in candidates[1:6] if self.score(r) > self.score(candidates[0]) - 30.0 and self.own(r) is None]
-        tops = side_by_side(lambda r: estimate_noise(r, start, shape, max_iterations=8).judgement, near, self.second)
+        tops = side_by_side(
+            lambda r: estimate_noise(r, start, shape, max_iterations=FEW_STEPS).judgement, near, self.second
+        )
         for candidate, top in zip(near, tops):
             self.judge(Evidence(candidate, *top))
         candidates.sort(key=self.order(candidates), reverse=True)

@@ -50,9 +50,9 @@ class SetSearch(SetMoves[C]):
         best, passed = self.first_name(null)
         if passed or self.fitted_null.left >= FAR:
             self.grow(best, passed, null)
-            stood = (self.final or self.fitted_null).candidate
+            stood = self.standing.candidate
             self.stand(simplify(self, stood, far=True) if self.is_far(stood) else stood)
-        return self.final or self.fitted_null
+        return self.standing
 
     def first_name(self, null: C) -> tuple[C, bool]:
         """The best single effect, and whether it passes; it stands where it does."""

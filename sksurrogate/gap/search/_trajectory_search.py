@@ -13,7 +13,7 @@ from sksurrogate._parallel._interrupts import workers
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
-from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, judged_under
+from sksurrogate.gap.fit._evidence import FEW_STEPS, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate, TrajectoryFit
@@ -72,16 +72,18 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         except KeyboardInterrupt:
             self.keep_best()
             raise
-        return self.final or self.fitted_null
+        return self.standing
 
     def begins_elsewhere(self) -> bool:
         """Whether transients explain much of what is left: then the simulator starts elsewhere, and they become unknowns."""
-        problem, final = self.problem, self.final or self.fitted_null
+        problem, final = self.problem, self.standing
         if problem.free_starts or final.left < SETTLED:
             return False
         free = replace(problem, free_starts=True)
         before = judged_under(final.candidate, [final.noise]).log_likelihood
-        after = estimate_noise(replace(final.candidate, problem=free), final.noise, max_iterations=8).log_likelihood
+        after = estimate_noise(
+            replace(final.candidate, problem=free), final.noise, max_iterations=FEW_STEPS
+        ).log_likelihood
         count = problem.transients.shape[1] * len(problem.record.starts)
         if 2.0 * (after - before) < 2.0 * self.bar(count):
             return False
@@ -101,7 +103,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
                 return
             final = again
         self.problem = problem  # the others are compared from the same initial states
-        self.final = self.judge(estimate_noise(final, self.final.noise, max_iterations=8))
+        self.final = self.judge(estimate_noise(final, self.final.noise, max_iterations=FEW_STEPS))
         null = self.fitted_null
         self.null = self.judge(replace(null, candidate=replace(null.candidate, problem=problem)))
 

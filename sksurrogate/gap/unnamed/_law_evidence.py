@@ -192,10 +192,8 @@ class _Fit:
         n, forms = 1 + self.linear.J.shape[1], self.candidates[k][1].forms
         if not np.isfinite(G).all():
             return [-np.inf] * len(forms)
-        (H, g, power), sound = (
-            self.linear.beside_parameters(G),
-            known_to_rounding(G),
-        )  # if for all functions, then for some
+        H, g, power = self.linear.beside_parameters(G)
+        sound = known_to_rounding(G)  # if for all functions, then for some
         out, is_effect = [], self.is_the_effect(k, moved)
         for form, roots in zip(forms, self.roots_of(k, moved)):
             own = form.functions
@@ -299,20 +297,18 @@ class _Fit:
 
     def result(self, one: _Found, alone: float) -> LawBeside:
         """With its place; a set with next to no law is not less likely than the set alone."""
-        curve, _, kind = self.candidates[one.k]
+        (curve, law, kind), n, base = self.candidates[one.k], self.linear.J.shape[1], self.linear.base
+        record, sd = base.problem.record, base.problem.sd
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size, spread = float(one.size * weight), float(one.spread)
         seed, gain = (one.k, one.f, one.noise), 2.0 * (_of_any_size(one) - alone)
-        own = one.theta[self.linear.J.shape[1] :]
-        F = np.einsum("okt,k->ot", curve.moved()[:, self.candidates[one.k][1].forms[one.f].functions], own)
-        moved = (
-            self.linear.problem.record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * self.linear.problem.sd
-        )
-        deviation = float(np.max(moved / self.linear.problem.record.spread))
-        by_parameters = np.einsum("okt,k->ot", self.linear.J, one.theta[: self.linear.J.shape[1]])
-        rest = self.linear.base.without_starts((self.linear.r - by_parameters - F)[None])
-        rms = float(np.sqrt(np.sum(rest**2) / self.linear.problem.record.n_values))
+        F = np.einsum("okt,k->ot", curve.moved()[:, law.forms[one.f].functions], one.theta[n:])
+        moved = record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * sd
+        deviation = float(np.max(moved / record.spread))
+        by_parameters = np.einsum("okt,k->ot", self.linear.J, one.theta[:n])
+        rest = base.without_starts((self.linear.r - by_parameters - F)[None])
+        rms = float(np.sqrt(np.sum(rest**2) / record.n_values))
         large = float(one.large)
         probability = float(np.exp(large - np.logaddexp(small, large)))
         left = LawLeft(curve.location, kind, curve.variable, size, spread, gain, deviation, probability, rms)
