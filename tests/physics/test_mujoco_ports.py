@@ -162,6 +162,7 @@ def test_distinct_columns_are_those_of_numpy():
     from sksurrogate.physics._mujoco_engine import distinct_columns
 
     table = np.random.default_rng(0).integers(0, 3, size=(3, 200)).astype(float)
+    table[table == 0.0] = np.resize([0.0, -0.0], np.sum(table == 0.0))
     sets, which = np.unique(table, axis=1, return_inverse=True)
     found, places = distinct_columns(table)
     assert np.array_equal(found, sets) and np.array_equal(places, np.ravel(which))
