@@ -138,3 +138,30 @@ def test_it_is_not_asked_where_another_effect_explains_all(monkeypatch):
         ODESimulator(exchanger, **SIGNALS), effects=[*OTHERS, "parameter_dependence"], n_jobs=1, random_state=0
     )
     assert [e.name for e in diagnoser.fit(X, y, groups=groups).report_.effects] == ["linear_loss"]
+
+
+def test_a_small_gap_is_not_left_to_names_that_imitate_a_dependence():
+    """A motor's resistance that grows with its temperature: a wrong resistance comes near to the noise, and leaves a little."""
+
+    def motor(per_degree):
+        def rhs(t, x, u, p):
+            resistance = p["R"] * (1 + per_degree * (x[1] - 20))
+            current = (u[0] - 0.5 * x[0]) / resistance
+            return (0.5 * current - 0.02 * x[0]) / 0.02, (resistance * current**2 - (x[1] - 20) / 1.5) / 20
+
+        names = {"states": ["w", "T"], "inputs": ["V"], "outputs": ["w", "T"]}
+        return ODESimulator(rhs, params={"R": 1.0}, dt=0.1, **names)
+
+    rng, runs = np.random.default_rng(2), []
+    for _ in range(4):
+        u = np.repeat(rng.uniform(2, 12, 12), 25)[:, None]
+        runs.append((u, motor(0.0117).simulate(u, x0=[0.0, 20 + rng.uniform(0, 10)])))
+    X, y = (np.concatenate(one) for one in zip(*runs))
+    y = y + 0.005 * y.std(axis=0) * rng.normal(size=y.shape)
+    names = ["bilinear", "linear_loss", "parameter_dependence", "parameter_error", "constant_bias"]
+    diagnoser = GapDiagnoser(motor(0.0), effects=names, random_state=0, n_jobs=1)
+    report = diagnoser.fit(X, y, groups=np.repeat(np.arange(4), 300)).report_
+    assert report.verdict == "explained"
+    assert [(e.name, e.location, e.variable) for e in report.effects] == [("parameter_dependence", "R", "T")]
+    slope, offset = (report.effects[0].params[k] for k in ("slope", "relative_error"))
+    assert slope == pytest.approx(0.0117, rel=0.05) and 1 + offset + 20 * slope == pytest.approx(1.0, abs=0.01)

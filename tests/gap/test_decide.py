@@ -103,6 +103,9 @@ def test_a_grid_that_nothing_names_is_not_explained():
         (DecisionFeatures(error=0.05, left=5.1), "unnamed_and_far"),
         (DecisionFeatures(error=0.05, left=5.1, curve=40.0, curve_moved=0.02, noisy_input=True), "noisy_input"),
         (DecisionFeatures(error=0.05, left=5.1, noisy_input=False), "unnamed_and_far"),
+        (DecisionFeatures(error=0.05, after=0.05, left=5.1, lawful=0.2), "unnamed_and_far"),
+        (DecisionFeatures(error=0.05, after=0.05, left=5.1, lawful=0.05), "none"),  # a disturbance
+        (DecisionFeatures(error=0.15, after=0.15, left=5.1, lawful=0.05), "unnamed_and_far"),
         (DecisionFeatures(names=1, probability=0.99, share_left=0.4, left=5.1, noisy_input=True), "law_left"),
         (DecisionFeatures(error=0.2, left=2.1), "unnamed_and_large"),
         (DecisionFeatures(error=0.05, left=1.3), "none"),

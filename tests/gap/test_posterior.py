@@ -124,3 +124,25 @@ def test_members_of_a_class_count_for_its_probability():
     odds = [p / (1.0 - p) for p in found.probabilities]
     assert odds == pytest.approx([1.5 * (1.0 + np.exp(-2.0)), 9.0 * (1.0 + np.exp(-1.0))])
     assert [one.keys for one in found.as_likely] == [("bias", "drift"), ("loss", "gain")]
+
+
+def test_an_exact_name_does_not_fall_to_another_form_far_from_the_data_with_a_law():
+    """Drag to the power 1.85: about the measured path, a law beside a cubic spring makes up for what no simulation reaches."""
+
+    def speeds(c, d):
+        def rhs(t, x, u, p):
+            return x[1], u[0] - c * x[1] - d * np.sign(x[1]) * np.abs(x[1]) ** 1.85
+
+        return ODESimulator(rhs, states=["s", "v"], inputs=["thrust"], outputs=["s", "v"], params={}, dt=0.1)
+
+    rng, runs = np.random.default_rng(2), []
+    for _ in range(4):
+        u = np.repeat(rng.uniform(-1, 3, 15), 20)[:, None]
+        runs.append((u, speeds(0.1, 0.15).simulate(u, x0=[0.0, rng.normal()])))
+    X, y = (np.concatenate(one) for one in zip(*runs))
+    y = y + 0.01 * y.std(axis=0) * rng.normal(size=y.shape)
+    names = ["power_law", "quadratic_drag", "cubic_stiffness"]
+    diagnoser = GapDiagnoser(speeds(0.1, 0.0), effects=names, random_state=0, n_jobs=1)
+    report = diagnoser.fit(X, y, groups=np.repeat(np.arange(4), 300)).report_
+    assert report.verdict == "explained" and [e.name for e in report.effects] == ["power_law"]
+    assert report.effects[0].params["exponent"] == pytest.approx(1.85, abs=0.02)

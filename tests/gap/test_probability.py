@@ -11,6 +11,7 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._equivalence import probabilities
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.search._ode_search import EQUAL
+from sksurrogate.physics import ODESimulator
 
 
 def candidate(*effects, value):
@@ -72,4 +73,31 @@ def test_of_three_effects_that_others_imitate_those_that_are_certain_stand_alone
     assert chances.pop("input_delay") > 0.99
     (other,) = (effect for effect in report.effects if effect.name in chances)
     assert other.probability > 0.9  # that it, or one of its class, acts
-    assert ("input_dead_zone", "flow", None) in {(other.name, other.location, other.variable), *other.equivalents}
+    # The temperature hardly moves, and the flow is always beyond its dead zone: both are constants.
+    constants = {("input_bias", "flow", None), ("constant_bias", "temperature", None)}
+    assert constants & {(other.name, other.location, other.variable), *other.equivalents}
+
+
+def test_of_two_exact_effects_of_one_signal_a_curve_of_it_takes_none():
+    """Dry friction and drag of a pendulum: a curve of the speed in the place of the drag is the drag."""
+
+    def pendulum(dry, drag):
+        def rhs(t, x, u, p):
+            w = x[1]
+            return w, u[0] - 12 * np.sin(x[0]) - 0.05 * w - drag * w * np.abs(w) - dry * np.tanh(w / 0.03)
+
+        return ODESimulator(rhs, states=["th", "w"], inputs=["tau"], outputs=["th"], params={}, dt=0.02)
+
+    rng, runs = np.random.default_rng(1), []
+    for _ in range(4):
+        u = np.repeat(rng.uniform(-5, 5, 15), 20)[:, None]
+        runs.append((u, pendulum(0.5, 0.12).simulate(u, x0=0.6 * rng.normal(size=2))))
+    X, y = (np.concatenate(one) for one in zip(*runs))
+    y = y + 0.004 * y.std() * rng.normal(size=y.shape)
+    names = ["coulomb_friction", "quadratic_drag", "linear_loss"]
+    diagnoser = GapDiagnoser(pendulum(0.0, 0.0), effects=names, random_state=0, n_jobs=1)
+    report = diagnoser.fit(X, y, groups=np.repeat(np.arange(4), 300)).report_
+    found = {effect.name: effect for effect in report.effects}
+    assert set(found) == {"coulomb_friction", "quadratic_drag"} and report.verdict == "explained"
+    assert min(effect.probability for effect in report.effects) > 0.99
+    assert found["quadratic_drag"].params["coefficient"] == pytest.approx(0.12, rel=0.02)

@@ -91,6 +91,12 @@ def test_two_that_cancel_are_seen_beside_another_effect():
     )
 
 
+def test_a_base_whose_path_left_the_finite_numbers_has_no_pairs_and_ends_no_search():
+    screen = screen_of()
+    broken = replace(screen, starts=[], raw=[], columns=None, known=np.full_like(screen.known, np.nan))
+    assert best_pairs(beside(screen, broken, ()), 3) == []
+
+
 @pytest.mark.slow
 def test_a_load_and_a_gain_that_cancel_are_named_beside_a_play():
     """One by one neither leaves less than an offset of the other sensor does, which was named alone."""

@@ -47,7 +47,7 @@ def contenders(search: OdeSearch, final: Evidence, law: LawBeside) -> tuple[Cont
     others: list[Contender] = []
     for candidate in sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS]:
         if own.net + reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
-            others.extend(judged_contender(search, candidate, [law.seed]))
+            others.extend(judged_contender(search, final, candidate, [law.seed]))
     return own, others
 
 
@@ -88,12 +88,25 @@ def _is_swap(one: Sequence[tuple], other: Sequence[tuple]) -> bool:
 
 
 def judged_contender(
-    search: OdeSearch, candidate: OdeCandidate, seeds: Sequence[tuple[int, int, Noise]]
+    search: OdeSearch,
+    final: Evidence,
+    candidate: OdeCandidate,
+    seeds: Sequence[tuple[int, int, Noise]],
 ) -> list[Contender]:
-    """A set beside its own law; none where that cannot be judged."""
+    """A set beside its own law; none where that cannot be judged.
+
+    One that is far from the data is linear about the path of what stands, if that is near: about the measured path a free
+    force makes up for what it leaves.
+    """
     known = search.judged.get(candidate) or search.judge(estimate_noise(candidate, search.fitted_null.noise))
-    law = judged_law(search, known, candidate, along=False, seeds=seeds)
+    along = _is_far(search, known) and not _is_far(search, final)
+    law = judged_law(search, final if along else known, candidate, along, seeds)
     return [] if law is None else [contender(search, candidate, law)]
+
+
+def _is_far(search: OdeSearch, evidence: Evidence) -> bool:
+    """Whether a free run is too far from the data to be the path of a linear model: further than any noise, and the tolerance."""
+    return evidence.left > max(FAR, search.tolerance * search.gap_over_noise)
 
 
 def contender(search: OdeSearch, candidate: OdeCandidate, law: LawBeside) -> Contender:
@@ -114,14 +127,13 @@ def judged_law(
     candidate: OdeCandidate,
     along: bool,
     seeds: Sequence[tuple[int, int, Noise]] = (),
-    instead: np.ndarray | None = None,
+    instead: OdeCandidate | None = None,
 ) -> LawBeside | None:
     """A law beside a candidate, under the noise of what is named and under quiet forces; of two linear models the likelier.
 
     Far from the data, also beside the gap, they are linear about the measured path, not about the free run.
     """
-    problem = candidate.problem
-    far = final.left > max(FAR, search.tolerance * search.gap_over_noise)
+    problem, far = candidate.problem, _is_far(search, final)
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
     noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
     found = [law_along(search, candidate, noises, path, seeds=seeds, instead=instead)]
@@ -137,12 +149,12 @@ def law_along(
     x: np.ndarray | None,
     bare: bool = False,
     seeds: Sequence[tuple[int, int, Noise]] = (),
-    instead: np.ndarray | None = None,
+    instead: OdeCandidate | None = None,
 ) -> LawBeside | None:
     """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
     fit, unit = candidate.fit, search.gap_over_noise
     path = fit.x if x is None else x
-    own = None if instead is None else instead.tobytes()
+    own = None if instead is None else (instead.keys, instead.fit.theta.tobytes())
     key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, own
     with np.errstate(all="ignore"):
         known = search.laws.setdefault(key, {})

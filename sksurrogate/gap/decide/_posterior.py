@@ -17,7 +17,7 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
-from sksurrogate.gap.decide._one_curve import moved_by, redundant_effect
+from sksurrogate.gap.decide._one_curve import redundant_effect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -57,22 +57,19 @@ class Posterior:
 def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
-    none = _without(final.candidate, tuple(range(n)))
-    moved = moved_by(final.candidate)
-    nothing = judged_law(search, final, none, along=True, instead=moved[0] if n == 1 else None)
+    whole = final.candidate
+    none = _without(whole, tuple(range(n)))
+    nothing = judged_law(search, final, none, along=True, instead=whole if n == 1 else None)
     seeds = [] if nothing is None else [nothing.seed]
-    own = judged_law(search, final, final.candidate, along=False, seeds=seeds)
+    own = judged_law(search, final, whole, along=False, seeds=seeds)
     if own is None:
         return Posterior(tuple(1.0 for _ in final.effects), None)
-    net = contender(search, final.candidate, own).net
+    net = contender(search, whole, own).net
     empty = -np.inf if nothing is None else contender(search, none, nothing).net
     without = [empty]
     if n > 1:
-        rests = [_without(final.candidate, (i,)) for i in range(n)]
-        laws = [
-            judged_law(search, final, rest, along=True, seeds=[*seeds, own.seed], instead=one)
-            for rest, one in zip(rests, moved)
-        ]
+        rests, seeds = [_without(whole, (i,)) for i in range(n)], [*seeds, own.seed]
+        laws = [judged_law(search, final, rest, along=True, seeds=seeds, instead=whole) for rest in rests]
         without = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
     odds = (np.clip(np.logaddexp(one, empty) - net, -700.0, 700.0) for one in without)
     return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
@@ -86,7 +83,7 @@ def stands(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
     were fitted to close no more of it on runs left out: they are not weighed.
     """
     final = needed_only(search, final)
-    stood: set[frozenset] = set()
+    stood: dict[frozenset, tuple[Evidence, Posterior]] = {}
     if closes_by_size(final, search.tolerated_cost):
         law = judged_law(search, final, final.candidate, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
@@ -98,19 +95,24 @@ def stands(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
         if redundant is not None:
             least = redundant
         elif enough or (not several and posterior.probabilities[least] >= LEAST_ALONE):
-            stood.add(frozenset(final.candidate.keys))
             if posterior.law is None:
                 return final, posterior
             own, others = contenders(search, final, posterior.law)
+            near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
+            apart = tuple(elsewhere(search, final, own))
+            stood[frozenset(final.candidate.keys)] = final, replace(_of_classes(posterior, own, near), elsewhere=apart)
             best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
-                best = preferred(own, judged_contender(search, search.polish(best.candidate), [own.law.seed]))
+                polished = search.polish(best.candidate)
+                best = preferred(own, judged_contender(search, final, polished, [own.law.seed]))
             if best is own:
-                near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
-                apart = tuple(elsewhere(search, final, own))
-                return _sure_part(search, final, replace(_of_classes(posterior, own, near), elsewhere=apart))
+                return _sure_part(search, *stood[frozenset(final.candidate.keys)])
             final = search.judged[search.stand(best.candidate)]
             continue
+        elif stood:  # what seemed likelier than a set that stood does not stand itself
+            final, posterior = stood.popitem()[1]
+            search.stand(final.candidate)
+            return _sure_part(search, final, posterior)
         fewer = search.without(final.candidate, least)
         if fewer is None or not fewer.effects:
             break

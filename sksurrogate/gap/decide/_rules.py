@@ -102,6 +102,11 @@ def certain(f: DecisionFeatures) -> bool:
     return bool(f.probability >= CERTAIN_NAME and f.sized if f.names else f.retuned)
 
 
+def leaves_a_disturbance(f: DecisionFeatures) -> bool:
+    """What is left follows no law, and it is small beside the outputs."""
+    return f.lawful <= f.tolerance and f.after < LARGEST_DISTURBANCE
+
+
 RULES: tuple[Rule, ...] = (
     Rule(
         "other_unit",
@@ -146,9 +151,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "disturbance_left",
-        lambda f: (
-            certain(f) and f.lawful <= f.tolerance and f.share_left <= MOST_LEFT and f.after < LARGEST_DISTURBANCE
-        ),
+        lambda f: certain(f) and f.share_left <= MOST_LEFT and leaves_a_disturbance(f),
         "explained",
         "The correction leaves a disturbance: it follows no law, and it is small beside the outputs.",
     ),
@@ -192,9 +195,9 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "unnamed_and_far",
-        lambda f: f.left > FAR,
+        lambda f: f.left > FAR and not leaves_a_disturbance(f),
         "unknown",
-        "The free run is far from the data, and no effect explains it.",
+        "The free run is far from the data, no effect explains it, and what is left is no disturbance.",
     ),
     Rule(
         "unnamed_and_large",

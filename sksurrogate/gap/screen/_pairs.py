@@ -29,10 +29,10 @@ def best_pairs(screen: Screen, most: int) -> list[Pair]:
     """The pairs of effects whose columns together remove most of the residual, each pair at its best starting values.
 
     ``most``: number of pairs.
-    Returns best first; no effect stands in more than :data:`MOST_WITH_ONE` of them.
+    Returns best first; no effect stands in more than :data:`MOST_WITH_ONE` of them. None about a path that left the finite numbers.
     """
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
-    if len(keys) < 2 or screen.columns is None:
+    if len(keys) < 2 or screen.columns is None or not np.isfinite(screen.known).all():
         return []
     columns, place = _Columns.of(screen), {key: i for i, key in enumerate(keys)}
     owner = np.array([place[start.effect.key] for start in screen.starts])

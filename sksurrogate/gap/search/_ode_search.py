@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._closeness import MOST_LEFT, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
@@ -64,11 +64,15 @@ class OdeSearch(Expander):
         return self.null
 
     def run(self) -> Evidence:
-        """The whole search; once more with the effects left for later that are expected to close most of what the named ones leave."""
+        """The whole search; once more with the effects left for later that are expected to close most of what the named ones leave.
+
+        Where names leave no more than noise, with those of which one may stand in the place of several.
+        """
         found = super().run()
-        if not self.later_asked or not found.effects or found.left < NEARLY_WHITE:
+        near = found.left < SETTLED
+        if not self.later_asked or len(found.effects) < (2 if near else 1):
             return found
-        likely = self.late_ones(found.candidate, found.candidate.fit.cost)
+        likely = self.late_ones((self.fitted_null if near else found).candidate, found.candidate.fit.cost)
         if not likely:
             return found
         self.report("effects that were left for later")
@@ -79,7 +83,7 @@ class OdeSearch(Expander):
         """The null with one effect; those left for later too that are expected to close most of what the best of the others leaves."""
         found = super().singles(null)
         least = min((candidate.fit.cost for candidate in found), default=0.0)
-        if not self.later_asked or least < NEARLY_WHITE**2 * self.n_values:
+        if not self.later_asked or least < SETTLED**2 * self.n_values:
             return found
         leading = self.late_ones(null, least)
         if not leading:

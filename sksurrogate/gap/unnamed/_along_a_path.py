@@ -42,3 +42,18 @@ def as_regressors(candidate: OdeCandidate, x: np.ndarray) -> LinearSet[OdeCandid
 def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
     """A candidate about a path of the plant's states (n_states, n_samples); hidden ones settle along it."""
     return candidate.along(settle_hidden(candidate.model, candidate.fit.theta, x))
+
+
+def carried(whole: OdeCandidate, rest: OdeCandidate, by: OdeCandidate, x: np.ndarray) -> np.ndarray:
+    """What the effects that a set has beyond the ``rest`` of it move the outputs by, as another model carries it, (n_outputs, n_samples).
+
+    Along a path x of the plant's states.
+    """
+    n, now, shown = rest.model.n_nominal, [], []
+    for one in (whole, rest):
+        path, bound = settle_hidden(one.model, one.fit.theta, x)[:, None], one.model.bind(one.fit.theta[:, None])
+        now.append(bound(path)[:n])
+        shown.append(bound.outputs(path))
+    push = np.zeros((by.model.n_states, 1, x.shape[1]))
+    push[:n] = now[0] - now[1]
+    return np.asarray((by.disturbance.moved(push) + shown[0] - shown[1])[:, 0])

@@ -14,16 +14,17 @@ Kennedy, O'Hagan, *Bayesian calibration of computer models*, J. R. Statist. Soc.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.unnamed._along_a_path import as_regressors, linear_along
+from sksurrogate.gap.unnamed._along_a_path import as_regressors, carried, linear_along
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots, small_and_large
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_places import Curve, in_all_places
@@ -76,7 +77,7 @@ def law_beside(
     bare: bool = False,
     seeds: Sequence[tuple[int, int, Noise]] = (),
     known: dict[Any, Any] | None = None,
-    instead: np.ndarray | None = None,
+    instead: OdeCandidate | None = None,
 ) -> LawBeside | None:
     """The likeliest law beside a set of effects, along a path.
 
@@ -91,8 +92,9 @@ def law_beside(
         have none.
     ``known``: what earlier questions about this set, this path and other noises or seeds have computed; new answers
         are added.
-    ``instead`` (n_outputs, n_samples): what the effect moves the outputs by in whose place the law stands: a form of
-        one function that moves them so is this effect, and no law without a name.
+    ``instead``: the set with the effect in whose place the law stands. What moves the outputs as this effect does is this
+        effect, and no law without a name: a form of one function, and, up to the tolerance, a law of its place and signal
+        that is larger than the tolerance.
     Returns None where the path cannot be followed.
     """
     if x is None:
@@ -101,21 +103,24 @@ def law_beside(
         linear = as_regressors(candidate, x) if bare else linear_set(linear_along(candidate, x))
     if not linear.finite:
         return None
-    named = frozenset((str(one.location), one.variable or str(one.location)) for one in candidate.effects)
+    named = frozenset(map(place_of, candidate.effects))
     known = {} if known is None else known
-    fit = _Fit(linear, unit, tolerance, named, known, instead)
+    path = candidate.fit.x if x is None else x
+    own = None if instead is None else carried(instead, candidate, linear.base, path[: candidate.model.n_nominal])
+    fit = _Fit(linear, unit, tolerance, named, known, own)
     try:
-        picks = set(fit.likeliest(noises))
-        found = [fit.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
-        for k, f, noise in seeds:
-            found += [fit.refined(k, form, noise) for form in fit.relatives(k, f)]
-        best = max(found, key=_of_any_size)
-        again = fit.likeliest([best.noise])[0]  # beside the noise that a law leaves another may be likelier
-        if again not in picks:
-            best = max([best, fit.refined(*again, best.noise)], key=_of_any_size)
+        best = fit.best(noises, seeds)
+        if instead is not None and fit.is_the_effect_again(best, instead.effects):
+            place = fit.place_of(best.k)
+            best = replace(fit, barred=place, known=known.setdefault(("without", place), {})).best(noises, seeds)
     except np.linalg.LinAlgError:
         return None
     return fit.result(best, max(linear.log_likelihood(noise) for noise in noises))
+
+
+def place_of(effect: BaseEffect) -> tuple[str, str]:
+    """Place and signal of an effect; without a signal it is that of its place."""
+    return str(effect.location), effect.variable or str(effect.location)
 
 
 class _Found(NamedTuple):
@@ -140,8 +145,10 @@ class _Fit:
     tolerance: float
     named: frozenset[tuple[str, str]]
     known: dict[Any, Any]
+    #: (n_outputs, n_samples): what the effect moves the outputs by in whose place the law stands
     instead: np.ndarray | None = None
     made: dict[int, list[list[np.ndarray]]] = field(default_factory=dict)
+    barred: tuple[str, str] | None = None  #: Place and signal whose law is the effect in whose place it stands
 
     @cached_property
     def candidates(self) -> list[tuple[Curve, Law, str]]:
@@ -164,6 +171,38 @@ class _Fit:
     def priors(self) -> np.ndarray:
         """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
         return small_and_large(LAW_SIZES, self.tolerance)
+
+    def place_of(self, k: int) -> tuple[str, str]:
+        """Place and signal of law k."""
+        curve = self.candidates[k][0]
+        return curve.location, curve.variable
+
+    def best(self, noises: Sequence[Noise], seeds: Sequence[tuple[int, int, Noise]]) -> _Found:
+        """The likeliest law, from all of these noises, and among those that were likeliest beside other sets."""
+        picks = set(self.likeliest(noises))
+        found = [self.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
+        for k, f, noise in seeds:
+            found += [self.refined(k, form, noise) for form in self.relatives(k, f)]
+        best = max(found, key=_of_any_size)
+        again = self.likeliest([best.noise])[0]  # beside the noise that a law leaves another may be likelier
+        return best if again in picks else max([best, self.refined(*again, best.noise)], key=_of_any_size)
+
+    def is_the_effect_again(self, one: _Found, whole: Sequence[BaseEffect]) -> bool:
+        """Whether a law larger than the tolerance moves the outputs as the effect of this place and signal does in whose place it stands.
+
+        Up to the tolerance. ``whole``: the set with this effect.
+        """
+        if self.instead is None or one.size < self.tolerance or self.place_of(one.k) not in map(place_of, whole):
+            return False
+        own, law = self.linear.projected(np.stack([self.instead, self.moved(one)], axis=1))
+        cosine = abs(float(own @ law)) / max(float(np.linalg.norm(own) * np.linalg.norm(law)), 1e-300)
+        return cosine > np.sqrt(1.0 - self.tolerance**2)
+
+    def moved(self, one: _Found) -> np.ndarray:
+        """What a law with its weights moves the outputs by, (n_outputs, n_samples)."""
+        curve, law, _ = self.candidates[one.k]
+        weights = one.theta[self.linear.J.shape[1] :]
+        return np.einsum("okt,k->ot", curve.moved()[:, law.forms[one.f].functions], weights)
 
     def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
         """Law and form of most evidence under each noise."""
@@ -190,7 +229,7 @@ class _Fit:
     def evidence_of_forms(self, k: int, moved: np.ndarray, G: np.ndarray) -> list[float]:
         """Of every form of law k, from the Gram of what is known and of its functions."""
         n, forms = 1 + self.linear.J.shape[1], self.candidates[k][1].forms
-        if not np.isfinite(G).all():
+        if self.place_of(k) == self.barred or not np.isfinite(G).all():
             return [-np.inf] * len(forms)
         H, g, power = self.linear.beside_parameters(G)
         sound = known_to_rounding(G)  # if for all functions, then for some
@@ -246,7 +285,7 @@ class _Fit:
 
     def relatives(self, k: int, f: int) -> list[int]:
         """A form of a law, and those that contain its functions and one more; none where this set has no such law."""
-        if k >= len(self.candidates) or f >= len(self.candidates[k][1].forms):
+        if k >= len(self.candidates) or self.place_of(k) == self.barred or f >= len(self.candidates[k][1].forms):
             return []
         forms = [set(form.functions.tolist()) for form in self.candidates[k][1].forms]
         wider = (i for i, other in enumerate(forms) if forms[f] < other and len(other) == len(forms[f]) + 1)
@@ -297,13 +336,13 @@ class _Fit:
 
     def result(self, one: _Found, alone: float) -> LawBeside:
         """With its place; a set with next to no law is not less likely than the set alone."""
-        (curve, law, kind), n, base = self.candidates[one.k], self.linear.J.shape[1], self.linear.base
-        record, sd = base.problem.record, base.problem.sd
+        (curve, _, kind), n = self.candidates[one.k], self.linear.J.shape[1]
+        base, record, sd = self.linear.base, self.linear.problem.record, self.linear.problem.sd
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size, spread = float(one.size * weight), float(one.spread)
         seed, gain = (one.k, one.f, one.noise), 2.0 * (_of_any_size(one) - alone)
-        F = np.einsum("okt,k->ot", curve.moved()[:, law.forms[one.f].functions], one.theta[n:])
+        F = self.moved(one)
         moved = record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * sd
         deviation = float(np.max(moved / record.spread))
         by_parameters = np.einsum("okt,k->ot", self.linear.J, one.theta[:n])
