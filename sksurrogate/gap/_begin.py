@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -26,10 +26,10 @@ from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import is_near
-from sksurrogate.gap.fit._ode import OdeBackend
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
-from sksurrogate.gap.fit._trajectory import TrajectoryBackend
+from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
 from sksurrogate.gap.fit._unstable import followed_rows, in_pieces, largest_growth
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._ode_search import OdeSearch
@@ -42,8 +42,6 @@ from sksurrogate.runs import Runs
 
 #: Seconds of a call from which some thousand calls take several minutes.
 SLOW = 0.1
-#: The pipeline, the rows of the whole record that it sees, and its processes.
-Prepared: TypeAlias = tuple[DiagnosisPipeline[Any], np.ndarray, tuple[WorkerProcess, WorkerProcess]]
 
 
 class Settings(Protocol):
@@ -79,7 +77,7 @@ class Task:
         return [run.label for run in self.runs]
 
 
-def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
+def begin_ode(diagnoser: Settings, task: Task) -> DiagnosisPipeline[OdeCandidate]:
     """Of a simulator with a right-hand side or a step."""
     plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
@@ -107,7 +105,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> Prepared:
     return _prepared(diagnoser, task, search, unnamed, rows)
 
 
-def begin_trajectory(diagnoser: Settings, task: Task) -> Prepared:
+def begin_trajectory(diagnoser: Settings, task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
     """Of a simulator with ``simulate`` alone.
 
     Raises
@@ -182,11 +180,11 @@ def _prepared(
     unnamed: BaseUnnamed[C],
     rows: np.ndarray,
     untestable: Sequence[str] = (),
-) -> Prepared:
+) -> DiagnosisPipeline[C]:
     """All stages of a search."""
     n_samples = search.problem.record.n_samples
     task.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(task.runs)} run(s)")
-    pipeline = DiagnosisPipeline(
+    return DiagnosisPipeline(
         search,
         unnamed,
         task.labels,
@@ -196,7 +194,6 @@ def _prepared(
         include_law=diagnoser.include_law,
         untestable=untestable,
     )
-    return pipeline, rows, (search.second, search.later)
 
 
 @contextmanager

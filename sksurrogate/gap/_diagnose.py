@@ -238,7 +238,7 @@ class GapDiagnoser(BaseEstimator):
         parts = [r.X for r in runs], [r.y for r in runs], [r.t for r in runs]
         whole = Record.from_runs(*parts, plant.dt, offsets, uneven)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
-        pipeline, rows, report = diagnosed_in_rounds(
+        pipeline, report = diagnosed_in_rounds(
             lambda some, record: begin(self, Task(plant, some, record, free, user_knows, seed, progress)),
             plant,
             runs,
@@ -249,7 +249,7 @@ class GapDiagnoser(BaseEstimator):
         self.report_ = with_origin(report, self, pipeline.final.candidate, len(runs), whole.n_samples)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
-        first = rows[pipeline.problem.record.starts]
+        first = pipeline.rows[pipeline.problem.record.starts]
         known = np.isin(first, whole.starts)
         self.initial_states_ = np.full((len(runs), at_start.shape[1]), np.nan)
         self.initial_states_[np.searchsorted(whole.starts, first[known])] = at_start[known]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -42,19 +44,20 @@ class DiagnosisPipeline(LawStage[C]):
     def run(self, progress: Progress) -> GapReport | None:
         """All stages, and the report of what is known after them; None where ``book`` has another record by then."""
         self.started_at, came = progress.started_at, self.book
-        try:
-            for stage in STAGES:
-                progress.stage(stage.share)
-                until = progress.started_at + stage.until * (self.time_limit or np.inf)
-                with quiet(), time_until(until):
-                    self.ask(stage)
-                if self.book is not came:
-                    return None
-        except KeyboardInterrupt:
-            warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
-            self.complete = self.unnamed.complete = False
-        with quiet():
-            return self.answer(time.perf_counter() - progress.started_at)
+        with self.search.second, self.search.later:
+            try:
+                for stage in STAGES:
+                    progress.stage(stage.share)
+                    until = progress.started_at + stage.until * (self.time_limit or np.inf)
+                    with quiet(), time_until(until):
+                        self.ask(stage)
+                    if self.book is not came:
+                        return None
+            except KeyboardInterrupt:
+                warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
+                self.complete = self.unnamed.complete = False
+            with quiet():
+                return self.answer(time.perf_counter() - progress.started_at)
 
     def ask(self, stage: Stage) -> None:
         """One stage, as far as there is time."""
@@ -63,14 +66,20 @@ class DiagnosisPipeline(LawStage[C]):
             return
         if stage.summary:
             self.search.report(stage.summary)
-        try:
+        with self.answered(stage.name, needed=bool(np.isinf(stage.until))):
             stage.ask(self)
+
+    @contextmanager
+    def answered(self, question: str, needed: bool = False) -> Iterator[None]:
+        """A question that the end of the time, or linear algebra that breaks, leaves open; an error where the answer is ``needed``."""
+        try:
+            yield
         except TimeIsUp:
-            self.cut[stage.name], self.complete = None, False
+            self.cut[question], self.complete = None, False
         except (np.linalg.LinAlgError, FloatingPointError) as error:
-            if np.isinf(stage.until):  # nothing can be said without it
+            if needed:  # nothing can be said without it
                 raise
-            self.failed[stage.name] = str(error)
+            self.failed[question] = str(error)
 
     @cached_property
     def baseline(self) -> Baseline:
@@ -220,18 +229,13 @@ class DiagnosisPipeline(LawStage[C]):
     def place_and_term(self, verdict: str, effects: list[EffectEstimate]) -> tuple[Where, MissingTerm | None]:
         """Where the gap lies and the shape of what is missing there, as far as there is time."""
         place, term = Where(None, None), None
-        try:
-            with time_until(self.started_at + (self.time_limit or np.inf)):
-                if time_left() > 0.0:
-                    place = self.where(verdict, effects)
-                if verdict in ("partial", "unknown") and self.unnamed.places is not None and place.location is not None:
-                    term = replace(
-                        self.unnamed.channels.missing_term(place.location, str(place.kind)), law=self.found.law
-                    )
-        except TimeIsUp:
-            self.cut["the place of the gap"], self.complete = None, False
-        except (np.linalg.LinAlgError, FloatingPointError) as error:
-            self.failed["the place of the gap"] = str(error)
+        limit = self.started_at + (self.time_limit or np.inf)
+        with self.answered("the place of the gap"), time_until(limit):
+            if time_left() > 0.0:
+                place = self.where(verdict, effects)
+            if verdict in ("partial", "unknown") and self.unnamed.places is not None and place.location is not None:
+                term = self.unnamed.channels.missing_term(place.location, str(place.kind))
+                term = replace(term, law=self.found.law)
         return place, term
 
     def budget(self) -> Table:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-from sksurrogate.gap._begin import Prepared
+from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._some_runs import Answer, in_some_runs
 from sksurrogate.gap.faults._record_book import first_look
@@ -14,22 +15,20 @@ from sksurrogate.runs import Runs
 
 
 def diagnosed_in_rounds(
-    begin: Callable[[Runs, Record], Prepared], plant: Plant, runs: Runs, whole: Record, progress: Progress
+    begin: Callable[[Runs, Record], DiagnosisPipeline[Any]], plant: Plant, runs: Runs, whole: Record, progress: Progress
 ) -> Answer:
     """Diagnose, again as long as a fault of the record is found, and some of the runs alone where only they have a gap.
 
     ``begin``: the diagnosis of some runs.
     ``whole``: as it came.
-    Returns ``pipeline``: of the last round.
-    Returns ``rows``: rows of the record that it saw.
+    Returns the pipeline of the last round, and its report.
     """
     book = first_look(plant, runs, whole)
     while True:
-        pipeline, rows, (second, later) = begin(runs, book.record)
-        pipeline.book, pipeline.rows = book, rows
-        with second, later:
-            report = pipeline.run(progress)
+        pipeline = begin(runs, book.record)
+        pipeline.book = book
+        report = pipeline.run(progress)
         if report is not None:
-            answer = pipeline, rows, report
+            answer = pipeline, report
             return in_some_runs(begin, runs, book.record, answer, progress) or answer
         book = pipeline.book

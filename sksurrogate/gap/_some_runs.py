@@ -13,21 +13,23 @@ import numpy as np
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import SOON, Progress
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, BEYOND_CHANCE
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._data_faults import listed
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
 
-#: A diagnosis, the rows of the record that it saw, and its report.
-Answer = tuple[DiagnosisPipeline[Any], np.ndarray, GapReport]
-#: A run is at the noise up to this many standard errors of its RMS: one in a thousand is above them.
-STANDARD_ERRORS = 3.0
+#: A diagnosis, and its report.
+Answer = tuple[DiagnosisPipeline[Any], GapReport]
 
 
 def in_some_runs(
-    begin: Callable[[Runs, Record], Any], runs: Runs, record: Record, whole: Answer, progress: Progress
+    begin: Callable[[Runs, Record], DiagnosisPipeline[Any]],
+    runs: Runs,
+    record: Record,
+    whole: Answer,
+    progress: Progress,
 ) -> Answer | None:
     """The diagnosis of the runs that the simulator alone does not explain; None where all runs are alike.
 
@@ -38,12 +40,12 @@ def in_some_runs(
     ``record``: of all of them.
     ``whole``: the diagnosis of all runs.
     """
-    pipeline, rows, report = whole
+    pipeline, report = whole
     late = pipeline.time_limit is not None and time.perf_counter() - progress.started_at > SOON * pipeline.time_limit
     settled = report.verdict == "none" or (report.verdict == "explained" and len(report.effects) == 1)
     if settled or late or not report.complete or record.steps is not None or record.offset is not None:
         return None
-    run = record.run_of_row[rows]
+    run = record.run_of_row[pipeline.rows]
     quiet = _at_the_noise(pipeline, run)
     some = np.setdiff1d(run, quiet)
     if not len(quiet) or not len(some):
@@ -53,7 +55,7 @@ def in_some_runs(
     answer = _by_themselves(partial(begin, *chosen), progress)
     if answer is None:
         return None
-    part, seen, said = answer
+    part, said = answer
     nats = _nats_without(pipeline, run, quiet, part.augmented())
     absent, shown = quiet[nats > NATS_THAT_SETTLE], quiet[nats < -NATS_THAT_SETTLE]
     if np.sum(nats) < NATS_THAT_SETTLE + len(runs) * np.log(2.0) or not len(absent):
@@ -61,22 +63,21 @@ def in_some_runs(
     acting = np.union1d(some, shown)
     silent = np.setdiff1d(np.arange(len(runs)), np.union1d(acting, absent))
     here, *others = ([runs[r].label for r in which] for which in (acting, some, absent, silent))
-    part.acts_in = tuple(here)
+    part.acts_in, part.rows = tuple(here), np.flatnonzero(np.isin(record.run_of_row, some))[part.rows]
     effects = [replace(effect, runs=part.acts_in) for effect in said.effects]
     said = replace(said, effects=effects, notes=(_said(here, *others), *said.notes), data=report.data)
-    return part, np.flatnonzero(np.isin(record.run_of_row, some))[seen], said
+    return part, said
 
 
-def _by_themselves(begin: Callable[[], Any], progress: Progress) -> Answer | None:
+def _by_themselves(begin: Callable[[], DiagnosisPipeline[Any]], progress: Progress) -> Answer | None:
     """The diagnosis of some runs alone; None where it names nothing, or cannot be made: that of all runs is known."""
     try:
-        part, seen, processes = begin()
-        with processes[0], processes[1]:
-            said = part.run(progress)
+        part = begin()
+        said = part.run(progress)
     except (SurrogateError, FloatingPointError, np.linalg.LinAlgError):
         return None
     named = said is not None and said.complete and said.effects and said.verdict in ("explained", "partial")
-    return (part, seen, said) if said is not None and named else None
+    return (part, said) if said is not None and named else None
 
 
 def _said(acting: Sequence[Any], seen: Sequence[Any], absent: Sequence[Any], silent: Sequence[Any]) -> str:
@@ -103,7 +104,7 @@ def _at_the_noise(pipeline: DiagnosisPipeline[Any], run: np.ndarray) -> np.ndarr
     for r in np.unique(run):
         counts = np.full(len(squares), float(np.sum(run == r))) if known is None else known[:, run == r].sum(axis=1)
         left = np.sqrt(squares[:, run == r].sum(axis=1) / np.maximum(counts, 1))
-        if np.all(left < AT_THE_NOISE + STANDARD_ERRORS / np.sqrt(2.0 * np.maximum(counts, 1))) and np.any(counts):
+        if np.all(left < AT_THE_NOISE + BEYOND_CHANCE / np.sqrt(2.0 * np.maximum(counts, 1))) and np.any(counts):
             found.append(r)
     return np.array(found, dtype=int)
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
@@ -57,6 +58,12 @@ class Noise:
     def pack(self) -> np.ndarray:
         """As one vector of logarithms."""
         return np.log(np.concatenate([self.sigma, self.force, [self.tau], self.coloured, [self.tau_sensor]]))
+
+    def held(self, sigma: Any = False, force: Any = False, coloured: Any = False) -> np.ndarray:
+        """Which parameters stay in a fit, in the order of :meth:`pack`; a correlation time where all of its noises do."""
+        m, b = len(self.sigma), len(self.force)
+        white, forces, sensors = (np.broadcast_to(one, n) for one, n in ((sigma, m), (force, b), (coloured, m)))
+        return np.concatenate([white, forces, [forces.all()], sensors, [sensors.all()]]).astype(bool)
 
     def unpack(self, eta: np.ndarray) -> Noise:
         """The inverse of :meth:`pack`."""

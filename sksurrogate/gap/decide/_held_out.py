@@ -13,7 +13,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._experiment import name_of
 from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import NOTHING_TO_LEARN
+from sksurrogate.gap.fit._closeness import BEYOND_CHANCE, NOTHING_TO_LEARN
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.results._shrink import Shrink
@@ -153,7 +153,7 @@ def measure(held: HeldOut, floor: np.ndarray, outputs: tuple[str, ...], random_s
         after_correction=rmse["corrected"],
         fraction_correction=gaps.closed("corrected", once),
         fraction_power=gaps.closed("after", once, 2),
-        measurable=bool(excess > 3.0 * spread_of_noise),
+        measurable=bool(excess > BEYOND_CHANCE * spread_of_noise),
         same_names=held.same_names,
         after_law=rmse.get("law", np.nan),
         fraction_law=gaps.closed("law", once),

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.fit._closeness import BEYOND_CHANCE
 from sksurrogate.gap.results._data_faults import DataFault
 from sksurrogate.kernels.noisy_signals import held_levels, smooth_path
 from sksurrogate.kernels.record import Record, bridged
@@ -109,10 +110,6 @@ def _without_single_readings(u: np.ndarray) -> np.ndarray:
 SMOOTHINGS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (held_levels, smooth_path, _without_single_readings)
 
 
-#: Standard deviations that one draw of a noise may be off its mean.
-DRAWS_APART = 3.0
-
-
 @dataclass(frozen=True, eq=False)
 class SlowNoise:
     """What such noise as an input has moves the outputs by: slow beside the plant it cannot be distinguished from the input.
@@ -134,12 +131,12 @@ class SlowNoise:
     @property
     def is_the_gap(self) -> bool:
         """Whether the gap is no larger than such noise makes one."""
-        return self.share + DRAWS_APART * self.spread > 1.0
+        return self.share + BEYOND_CHANCE * self.spread > 1.0
 
     @property
     def is_possible(self) -> bool:
         """Whether such noise would not make a larger gap than there is."""
-        return self.share - DRAWS_APART * self.spread < 1.0
+        return self.share - BEYOND_CHANCE * self.spread < 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,6 +71,10 @@ class Backend(ABC):
     def quiet_force(self) -> np.ndarray:
         """Force of every balance that counts as none."""
 
+    def white_sensors(self, noise: Noise) -> Noise:
+        """A noise with sensors as white as differences of the outputs show them."""
+        return replace(noise, sigma=self.sd, coloured=1e-2 * self.sd)
+
     def forced_noises(self, start: Noise) -> list[Noise]:
         """Noises with forces beside quiet sensors, from which a fit may start too; none where one start finds them."""
         return []

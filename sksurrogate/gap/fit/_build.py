@@ -36,11 +36,17 @@ def nominal_run(problem: OdeBackend) -> np.ndarray:
         return free_run(nominal, np.zeros(nominal.n_theta), start)
 
 
+def with_readings(plant: Plant, record: Record, x: np.ndarray) -> np.ndarray:
+    """States (n_states, n_samples), the measured ones as they were read."""
+    out = x.copy()
+    for j, i in enumerate(plant.output_states or ()):
+        out[i] = record.y[j]
+    return out
+
+
 def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
     """States (n_states, n_samples) of the simulator alone, measured ones started at their first readings."""
-    near = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
-    for j, i in enumerate(plant.output_states or ()):
-        near[i] = record.y[j]
+    near = with_readings(plant, record, np.repeat(plant.x0[:, None], record.n_samples, axis=1))
     nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=sizes(near))
     with np.errstate(all="ignore"):
         return run_near(nominal, np.zeros(0), near)
@@ -48,12 +54,7 @@ def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.nda
 
 def measured_guess(plant: Plant, record: Record, run: np.ndarray) -> np.ndarray:
     """States (n_states, n_samples): measured ones as measured, others from the nominal free run or the initial state."""
-    guess = np.repeat(plant.x0[:, None], record.n_samples, axis=1)
-    finite = np.isfinite(run).all(axis=0)
-    guess[:, finite] = run[:, finite]
-    for j, i in enumerate(plant.output_states or ()):
-        guess[i] = record.y[j]
-    return guess
+    return with_readings(plant, record, np.where(np.isfinite(run).all(axis=0), run, plant.x0[:, None]))
 
 
 def sizes(guess: np.ndarray) -> np.ndarray:

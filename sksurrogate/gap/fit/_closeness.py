@@ -25,6 +25,10 @@ MOST_LEFT = 0.5
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
 
+# Standard deviations.
+#: Chance alone leaves a mean by more than this once in several hundred cases.
+BEYOND_CHANCE = 3.0
+
 # Levels of the cost over the number of measured values.
 #: Sizes, not likelihoods, tell candidates apart; a limit is fitted from another start too.
 FAR_BY_COST = 5.0

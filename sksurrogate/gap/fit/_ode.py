@@ -339,7 +339,7 @@ class OdeBackend(Backend):
 
     def forced_noises(self, start: Noise) -> list[Noise]:
         """Forces of three sizes."""
-        quiet = replace(start, sigma=self.sd, coloured=1e-2 * self.sd, tau=REMEMBERED)
+        quiet = replace(self.white_sensors(start), tau=REMEMBERED)
         return [replace(quiet, force=share * self.force_unit()) for share in FORCES]
 
     def quiet_force(self) -> np.ndarray:
@@ -352,5 +352,5 @@ class OdeBackend(Backend):
         )
 
     def quiet(self, noise: Noise) -> Noise:
-        """A noise with quiet forces and sensors as white as differences of the outputs show them."""
-        return replace(noise, sigma=self.sd, force=self.quiet_force(), coloured=1e-2 * self.sd)
+        """A noise with white sensors and quiet forces."""
+        return replace(self.white_sensors(noise), force=self.quiet_force())

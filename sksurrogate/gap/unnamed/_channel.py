@@ -54,14 +54,12 @@ def fit_signal(
     Returns ``log_likelihood``: -inf where no noise can be followed.
     """
     force, coloured = np.full(D.b, (0.1 if sensor is None else 1e-4) * unit), 1e-2 * sd
-    held = np.zeros(2 * D.m + D.b + 2, bool)
-    held[: D.m], held[D.m + D.b + 1 :] = rough, True
     if sensor is not None:
-        held[D.m : D.m + D.b + 1], held[D.m + D.b + 1 + sensor], held[-1] = True, False, False
         coloured[sensor] = max(0.1 * float(spread[sensor]), 1e-12)
     tried = (REMEMBERED,) if rough else CORRELATION_TIMES
     times = [(t, REMEMBERED) if sensor is None else (REMEMBERED, t) for t in tried]
     starts = [Noise(sd.copy(), force, a, coloured, b) for a, b in times] if near is None else [near]
+    held = starts[0].held(sigma=rough, force=sensor is not None, coloured=np.arange(D.m) != sensor)
     best, value = starts[0], -np.inf
     for start in starts:
         try:

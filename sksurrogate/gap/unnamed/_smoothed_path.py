@@ -59,8 +59,6 @@ def _noise_along(found: Evidence, x: np.ndarray) -> Noise:
     about, start, held = found.candidate.along(x), found.noise, None
     problem, unit = about.problem, about.problem.force_unit()
     if found.left > FAR:
-        sd, m = problem.sd, len(about.residual)
-        start = replace(start, sigma=sd, force=0.1 * unit, coloured=1e-2 * sd, tau_sensor=REMEMBERED)
-        held = np.zeros(2 * m + len(unit) + 2, bool)
-        held[m + len(unit) + 1 :] = True
+        start = replace(problem.white_sensors(start), force=0.1 * unit, tau_sensor=REMEMBERED)
+        held = start.held(coloured=True)
     return fit_noise(about.disturbance, about.residual, start, unit, held=held, max_iterations=10)[0]
