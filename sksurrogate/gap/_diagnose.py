@@ -19,7 +19,7 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
 from sksurrogate.gap._progress import Progress, progress_shown
-from sksurrogate.gap._provenance import with_origin
+from sksurrogate.gap._provenance import with_provenance
 from sksurrogate.gap._rounds import diagnosed_in_rounds
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
@@ -246,7 +246,7 @@ class GapDiagnoser(BaseEstimator):
             progress,
         )
         self.n_features_in_ = runs[0].X.shape[1]
-        self.report_ = with_origin(report, self, pipeline.final.candidate, len(runs), whole.n_samples)
+        self.report_ = with_provenance(report, self, pipeline.final.candidate, len(runs), whole.n_samples)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
         first = pipeline.rows[pipeline.problem.record.starts]

@@ -34,7 +34,7 @@ OTHER_SETTINGS = (
 )
 
 
-def with_origin(report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs: int, n_rows: int) -> GapReport:
+def with_provenance(report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs: int, n_rows: int) -> GapReport:
     """The report with its sentence, its provenance, the nominal parameters, the units and the ranges of the signals."""
     plant = final.problem.plant
     known = replace(
@@ -42,12 +42,12 @@ def with_origin(report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs:
         units=units_in(plant),
         nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
         ranges=_ranges(final.signals),
-        provenance=origin_of(diagnoser, plant, n_runs, n_rows, final.problem.free),
+        provenance=provenance_of(diagnoser, plant, n_runs, n_rows, final.problem.free),
     )
     return replace(known, sentence=sentence_of(known))
 
 
-def origin_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tuple[str, ...]) -> Provenance:
+def provenance_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tuple[str, ...]) -> Provenance:
     """Where the report of this diagnoser comes from."""
     return Provenance(
         simulator=type(plant.simulator).__name__,

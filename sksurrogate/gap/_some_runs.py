@@ -15,7 +15,7 @@ from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import SOON, Progress
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, BEYOND_CHANCE
 from sksurrogate.gap.render._report import GapReport
-from sksurrogate.gap.results._data_faults import listed
+from sksurrogate.gap.results._data_faults import runs_text
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
@@ -50,7 +50,7 @@ def in_some_runs(
     some = np.setdiff1d(run, quiet)
     if not len(quiet) or not len(some):
         return None
-    pipeline.search.report(f"{_runs([runs[r].label for r in some])} by themselves")
+    pipeline.search.report(f"{runs_text([runs[r].label for r in some])} by themselves")
     chosen = replace(runs, runs=tuple(runs[r] for r in some)), record.select(some.tolist())
     answer = _by_themselves(partial(begin, *chosen), progress)
     if answer is None:
@@ -84,15 +84,10 @@ def _said(acting: Sequence[Any], seen: Sequence[Any], absent: Sequence[Any], sil
     """Where it acts, which of these runs were diagnosed, where it does not act, and where nobody knows."""
     of = "this run" if len(seen) == 1 else "these runs"
     return (
-        f"What was found acts in {_runs(acting)} alone, and the figures are of {of if acting == seen else _runs(seen)}; "
-        f"{_runs(absent)} would show it, and agree{'s' if len(absent) == 1 else ''} with the simulator without it."
-        + (f" Whether it acts in {_runs(silent)} does not show." if silent else "")
+        f"What was found acts in {runs_text(acting)} alone, and the figures are of {of if acting == seen else runs_text(seen)}; "
+        f"{runs_text(absent)} would show it, and agree{'s' if len(absent) == 1 else ''} with the simulator without it."
+        + (f" Whether it acts in {runs_text(silent)} does not show." if silent else "")
     )
-
-
-def _runs(labels: Sequence[Any]) -> str:
-    """``run 'a'`` or ``runs 1, 2``."""
-    return f"{'run' if len(labels) == 1 else 'runs'} {listed([repr(label) for label in labels])}"
 
 
 def _at_the_noise(pipeline: DiagnosisPipeline[Any], run: np.ndarray) -> np.ndarray:

@@ -249,7 +249,7 @@ DIAGNOSIS = """
 import warnings
 from dataclasses import replace
 from sksurrogate._parallel._worker_process import WorkerProcess
-from sksurrogate.gap.results._provenance import UNKNOWN_ORIGIN
+from sksurrogate.gap.results._provenance import UNKNOWN_PROVENANCE
 from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.gap import GapDiagnoser
 count = []
@@ -263,7 +263,7 @@ X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
 for n_jobs in (None, 1):
     diagnoser = GapDiagnoser(make_reactor(second=80.0), n_jobs=n_jobs, random_state=0)
     report = diagnoser.fit(X, y, groups=groups).report_
-    report = replace(report, seconds=float("nan"), provenance=UNKNOWN_ORIGIN)  # when it was made, and how long it took
+    report = replace(report, seconds=float("nan"), provenance=UNKNOWN_PROVENANCE)  # when it was made, and how long it took
     print(len(count) > 3 and all(count), str(report).encode(), report.shrink)
     count.clear()
 """

@@ -11,7 +11,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, NextExperiment
+from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, NextExperiment
 from sksurrogate.gap.results._table import Table
 from sksurrogate.kernels.record import Record
 
@@ -69,7 +69,7 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
         return NextExperiment(sentence, Table(tuple(rows)), names[0])
     gain = f"{best['gain']:.0f}" if best["gain"] < 1000 else "more than 1000"
     sentence = (
-        f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats (3 are enough)."
+        f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats ({ENOUGH})."
     )
     if not best["within"]:
         sentence += " Its inputs leave the recorded range: make sure that the plant allows them."

@@ -5,22 +5,26 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sksurrogate.gap.results._table import Table
 
-#: Fill of each kind of part (Okabe and Ito's colours); further effects have others, in turn.
-_FILL = {"re-tuning": "#56b4e9", "unnamed law": "#e69f00", "disturbance": "#bbbbbb"}
-_EFFECTS = ("#0072b2", "#009e73", "#cc79a7")
-#: Letter of each kind in the terminal's bar.
-_LETTER = {"effect": "#", "re-tuning": "=", "unnamed law": "?", "disturbance": "."}
-#: What the parts that are no effects are called.
-_NAMES = {
-    "re-tuning": "re-tuned parameters",
-    "unnamed law": "a law without a name",
-    "disturbance": "disturbance (not repeatable)",
+
+class _Kind(NamedTuple):
+    """How parts of one kind look."""
+
+    letter: str  #: In the terminal's bar
+    fills: tuple[str, ...]  #: Of Okabe and Ito's colours, in turn
+    name: str = ""  #: What such a part is called; an effect has a name of its own
+
+
+_KINDS = {
+    "effect": _Kind("#", ("#0072b2", "#009e73", "#cc79a7")),
+    "re-tuning": _Kind("=", ("#56b4e9",), "re-tuned parameters"),
+    "unnamed law": _Kind("?", ("#e69f00",), "a law without a name"),
+    "disturbance": _Kind(".", ("#bbbbbb",), "disturbance (not repeatable)"),
 }
 #: Parts below this share are left out of the text, unless they are effects.
 _LEAST_SHARE = 0.0005
@@ -51,9 +55,9 @@ def budget_lines(budget: Table, width: int) -> list[str]:
     room = max(width - 30, 10)
     ends = np.round(np.cumsum([row["share"] for row in rows]) * room).astype(int)
     counts = np.diff(ends, prepend=0)
-    bar = "".join(_LETTER[row["kind"]] * int(count) for row, count in zip(rows, counts))
+    bar = "".join(_KINDS[row["kind"]].letter * int(count) for row, count in zip(rows, counts))
     lines = ["Budget of the gap (shares of its power on held-out runs, 90 %)", f"  [{bar:<{room}}]"]
-    return lines + [f"  {_LETTER[row['kind']]} {_percent(row)} {part_name(row)}" for row in rows]
+    return lines + [f"  {_KINDS[row['kind']].letter} {_percent(row)} {part_name(row)}" for row in rows]
 
 
 def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -64,8 +68,8 @@ def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     >>> fills([{"kind": "effect"}, {"kind": "effect"}, {"kind": "disturbance"}])
     ['#0072b2', '#009e73', '#bbbbbb']
     """
-    effects = itertools.cycle(_EFFECTS)
-    return [_FILL.get(row["kind"]) or next(effects) for row in rows]
+    fills_of = {kind: itertools.cycle(look.fills) for kind, look in _KINDS.items()}
+    return [next(fills_of[row["kind"]]) for row in rows]
 
 
 def budget_html(budget: Table) -> str:
@@ -105,8 +109,8 @@ def part_name(row: Mapping[str, Any]) -> str:
     """
     if str(row["part"]).startswith("law: "):
         return "the law of the missing term"
-    if row["kind"] in _NAMES:
-        return _NAMES[row["kind"]]
+    if _KINDS[row["kind"]].name:
+        return _KINDS[row["kind"]].name
     name, _, place = str(row["part"]).partition(" at ")
     own = next((p for p in [place[: (len(place) - 4) // 2]] if place == f"{p} in {p}"), place)
     where, driven, by = own.partition(" in ")

@@ -13,15 +13,15 @@ from sksurrogate.gap.render._values import (
     change_of,
     confidence,
     is_wrong_parameter,
+    key_text,
     moved_text,
     number,
     percent,
     place_of,
     quantity,
-    readable,
 )
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE, TIED_LISTED
+from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, TIED_LISTED
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._shrink import Shrink
@@ -196,13 +196,15 @@ def related_forms(effect: EffectEstimate) -> list[str]:
         ("Richer than {}, not needed", effect.richer),
         ("Simpler than {}, as good up to the tolerance", effect.simpler),
     )
-    return [f"{text.format(place_of(effect))}: {first_of([_key(k) for k in keys])}." for text, keys in kinds if keys]
+    return [
+        f"{text.format(place_of(effect))}: {first_of([key_text(k) for k in keys])}." for text, keys in kinds if keys
+    ]
 
 
 def not_identified(effect: EffectEstimate) -> list[str]:
     """Other effects that these data cannot tell from the named one, without its richer and simpler forms."""
     forms = set(map(tuple, [*effect.richer, *effect.simpler]))
-    return [_key(key) for key in effect.equivalents if tuple(key) not in forms]
+    return [key_text(key) for key in effect.equivalents if tuple(key) not in forms]
 
 
 def first_of(names: Sequence[str]) -> str:
@@ -215,11 +217,6 @@ def first_of(names: Sequence[str]) -> str:
     """
     more = len(names) - TIED_LISTED
     return "; ".join([*names[:TIED_LISTED], *([f"and {more} more"] if more > 0 else [])])
-
-
-def _key(key: Sequence[str | None]) -> str:
-    driven = f", driven by {key[2]}" if key[2] and key[2] != key[1] else ""
-    return f"{readable(str(key[0]))} at {key[1]}{driven}"
 
 
 def separating(report: ReportData) -> list[dict]:
@@ -265,7 +262,7 @@ def _to_separate(report: ReportData) -> list[str]:
     nats = number(best[0]["gain"], 2) if best[0]["gain"] < 1000 else "more than 1000"
     beyond = "" if best[0].get("within", True) else "; its inputs leave the recorded range"
     return [
-        f"Record {best[0]['experiment']} to separate {best[0]['between']} ({nats} nats expected, 3 are enough{beyond})."
+        f"Record {best[0]['experiment']} to separate {best[0]['between']} ({nats} nats expected, {ENOUGH}{beyond})."
     ]
 
 

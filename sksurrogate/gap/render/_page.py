@@ -20,13 +20,13 @@ from sksurrogate.gap.render._headline import (
     separating,
 )
 from sksurrogate.gap.render._law import law_html, law_line
-from sksurrogate.gap.render._origin_html import origin_html
+from sksurrogate.gap.render._provenance import provenance_html
 from sksurrogate.gap.render._record import record_html
 from sksurrogate.gap.render._runs import runs_html
 from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
-from sksurrogate.gap.render._table_html import explained
+from sksurrogate.gap.render._tables import explained
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
 from sksurrogate.gap.render._values import place_of
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
@@ -88,7 +88,7 @@ def html_fragment(report: ReportData) -> str:
         _ranking(report),
         _notes(report),
         _code(report),
-        origin_html(report),
+        provenance_html(report),
         f"</div><script>{SCRIPT}</script>",
     ]
     return "\n".join(part for part in parts if part)
@@ -244,10 +244,7 @@ def _ranking(report: ReportData) -> str:
 
 def _with_margin(row: dict) -> dict:
     """Evidence over what is needed, before the columns that it is made of."""
-    evidence, bar = row.get("evidence", np.nan), row.get("bar", np.nan)
-    margin = (
-        float(evidence) - float(bar) if isinstance(evidence, (int, float)) and isinstance(bar, (int, float)) else np.nan
-    )
+    margin = row.get("evidence", np.nan) - row.get("bar", np.nan)
     first = {name: row.pop(name) for name in ("name", "location", "variable") if name in row}
     return {**first, "margin": margin, **row}
 

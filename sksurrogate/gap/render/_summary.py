@@ -12,7 +12,7 @@ import numpy as np
 
 from sksurrogate.gap.render._budget import part_name, shown
 from sksurrogate.gap.render._headline import not_identified
-from sksurrogate.gap.render._table_html import grid, table_html
+from sksurrogate.gap.render._tables import grid, table_html
 from sksurrogate.gap.render._units import TIME, parameter_unit
 from sksurrogate.gap.render._values import number, percent, place_of, quantity
 from sksurrogate.gap.render._waterfall import CAPTION

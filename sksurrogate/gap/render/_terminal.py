@@ -7,9 +7,9 @@ import textwrap
 from sksurrogate.gap.render._budget import budget_lines
 from sksurrogate.gap.render._headline import changes, first_of, headline, next_steps, not_identified, related_forms
 from sksurrogate.gap.render._law import law_lines
-from sksurrogate.gap.render._origin_html import origin_line
+from sksurrogate.gap.render._provenance import provenance_line
 from sksurrogate.gap.render._record import record_lines
-from sksurrogate.gap.render._table_html import grid
+from sksurrogate.gap.render._tables import grid
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
 from sksurrogate.gap.render._values import percent, place_of
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
@@ -46,7 +46,7 @@ def terminal_page(report: ReportData, width: int = 80) -> str:
     if report.untestable:
         text = f"Could not be tested with this simulator: {', '.join(report.untestable)}."
         lines += [*textwrap.wrap(text, width), ""]
-    lines += textwrap.wrap(origin_line(report), width)
+    lines += textwrap.wrap(provenance_line(report), width)
     return printable("\n".join(lines).rstrip("\n"))
 
 

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.effects._onset import WINDOW
+from sksurrogate.gap.decide._posterior import CERTAIN_NAME, LEAST_ALONE
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, only_in
 
 #: Probability from which a word applies, the first that is reached.
-WORDS = ((0.99, "very likely"), (0.9, "likely"), (0.5, "more likely than not"), (0.0, "uncertain"))
+WORDS = ((0.99, "very likely"), (CERTAIN_NAME, "likely"), (LEAST_ALONE, "more likely than not"), (0.0, "uncertain"))
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -86,8 +87,13 @@ def place_of(effect: EffectEstimate) -> str:
     >>> place_of(EffectEstimate("linear_loss", "speed", "speed", 1.0, {}, {}, 1.0))
     'linear loss at speed'
     """
-    driven = f", driven by {effect.variable}" if effect.variable and effect.variable != effect.location else ""
-    return f"{readable(effect.name)} at {effect.location}{driven}{only_in(effect)}"
+    return key_text((effect.name, effect.location, effect.variable)) + only_in(effect)
+
+
+def key_text(key: Sequence[str | None]) -> str:
+    """Name, place and driving signal of an effect, by its key."""
+    name, place, driver = key[:3]
+    return f"{readable(str(name))} at {place}" + (f", driven by {driver}" if driver and driver != place else "")
 
 
 def is_wrong_parameter(effect: EffectEstimate) -> bool:

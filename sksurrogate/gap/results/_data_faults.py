@@ -76,8 +76,7 @@ class DataFault:
     def what(self) -> str:
         """The fault in words, without its place."""
         n, size = len(self.rows), f"{self.size:.3g}"
-        where = f"{'run' if len(self.runs) == 1 else 'runs'} {listed([repr(label) for label in self.runs])}"
-        where = "the record" if self.runs == (None,) else where  # one run without a label
+        where = "the record" if self.runs == (None,) else runs_text(self.runs)  # one run without a label
         rows = f" ({'row' if n == 1 else 'rows'} {listed([str(row) for row in self.rows])})" if self.rows else ""
         single = f"{size}" if len(self.values) == 1 else f"up to {size}"
         return {
@@ -170,6 +169,17 @@ def listed(texts: Sequence[str]) -> str:
     """
     more = len(texts) - FAULTS_LISTED
     return ", ".join(texts) if more <= 1 else ", ".join(texts[:FAULTS_LISTED]) + f" and {more} more"
+
+
+def runs_text(labels: Sequence[Any]) -> str:
+    """Some runs by their labels.
+
+    Examples
+    --------
+    >>> runs_text(["a"]), runs_text([1, 2])
+    ("run 'a'", 'runs 1, 2')
+    """
+    return f"{'run' if len(labels) == 1 else 'runs'} {listed([repr(label) for label in labels])}"
 
 
 #: Nothing is wrong with the record.

@@ -8,6 +8,7 @@ from sksurrogate.gap.results._table import EMPTY, Table
 
 #: Nats of log likelihood that settle between two candidates: odds of twenty.
 NATS_THAT_SETTLE = 3.0
+ENOUGH = f"{NATS_THAT_SETTLE:g} are enough"
 #: Tied candidates that a line of text lists.
 TIED_LISTED = 4
 

@@ -57,4 +57,4 @@ class Provenance:
 
 
 #: Of a report that was put together by hand.
-UNKNOWN_ORIGIN = Provenance()
+UNKNOWN_PROVENANCE = Provenance()

@@ -10,7 +10,7 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
-from sksurrogate.gap.results._provenance import UNKNOWN_ORIGIN, Provenance
+from sksurrogate.gap.results._provenance import UNKNOWN_PROVENANCE, Provenance
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
 from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 from sksurrogate.gap.results._shrink import Shrink
@@ -46,7 +46,7 @@ class ReportData:
     units: Mapping[str, str] = field(default_factory=dict)
     nominal: Mapping[str, float] = field(default_factory=dict)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    provenance: Provenance = UNKNOWN_ORIGIN
+    provenance: Provenance = UNKNOWN_PROVENANCE
     data: DataFaults = NO_FAULTS
     scale: tuple[float, ...] = ()
 

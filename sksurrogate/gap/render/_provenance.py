@@ -1,4 +1,4 @@
-"""The provenance at the foot of the page and of the terminal text."""
+"""Where a report comes from, at the foot of the page and of the terminal text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sksurrogate.gap.render._values import quantity
 from sksurrogate.gap.results._report_data import ReportData
 
 
-def origin_pairs(report: ReportData) -> list[tuple[str, str]]:
+def provenance_pairs(report: ReportData) -> list[tuple[str, str]]:
     """What is known of where the report comes from."""
     origin = report.provenance
     pairs = [
@@ -31,15 +31,15 @@ def origin_pairs(report: ReportData) -> list[tuple[str, str]]:
     return [(name, text) for name, text in pairs if text]
 
 
-def origin_html(report: ReportData) -> str:
+def provenance_html(report: ReportData) -> str:
     """A list; empty where nothing is known."""
-    pairs = origin_pairs(report)
+    pairs = provenance_pairs(report)
     if not pairs:
         return ""
     entries = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in pairs)
     return f"<h2>Where this comes from</h2><dl>{entries}</dl>"
 
 
-def origin_line(report: ReportData) -> str:
+def provenance_line(report: ReportData) -> str:
     """One sentence for the terminal."""
-    return "; ".join(f"{name}: {text}" for name, text in origin_pairs(report))
+    return "; ".join(f"{name}: {text}" for name, text in provenance_pairs(report))

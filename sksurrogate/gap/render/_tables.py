@@ -8,6 +8,7 @@ from html import escape
 import numpy as np
 
 from sksurrogate.gap.render._values import number, percent
+from sksurrogate.gap.results._next_experiment import ENOUGH
 from sksurrogate.gap.results._table import Table
 
 #: Column -> (head, what it means).
@@ -38,7 +39,7 @@ COLUMNS = {
     "low": ("from", "lower end"),
     "high": ("to", "upper end"),
     "experiment": ("experiment", "what to record"),
-    "gain": ("separation / nats", "expected difference of the log likelihoods; 3 are enough"),
+    "gain": ("separation / nats", f"expected difference of the log likelihoods; {ENOUGH}"),
     "between": ("between", "the pair that is hardest to separate"),
     "within": ("within range", "whether its inputs stay where inputs were recorded"),
     "parameter": ("parameter", "of the simulator"),
