@@ -13,7 +13,8 @@ from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._formula_search import Draft, drafts_at
+from sksurrogate.gap.unnamed._formula_regression import Draft
+from sksurrogate.gap.unnamed._formula_search import drafts_at
 from sksurrogate.gap.unnamed._missing_term import shape_of
 from sksurrogate.gap.unnamed._regions import regions
 from sksurrogate.gap.unnamed._when import times

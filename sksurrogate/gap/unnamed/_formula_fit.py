@@ -19,7 +19,8 @@ from sksurrogate.gap.search._fit_from_starts import fit_last
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers
-from sksurrogate.gap.unnamed._formula_search import Draft, curve_at
+from sksurrogate.gap.unnamed._formula_regression import Draft
+from sksurrogate.gap.unnamed._formula_search import curve_at
 from sksurrogate.gap.unnamed._grammar import price_of
 
 #: Places that are compared; formulae that are fitted in the free run at the likeliest place, and at each of the others.
@@ -99,7 +100,7 @@ def pruned(search: OdeSearch, base: Evidence[OdeCandidate], law: FittedLaw) -> F
         terms = tuple(term for _, term in filled)
         late = float(values[-1]) if any(f[1].startswith("lag(") for t in terms for f in t.factors) else None
         price = price_of(terms, len(law.drivers.moving))
-        draft = Draft(terms, np.array([float(c) for c, _ in filled]), late, 0.0, 0.0, price)
+        draft = Draft(terms, np.array([float(c) for c, _ in filled]), late, price=price)
         fitted = fitted_draft(search, base, law.found.candidate.fit.x, draft, law.drivers)
         if fitted is not None:
             fewer.append(replace(law, found=Evidence(fitted, base.noise, -np.inf), price=price))

@@ -18,7 +18,7 @@ from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._formula_search import Draft
+from sksurrogate.gap.unnamed._formula_regression import Draft
 from sksurrogate.gap.unnamed._law_shapes import hats_at
 
 #: Knots of a curve; rows that each must see.

@@ -49,10 +49,6 @@ class Library:
         return cls([terms[k] for k in kept], [_late(terms[k], drivers) for k in kept], sizes[kept], columns)
 
 
-#: Where formulae are given.
-NO_TERMS = Library([], [], np.zeros(0), np.zeros((0, 0)))
-
-
 def _late(term: Term, drivers: Drivers) -> float | None:
     """Time constant of the recent past in a term."""
     return next((drivers.late[f[1]] for f in term.factors if f[1] in drivers.late), None)

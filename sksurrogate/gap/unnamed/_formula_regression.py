@@ -1,0 +1,167 @@
+"""A formula at a place and its regression: coefficients, constants and parameters of the simulator by generalised least squares.
+
+``r = J theta + sum_j c_j G f_j(z; k_j) + noise``: G carries a signal at the place to the outputs. The constants inside the shapes
+follow by Gauss-Newton.
+
+References
+----------
+Golub, Pereyra, *Separable nonlinear least squares*, Inverse Problems 19 (2003); Grunwald, *The minimum description length principle*
+(2007).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.effects._formula import Term, equation_of
+from sksurrogate.gap.fit._ode import REACH
+from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
+from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.gap.unnamed._grammar import price_of, structure
+from sksurrogate.kernels.disturbance import Noise
+
+#: Steps of Gauss-Newton; halvings of a step.
+CONSTANT_STEPS, HALVINGS = 6, 3
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A formula at a place, before its free run."""
+
+    terms: tuple[Term, ...]
+    coefficients: np.ndarray  #: (n_terms,)
+    late: float | None  #: Time constant of the recent past that it holds
+    nats: float = 0.0  #: What it explains beside parameters of the simulator
+    worth: float = 0.0  #: The same less the price of the formula and of its constants
+    price: float = 0.0  #: That of the formula
+    level: float = -np.inf  #: Log likelihood less that price: comparable between places, which have noise of their own
+
+    @property
+    def values(self) -> np.ndarray:
+        """Coefficients, constants and the time constant, as the parameters of the effect."""
+        constants = [c for term in self.terms for c in term.constants]
+        return np.array([*self.coefficients, *constants, *([] if self.late is None else [self.late])], dtype=float)
+
+    @property
+    def coefficients_alone(self) -> np.ndarray:
+        """Coefficients and the time constant: the parameters of the effect whose other constants stand."""
+        return np.array([*self.coefficients, *([] if self.late is None else [self.late])], dtype=float)
+
+    @property
+    def text(self) -> str:
+        """The formula with its numbers."""
+        return equation_of(self.terms, [float(c) for c in self.coefficients])
+
+    @property
+    def structure(self) -> Any:
+        """Its shapes and drivers."""
+        return structure(self.terms)
+
+
+@dataclass(eq=False)
+class Regression:
+    """A residual explained by parameters of the simulator and by terms, under one noise."""
+
+    channel: Channel
+    drivers: Drivers
+    noise: Noise
+
+    def __post_init__(self) -> None:
+        channel = self.channel
+        known = channel.linear.known
+        self.factor = channel.D.factor(self.noise)
+        self.base = self.weights(known)  # S^-1 [r, J]
+        self.K = self.base @ known.transpose(1, 0, 2).reshape(known.shape[1], -1).T
+        self.half_log = 0.5 * np.log(channel.r.size)
+        self.n_drivers = len(self.drivers.moving)
+
+    def weights(self, columns: np.ndarray) -> np.ndarray:
+        """``S^-1`` of columns (n_outputs, n_columns, n_samples): (n_columns, n_outputs * n_samples)."""
+        return (
+            self.channel.D.weighted(columns, self.noise, self.factor).transpose(1, 0, 2).reshape(columns.shape[1], -1)
+        )
+
+    def responses(self, terms: Sequence[Term], late: float | None) -> np.ndarray:
+        """What terms move the outputs by: (n_outputs, n_terms, n_samples)."""
+        return self.channel.respond(self.values(terms, late))
+
+    def values(self, terms: Sequence[Term], late: float | None) -> np.ndarray:
+        """Terms along the path (n_terms, n_samples)."""
+        return self.drivers.values(terms, self.channel.record)
+
+    def solved(self, J: np.ndarray) -> tuple[float, np.ndarray, float]:
+        """Nats that columns J explain beside the parameters, their weights, the parameters first, and a log determinant."""
+        both = self.channel.linear.beside(J)
+        known = both.known
+        if not np.isfinite(known).all():
+            return -np.inf, np.zeros(known.shape[1] - 1), 0.0
+        G, log_det = self.channel.D.gram(known, self.noise, self.factor)
+        theta = both.weights(G)
+        return 0.5 * float((G[1:, 0] + both.pull) @ theta), theta, log_det
+
+    def judged(self, draft: Draft) -> Draft:
+        """Coefficients and worth of a formula with its constants as they are."""
+        nats, theta, log_det = self.solved(self.responses(draft.terms, draft.late))
+        k = sum(1 + len(term.constants) for term in draft.terms) + (draft.late is not None)
+        price = price_of(draft.terms, self.n_drivers)
+        own = theta[len(self.channel.linear.precision) :]
+        cost = price + self.half_log * k
+        level = nats - cost - 0.5 * (self.K[0, 0] + log_det)
+        return replace(draft, coefficients=own, nats=nats, worth=nats - cost, price=price, level=float(level))
+
+    def refined(self, draft: Draft) -> Draft:
+        """A formula with its constants fitted: Gauss-Newton with coefficients and parameters beside them, steps halved."""
+        constants = np.array([c for term in draft.terms for c in term.constants])
+        if not len(constants):
+            return draft
+        low, high = np.array([b for term in draft.terms for b in term.bounds]).T
+        spread = {name: float(np.std(z)) for name, z in self.drivers.signals.items()}
+        unit = np.maximum(np.abs(constants), 0.1 * max(spread.values()) if any(constants == 0) else 1e-12)
+        for _ in range(CONSTANT_STEPS):
+            J = self.responses(draft.terms, draft.late)
+            slopes = self.slopes(draft, constants, unit, J)
+            if not np.isfinite(slopes).all():
+                break
+            _, theta, _ = self.solved(np.concatenate([J, slopes], axis=1))
+            step = np.clip(theta[len(theta) - len(constants) :], -REACH * unit, REACH * unit)
+            better = None
+            for halving in range(HALVINGS):
+                trial = np.clip(constants + step / 4.0**halving, low, high)
+                other = self.judged(replace(draft, terms=_at(draft.terms, trial)))
+                if other.nats > draft.nats:
+                    better = other, trial
+                    break
+            if better is None:
+                break
+            gained = better[0].nats - draft.nats
+            draft, constants = better
+            unit = np.maximum(np.abs(constants), 0.1 * unit)
+            if gained < 0.05:
+                break
+        return draft
+
+    def slopes(self, draft: Draft, constants: np.ndarray, unit: np.ndarray, J: np.ndarray) -> np.ndarray:
+        """Sensitivities of the outputs in the constants (n_outputs, n_constants, n_samples)."""
+        here = draft.coefficients @ self.values(draft.terms, draft.late)
+        moved = []
+        for k, size in enumerate(unit):
+            other = constants.copy()
+            other[k] += STEP_OF_SLOPES * size
+            there = draft.coefficients @ self.values(_at(draft.terms, other), draft.late)
+            moved.append((there - here) / (STEP_OF_SLOPES * size))
+        return self.channel.respond(np.stack(moved))
+
+
+def _at(terms: Sequence[Term], constants: np.ndarray) -> tuple[Term, ...]:
+    """The same terms with other constants."""
+    out, left = [], list(map(float, constants))
+    for term in terms:
+        n = len(term.constants)
+        out.append(term.at(left[:n]))
+        left = left[n:]
+    return tuple(out)
