@@ -64,7 +64,7 @@ class Progress:
         Seconds after which nothing remains.
     """
 
-    def __init__(self, show: Callable[[str, float, float | None], None] | None = None, time_limit: float | None = None):
+    def __init__(self, show: Callable[[str, float, float | None], None] | None, time_limit: float | None):
         self.show, self.time_limit = show, time_limit
         self.started_at = time.perf_counter()
         self.done, self.end = 0.0, 0.0

@@ -82,13 +82,5 @@ def remainder_of(shrink: Shrink, share: float, over_noise: float, law: LawLeft |
     if law is None:
         return Remainder(share, shrink.after, over_noise)
     return Remainder(
-        share,
-        shrink.after,
-        over_noise,
-        law.size,
-        law.spread,
-        law.probability,
-        law.location,
-        law.kind,
-        law.variable,
+        share, shrink.after, over_noise, law.size, law.spread, law.probability, law.location, law.kind, law.variable
     )

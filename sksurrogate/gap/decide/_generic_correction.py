@@ -34,7 +34,7 @@ class SimulatedOnce:
         Runs that are known already: inputs (n_samples, n_inputs), initial states, outputs (n_samples, n_outputs).
     """
 
-    def __init__(self, simulator: Any, runs: Iterable[Run] = ()):
+    def __init__(self, simulator: Any, runs: Iterable[Run]):
         self._simulator = simulator
         self._known: dict[bytes, np.ndarray] = {_key(U, x0): y for U, x0, y in runs}
 

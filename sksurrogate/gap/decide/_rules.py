@@ -162,12 +162,7 @@ RULES: tuple[Rule, ...] = (
         "So many effects leave more than the tolerance. They imitate one that is missing, and are withdrawn.",
         withdraws=True,
     ),
-    Rule(
-        "law_left",
-        lambda f: f.names > 0,
-        "partial",
-        "The effects are certain, but more than the tolerance remains.",
-    ),
+    Rule("law_left", lambda f: f.names > 0, "partial", "The effects are certain, but more than the tolerance remains."),
     Rule(
         "most_left",
         lambda f: f.retuned,
@@ -181,12 +176,7 @@ RULES: tuple[Rule, ...] = (
         "none",
         "The gap is small, and it is near the noise.",
     ),
-    Rule(
-        "noisy_input",
-        lambda f: f.noisy_input,
-        "none",
-        "The noise of a measured input makes up the gap.",
-    ),
+    Rule("noisy_input", lambda f: f.noisy_input, "none", "The noise of a measured input makes up the gap."),
     Rule(
         "unnamed_law",
         lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL,

@@ -104,14 +104,14 @@ def estimate_noise(
     value = [judged_under(candidate, [noise]).log_likelihood for noise in noises]
     k = int(np.argmax(value)) if max(value) > value[0] + LIKELIER else 0
     if k > len(forces) and candidate.white_alone:
-        return follow_noise(candidate, noises[k], None, max_iterations)
-    first = follow_noise(candidate, start, curvature, max_iterations)
-    other = follow_noise(candidate, noises[k], None, max_iterations) if k else first
+        return follow_noise(candidate, noises[k], max_iterations=max_iterations)
+    first = follow_noise(candidate, start, curvature, max_iterations=max_iterations)
+    other = follow_noise(candidate, noises[k], max_iterations=max_iterations) if k else first
     return first if other.log_likelihood <= first.log_likelihood else other
 
 
 def follow_noise(
-    candidate: C, start: Noise, curvature: np.ndarray | None = None, max_iterations: int = 15
+    candidate: C, start: Noise, curvature: np.ndarray | None = None, *, max_iterations: int
 ) -> Evidence[C]:
     """The top of the likelihood that is reached from one start."""
     linear = linear_set(candidate)

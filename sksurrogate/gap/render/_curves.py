@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.gap.render._svg import POINTS, Line, chart
+from sksurrogate.gap.render._svg import POINTS, Line, Panel, figure
 from sksurrogate.gap.render._units import axis, derivative_unit, labelled
 from sksurrogate.gap.render._values import place_of, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -105,11 +105,6 @@ def curve_html(curve: Curve, location: str, kind: str, report: ReportData, laws:
 def _picture(curve: Curve, label: str, report: ReportData, title: str, laws: Sequence[Line] = ()) -> str:
     """Curve, band, further lines."""
     wide = bool(np.any(curve.high > curve.low))
-    return chart(
-        [Line("estimate", curve.at, curve.value, "ink", width=2.0), *laws],
-        axis(curve.variable, report.units),
-        label,
-        title,
-        band=(curve.at, curve.low, curve.high) if wide else None,
-        band_label="90 %" if wide else "",
-    )
+    band, band_label = ((curve.at, curve.low, curve.high), "90 %") if wide else (None, "")
+    lines = [Line("estimate", curve.at, curve.value, "ink", width=2.0), *laws]
+    return figure([Panel(lines, label, None, band, band_label)], axis(curve.variable, report.units), title)

@@ -153,32 +153,29 @@ def _where(report: ReportData) -> str:
         "evidence": "of a free signal there alone, in nats",
     }
     time = report.units.get(TIME, "unit of time")
+    outputs = where.by_output if len(where.by_output) > 1 else _without(where.by_output, "share")  # of one output: all
     regions = [
         {name: range_text(value, report.units) if name == "rule" else value for name, value in row.items()}
         for row in where.by_region
     ]
     tables = [
-        ("By output", unit_column(_outputs(where.by_output), "output", report.units), {}),
+        ("By output", unit_column(outputs, "output", report.units), {}),
         ("By place", where.by_location, place),
         ("By operating range", Table(tuple(regions)), {}),
-        (
-            labelled("By time", report.units.get(TIME, "")),
-            where.by_time,
-            {"kind": "how the size changes over a run"},
-        ),
+        (labelled("By time", report.units.get(TIME, "")), where.by_time, {"kind": "how the size changes over a run"}),
         (f"By frequency (cycles per {time})", where.by_frequency, {"gap": "power of the error", "noise": "power"}),
     ]
     shown = [(title, table, other) for title, table, other in tables if len(table)]
-    parts += [f"<div><h3>{title}</h3>{explained(table, (), other)}</div>" for title, table, other in shown[:2]]
+    parts += [f"<div><h3>{title}</h3>{explained(table, other)}</div>" for title, table, other in shown[:2]]
     if len(shown) > 2:
-        inner = "".join(f"<h3>{title}</h3>{explained(table, (), other)}" for title, table, other in shown[2:])
+        inner = "".join(f"<h3>{title}</h3>{explained(table, other)}" for title, table, other in shown[2:])
         parts.append(f"<details><summary>By operating range, time and frequency</summary>{inner}</details>")
     return "".join(parts) if len(parts) > 1 else ""
 
 
-def _outputs(table: Table) -> Table:
-    """Without the share, where there is one output only."""
-    return table if len(table) > 1 else Table(tuple({k: v for k, v in row.items() if k != "share"} for row in table))
+def _without(table: Table, column: str) -> Table:
+    """A table without one of its columns."""
+    return Table(tuple({name: value for name, value in row.items() if name != column} for row in table))
 
 
 def _missing(report: ReportData) -> str:
@@ -209,8 +206,9 @@ def _experiments(report: ReportData) -> str:
     if not rows:
         return ""
     one_pair = len({str(row.get("between")) for row in rows}) == 1  # the first screen names it
+    table = Table(tuple(rows[:8]))
     return "<h2>Experiments that separate what is tied</h2>" + explained(
-        Table(tuple(rows[:8])), ("between",) if one_pair else ()
+        _without(table, "between") if one_pair else table
     )
 
 
@@ -219,7 +217,7 @@ def _retuned(report: ReportData) -> str:
     if not len(report.retuned):
         return ""
     other = {"low": "lower end of the 90 % interval", "high": "upper end"}
-    table = explained(unit_column(report.retuned, "parameter", report.units), (), other)
+    table = explained(unit_column(report.retuned, "parameter", report.units), other)
     return f"<details><summary>All re-tuned parameters</summary>{table}</details>"
 
 

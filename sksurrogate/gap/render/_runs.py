@@ -187,11 +187,7 @@ def _residuals(trace: Trace, j: int, report: ReportData, height: int) -> list[Pa
         return [Panel([first, second], label, _range(before, after), band, summary, height)]
     return [
         Panel(
-            [first],
-            f"residual before, {axis(name, report.units)}",
-            _range(before, before),
-            height=height,
-            legend=False,
+            [first], f"residual before, {axis(name, report.units)}", _range(before, before), height=height, legend=False
         ),
         Panel([second], f"residual after, {axis(name, report.units)}", _range(after, after), band, summary, height),
     ]

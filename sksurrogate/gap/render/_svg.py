@@ -75,11 +75,6 @@ def limits(values: Sequence[np.ndarray], room: float = 0.04) -> tuple[float, flo
     return low - pad, high + pad
 
 
-def chart(lines: Sequence[Line], xlabel: str, ylabel: str, title: str, **options: object) -> str:
-    """A figure of one panel."""
-    return figure([Panel(lines, ylabel, **options)], xlabel, title)  # type: ignore[arg-type]
-
-
 def figure(panels: Sequence[Panel], xlabel: str, title: str, width: int = 480) -> str:
     """Panels one below the other over a common axis.
 

@@ -53,21 +53,18 @@ COLUMNS = {
 _SHARES = ("share", "samples", "fraction")
 
 
-def explained(table: Table, leave_out: Sequence[str] = (), other: Mapping[str, str] | None = None) -> str:
+def explained(table: Table, other: Mapping[str, str] | None = None) -> str:
     """A table and a line for each column; ``other`` has meanings that hold here only."""
-    if not len(table):
-        return ""
-    names = [name for name in table.columns if name not in leave_out]
-    meanings = {name: (other or {}).get(name) or COLUMNS.get(name, (name, ""))[1] for name in names}
+    meanings = {name: (other or {}).get(name) or COLUMNS.get(name, (name, ""))[1] for name in table.columns}
     lines = "; ".join(f"<em>{escape(_head(name))}</em>: {escape(text)}" for name, text in meanings.items() if text)
-    return table_html(table, leave_out) + (f'<p class="small">{lines}.</p>' if lines else "")
+    return table_html(table) + (f'<p class="small">{lines}.</p>' if lines else "")
 
 
-def table_html(table: Table, leave_out: Sequence[str] = ()) -> str:
+def table_html(table: Table) -> str:
     """An HTML table; empty without rows."""
     if not len(table):
         return ""
-    names = [name for name in table.columns if name not in leave_out]
+    names = table.columns
     numeric = {name: _numeric(table, name) for name in names}
     head = "".join(f"<th{' class=n' if numeric[name] else ''}>{escape(_head(name))}</th>" for name in names)
     body = "".join(_row(row, names, numeric) for row in table)

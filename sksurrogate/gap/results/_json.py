@@ -42,7 +42,7 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def json_text(value: Any, indent: int | None = 2) -> str:
+def json_text(value: Any, indent: int | None) -> str:
     """Strict JSON (RFC 8259): nan is null, the infinities are the strings "Infinity" and "-Infinity".
 
     Examples

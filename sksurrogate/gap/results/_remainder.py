@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-_NAN = float("nan")
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Remainder:
         Place and signal of the likeliest law; None where none was compared.
     """
 
-    share: float = _NAN
-    deviation: float = _NAN
-    over_noise: float = _NAN
-    lawful: float = _NAN
-    lawful_spread: float = _NAN
-    probability: float = _NAN
+    share: float = np.nan
+    deviation: float = np.nan
+    over_noise: float = np.nan
+    lawful: float = np.nan
+    lawful_spread: float = np.nan
+    probability: float = np.nan
     location: str | None = None
     kind: str | None = None
     variable: str | None = None

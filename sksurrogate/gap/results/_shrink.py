@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sksurrogate.gap.results._table import EMPTY, Table
 
 
@@ -49,18 +51,17 @@ class Shrink:
     fraction: float
     interval: tuple[float, float]
     by_output: Table = EMPTY
-    after_retuning: float = float("nan")
-    fraction_retuning: float = float("nan")
-    after_correction: float = float("nan")
-    fraction_correction: float = float("nan")
-    fraction_power: float = float("nan")
+    after_retuning: float = np.nan
+    fraction_retuning: float = np.nan
+    after_correction: float = np.nan
+    fraction_correction: float = np.nan
+    fraction_power: float = np.nan
     measurable: bool = True
-    same_names: float = float("nan")
-    after_law: float = float("nan")
-    fraction_law: float = float("nan")
-    fraction_power_law: float = float("nan")
+    same_names: float = np.nan
+    after_law: float = np.nan
+    fraction_law: float = np.nan
+    fraction_power_law: float = np.nan
 
 
-_NAN = float("nan")
 #: After an early interrupt.
-NOT_KNOWN = Shrink(_NAN, _NAN, _NAN, _NAN, (_NAN, _NAN))
+NOT_KNOWN = Shrink(np.nan, np.nan, np.nan, np.nan, (np.nan, np.nan))

@@ -39,7 +39,7 @@ def candidate_columns(
     candidates: Sequence[BaseEffect],
     shape: tuple[float, ...],
     chosen: Shortlist | None,
-    second: WorkerProcess | None = None,
+    second: WorkerProcess | None,
 ) -> list[Column]:
     """All candidates at all their starting values, those with one shape, or those of a short list.
 

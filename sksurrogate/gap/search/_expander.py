@@ -267,10 +267,7 @@ class Expander(SetSearch[OdeCandidate]):
     def fit_apart(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
         found = side_by_side(
-            lambda starts: shipped(base.problem, partial(fit_added, base, starts, best)),
-            chosen,
-            self.second,
-            effort,
+            lambda starts: shipped(base.problem, partial(fit_added, base, starts, best)), chosen, self.second, effort
         )
         return [self.landed(base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
 
