@@ -13,7 +13,7 @@ from sksurrogate.gap import EffectEstimate, GapReport
 from sksurrogate.gap.render._code import _reference
 from sksurrogate.gap.render._page import html_fragment, html_page
 from sksurrogate.gap.render._script import SCRIPT
-from sksurrogate.gap.render._svg import Line, Panel, bars, chart, figure, limits, ticks
+from sksurrogate.gap.render._svg import Line, Panel, bars, figure, limits, ticks
 from sksurrogate.gap.render._terminal import terminal_page
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._next_experiment import NextExperiment
@@ -140,7 +140,7 @@ def test_ticks_are_round_and_within_the_axis():
     "y", [np.zeros(5), np.full(5, np.nan), np.array([1, np.nan, np.inf, 2, 3.0]), np.full(5, 1e300)]
 )
 def test_any_line_gives_a_picture(y):
-    picture = chart([Line("a<b", np.arange(5.0), y)], "x", "y", "any")
+    picture = figure([Panel([Line("a<b", np.arange(5.0), y)], "y")], "x", "any")
     root = ElementTree.fromstring(picture)
     for line in root.iter("polyline"):
         assert "nan" not in line.get("points") and "inf" not in line.get("points")
@@ -148,7 +148,7 @@ def test_any_line_gives_a_picture(y):
 
 def test_a_missing_value_breaks_the_line():
     y = np.array([0, 1, np.nan, 1, 0.0])
-    assert chart([Line("", np.arange(5.0), y)], "x", "y", "gap").count("<polyline") == 2
+    assert figure([Panel([Line("", np.arange(5.0), y)], "y")], "x", "gap").count("<polyline") == 2
 
 
 def test_bars_are_in_proportion():
