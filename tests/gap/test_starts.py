@@ -7,7 +7,7 @@ from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.effects._parts import Probe
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.search._restart import dead, in_scale, revived
+from sksurrogate.gap.search._restart import in_scale, insensitive, restarted
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -68,8 +68,8 @@ def test_a_stribeck_velocity_of_0_is_left_again():
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("i",))
     stuck = problem.fit((friction,), np.array([0.45, 0.5, 1e-12]), smoothed.x)
-    assert dead(stuck, 0)[1:].all()
-    found = revived(stuck)
+    assert insensitive(stuck, 0)[1:].all()
+    found = restarted(stuck)
     assert found.fit.theta == pytest.approx(list(true.values()), rel=0.1)
     assert found.fit.cost < 0.5 * stuck.fit.cost
 

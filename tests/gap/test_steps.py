@@ -7,7 +7,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise, judged_under
-from sksurrogate.gap.search._restart import promising
+from sksurrogate.gap.search._restart import better_values
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -110,11 +110,11 @@ def test_values_nearby_are_ranked_as_their_own_free_runs_rank_them(plant):
     off = start.frozen(np.array([0.31 * 1.0105]))
     steps = [step for (step,) in effects[0].scan((float(off.fit.theta[0]),))]
     cost = {step: off.frozen(np.array([step])).fit.cost for step in steps}
-    best = [float(theta[0]) for theta in promising(off)]
+    best = [float(theta[0]) for theta in better_values(off)]
     assert best == sorted(cost, key=lambda step: cost[step])[: len(best)]
     assert best[0] == pytest.approx(0.31, rel=0.005)
-    assert promising(off.frozen(np.array([0.31]))) == []
+    assert better_values(off.frozen(np.array([0.31]))) == []
     beside = *effects, CATALOGUE["input_bias"]("flow")
     first = problem.candidate(beside, off.fit).frozen(np.array([*off.fit.theta, 0.0]))
-    assert promising(first, 0)[0][0] == pytest.approx(0.31, rel=0.005)
-    assert promising(first) == []  # a bias has no steps
+    assert better_values(first, 0)[0][0] == pytest.approx(0.31, rel=0.005)
+    assert better_values(first) == []  # a bias has no steps

@@ -71,8 +71,8 @@ def lost_candidates(said: Sequence[str]) -> list[str]:
 
 def of_the_inputs(names: Sequence[str], u: np.ndarray) -> list[str]:
     """Inputs (n_inputs, n_samples) that never move."""
-    dead = [name for name, signal in zip(names, u) if np.ptp(signal) == 0]
-    return [f"Input {name!r} never moves: these data say nothing about its effects." for name in dead]
+    still = [name for name, signal in zip(names, u) if np.ptp(signal) == 0]
+    return [f"Input {name!r} never moves: these data say nothing about its effects." for name in still]
 
 
 def on_none(shrink: Shrink) -> list[str]:

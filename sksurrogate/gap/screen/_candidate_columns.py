@@ -61,7 +61,7 @@ def candidate_columns(
 
 #: Starting value, change of the outputs, hidden states, whether evident, what unseen initial states do: what travels
 #: between processes.
-_Freight = tuple[np.ndarray, np.ndarray, np.ndarray | None, bool, np.ndarray]
+_Message = tuple[np.ndarray, np.ndarray, np.ndarray | None, bool, np.ndarray]
 
 
 def largest(change: np.ndarray, sd: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ class _AtStarts:
     unseen: Unseen
     slopes: Slopes
 
-    def of(self, effect: BaseEffect) -> list[_Freight] | None:
+    def of(self, effect: BaseEffect) -> list[_Message] | None:
         """Its columns; None where the model has no number for any."""
         s = self.s
         starts, n_evident = self.starts(effect)

@@ -29,7 +29,7 @@ from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import Fit
 
 #: What travels between processes: a fit with its numerics, nothing, or what a simulator raised.
-Freight: TypeAlias = tuple[Fit, Numerics] | str | None
+Message: TypeAlias = tuple[Fit, Numerics] | str | None
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
 #: A base fitted again is the same one where its cost differs by less than this share.
@@ -208,11 +208,11 @@ class Expander(SetSearch[OdeCandidate]):
             pair for pair in found if known.union((pair.first.effect.key, pair.second.effect.key)) not in self.fitted
         ]
         tries = side_by_side(
-            lambda pair: shipped(base.problem, partial(fit_pair, base, pair, x, best)), new, self.second
+            lambda pair: to_message(base.problem, partial(fit_pair, base, pair, x, best)), new, self.second
         )
         effects = [[pair.first.effect, pair.second.effect] for pair in new]
-        landed = [self.landed(base, added, freight) for added, freight in zip(effects, tries)]
-        self.remember(fits := [candidate for candidate in landed if candidate is not None])
+        added_one = [self.from_message(base, added, message) for added, message in zip(effects, tries)]
+        self.remember(fits := [candidate for candidate in added_one if candidate is not None])
         return fits
 
     def left_beside(self, base: OdeCandidate, n: int) -> float:
@@ -260,24 +260,24 @@ class Expander(SetSearch[OdeCandidate]):
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
         near = min(base.fit.cost, best)
         parts = workers(self.n_jobs)(delayed(fit_chunk)(base, chunk, near) for chunk in chunks)
-        freight = [one for part in parts for one in part]
-        landed = [self.landed(base, [starts[0].effect], one) for starts, one in zip(chosen, freight)]
-        return [candidate for candidate in landed if candidate is not None]
+        messages = [one for part in parts for one in part]
+        added_one = [self.from_message(base, [starts[0].effect], one) for starts, one in zip(chosen, messages)]
+        return [candidate for candidate in added_one if candidate is not None]
 
     def fit_apart(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
         found = side_by_side(
-            lambda starts: shipped(base.problem, partial(fit_added, base, starts, best)), chosen, self.second, effort
+            lambda starts: to_message(base.problem, partial(fit_added, base, starts, best)), chosen, self.second, effort
         )
-        return [self.landed(base, [starts[0].effect], freight) for starts, freight in zip(chosen, found)]
+        return [self.from_message(base, [starts[0].effect], message) for starts, message in zip(chosen, found)]
 
-    def landed(self, base: OdeCandidate, added: Sequence[BaseEffect], freight: Freight) -> OdeCandidate | None:
-        """A base with these effects added, as it was shipped; None where it has no fit, or the simulator failed."""
-        if isinstance(freight, str):
-            self.lost[freight] = None
-        if freight is None or isinstance(freight, str):
+    def from_message(self, base: OdeCandidate, added: Sequence[BaseEffect], message: Message) -> OdeCandidate | None:
+        """A base with these effects added, as its message says; None where it has no fit, or the simulator failed."""
+        if isinstance(message, str):
+            self.lost[message] = None
+        if message is None or isinstance(message, str):
             return None
-        fit, numerics = freight
+        fit, numerics = message
         return base.problem.at(numerics).candidate((*base.effects, *added), fit)
 
 
@@ -288,7 +288,7 @@ def effort(starts: Sequence[Start]) -> float:
     return len(starts) * len(theta) * (1 + hidden) + (SEARCHED if effect.scan(tuple(theta)) else 0)
 
 
-def shipped(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Freight:
+def to_message(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Message:
     """A candidate without its model, which cannot travel between processes; where the simulator raises, what it said."""
     said = len(problem.model.said)
     try:
@@ -303,7 +303,7 @@ def shipped(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Frei
     return None if candidate is None else (candidate.fit, candidate.problem.numerics)
 
 
-def fit_chunk(base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Freight]:
+def fit_chunk(base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Message]:
     """One worker's share."""
     with silent_in_worker():
-        return [shipped(base.problem, partial(fit_added, base, starts, best)) for starts in chunk]
+        return [to_message(base.problem, partial(fit_added, base, starts, best)) for starts in chunk]

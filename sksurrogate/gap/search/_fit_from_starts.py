@@ -16,7 +16,7 @@ from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.screen._pairs import Pair
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.screen._sticking import sticks_in
-from sksurrogate.gap.search._restart import scanned
+from sksurrogate.gap.search._restart import line_searched
 from sksurrogate.kernels.output_error import Fit, run_near
 
 #: A candidate whose screen leaves this many times more than the best's is not fitted.
@@ -58,7 +58,7 @@ def fit_added(base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCa
             found = candidate
     if found is not None and (found.fit.cost < 3.0 * best or isinstance(found.effects[-1], Starting)):
         for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
-            found = scanned(found, i)
+            found = line_searched(found, i)
     return found
 
 
@@ -71,7 +71,7 @@ def fit_pair(base: OdeCandidate, pair: Pair, x: np.ndarray, best: float) -> OdeC
         candidate = problem.fit((*base.effects, first.effect, second.effect), theta, whole, best=best)
     except (np.linalg.LinAlgError, FloatingPointError):  # a candidate that breaks the arithmetic is out
         return None
-    return candidate and scanned(candidate)
+    return candidate and line_searched(candidate)
 
 
 def fit_last(

@@ -20,7 +20,7 @@ from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import best_starts, mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
-from sksurrogate.gap.search._restart import revived, scanned
+from sksurrogate.gap.search._restart import line_searched, restarted
 from sksurrogate.gap.search._stopping import is_stack
 
 #: Candidates fitted from where the others stand, with one effect of what stands taken out.
@@ -110,12 +110,12 @@ class OdeSearch(Expander):
         effects, theta = candidate.without_effect(i)
         base = candidate.problem.fit(effects, theta, candidate.fit.x[: candidate.model.n_nominal])
         for j in range(len(effects)):
-            base = base and scanned(base, j)
+            base = base and line_searched(base, j)
         return base
 
     def refined(self, candidate: OdeCandidate) -> OdeCandidate:
         """Fitted again with kinks sharper and steps shorter where that matters."""
-        best = candidate if self.is_far(candidate) else revived(candidate)
+        best = candidate if self.is_far(candidate) else restarted(candidate)
         for n_sub, sharpness in FINER:
             finer = best.problem.at(Numerics(max(n_sub, 2 * best.problem.numerics.n_sub), sharpness))
             if not numerics_matter(finer, best):

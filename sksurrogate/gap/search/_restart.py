@@ -21,11 +21,11 @@ MOST_NEARBY = 3
 WORTH_A_FIT = 1.0
 
 
-def scanned(candidate: OdeCandidate, i: int = -1) -> OdeCandidate:
+def line_searched(candidate: OdeCandidate, i: int = -1) -> OdeCandidate:
     """Fit again from values nearby where the prediction of effect i, of the last by default, jumps with them, or with its window."""
     for _ in range(3):
         before = candidate.fit.cost
-        for theta in promising(candidate, i):
+        for theta in better_values(candidate, i):
             other = candidate.problem.fit(
                 candidate.effects, theta, candidate.fit.x, open_steps=0, max_steps=6, settled=True
             )
@@ -36,7 +36,7 @@ def scanned(candidate: OdeCandidate, i: int = -1) -> OdeCandidate:
     return candidate
 
 
-def promising(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
+def better_values(candidate: OdeCandidate, i: int = -1) -> list[np.ndarray]:
     """Parameters with effect i, the last by default, at another value, where less is expected to be left.
 
     The change of the free run to first order in the states, ``dx' = A dx + f(x; c') - f(x; c)``, all values at once; initial
@@ -91,14 +91,14 @@ SILENT = 1e-9
 MOST_TRIED = 8
 
 
-def revived(candidate: OdeCandidate) -> OdeCandidate:
+def restarted(candidate: OdeCandidate) -> OdeCandidate:
     """The best fit from starting values of the parameters on which the prediction does not depend, the others kept.
 
     A Stribeck velocity of 0 has no slope that leads back, and the level that it leads to has none either.
     """
     problem = candidate.problem
     for i, effect in enumerate(candidate.effects):
-        silent = dead(candidate, i)
+        silent = insensitive(candidate, i)
         if not silent.any() or silent.all():
             continue
         path = candidate.fit.x[: len(problem.plant.states)]
@@ -112,7 +112,7 @@ def revived(candidate: OdeCandidate) -> OdeCandidate:
             theta[place] = tried[k]
             other = problem.fit(candidate.effects, theta, candidate.fit.x)
             if other is not None and other.fit.cost < candidate.fit.cost - 1.0:
-                return revived(other)
+                return restarted(other)
     return candidate
 
 
@@ -128,7 +128,7 @@ def in_scale(effect: BaseEffect, start: Sequence[float], now: np.ndarray, silent
     return out
 
 
-def dead(candidate: OdeCandidate, i: int) -> np.ndarray:
+def insensitive(candidate: OdeCandidate, i: int) -> np.ndarray:
     """Which parameters of effect i move nothing."""
     J = candidate.linearised.J_theta
     unit = np.maximum(np.abs(candidate.problem.units(candidate.effects, candidate.fit.theta)), 1e-300)
