@@ -54,7 +54,7 @@ def test_what_makes_left_out_runs_worse_is_called_no_help():
     shrink = SimpleNamespace(
         before=0.1, after=0.02, floor=0.01, after_retuning=0.2, after_correction=0.05, after_law=np.nan
     )
-    labels = [label for label, _ in waterfall(SimpleNamespace(shrink=shrink, effects=["friction"], missing_term=None))]
+    labels = [label for label, _ in waterfall(SimpleNamespace(shrink=shrink, effects=["friction"], law=None))]
     assert labels == ["simulator", "parameters re-tuned (no help)", "generic correction", "with the effects", "noise"]
 
 
@@ -64,7 +64,7 @@ def test_what_makes_left_out_runs_worse_is_called_no_help():
 )
 def test_what_is_closed_is_said_where_something_closes_it(effects, retuned, said):
     shrink = Shrink(0.5, 0.1, 0.02, 0.8, (0.7, 0.9), fraction_power=0.96)
-    report = SimpleNamespace(shrink=shrink, effects=effects, retuned=retuned, missing_term=None)
+    report = SimpleNamespace(shrink=shrink, effects=effects, retuned=retuned, certified_law=None)
     lines = closed(report)
     assert len(lines) == (said is not None)
     if said:

@@ -97,14 +97,14 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_two_one_law_may_take_
     names = [SimpleNamespace(name=f"effect_{i}", location=place, variable="v") for i, place in enumerate(places)]
     stage = LawStage.__new__(LawStage)
     null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names, left=left)
-    stage.search = SimpleNamespace(final=final, fitted_null=null)
+    stage.search = SimpleNamespace(standing=final, fitted_null=null)
     stage.found = SimpleNamespace(held=object(), shrink=SimpleNamespace(measurable=True))
     features = DecisionFeatures(
         names=len(names), share_left=share_left, left=left, lawful=share_left, error=0.5, after=0.2
     )
     stage.features = lambda: features
     stage.share_the_gap = lambda: None
-    stage.withdraw = lambda why: said.append(why) or setattr(stage.search, "final", null)
+    stage.withdraw = lambda why: said.append(why) or setattr(stage.search, "standing", null)
     stage.unnamed = SimpleNamespace(law_beside=lambda base, final, held: asked.append(base))
     stage.look_for_a_law()
     assert first_rule(features).name == rule
