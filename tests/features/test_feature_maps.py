@@ -247,3 +247,12 @@ def test_a_period_is_any_positive_number():
     assert np.ptp(np.asarray(waves), axis=0).max() == pytest.approx(2.0)  # the sine goes round twice
     with pytest.raises(ValueError, match="period"):
         FourierFeatures(period=0.0).fit(X)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_steps_by_number_are_evenly_spread_from_the_least_value_and_none_is_at_the_largest(n):
+    x = np.linspace(-3.0, 7.0, 41)[::-1, None]
+    steps = HeavisideFeatures(n).fit(x)
+    at = -3.0 + 10.0 * np.arange(n) / n
+    inside = np.sort(np.r_[at - 1e-6, at + 1e-6])[:, None]
+    assert np.array_equal(steps.transform(inside), (inside >= at).astype(float))
