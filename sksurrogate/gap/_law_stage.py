@@ -74,7 +74,7 @@ class LawStage(DiagnosisState[C]):
     def carried(self) -> Evidence:
         """What the augmented simulator carries, on the record of the search."""
         beside = self.found.beside
-        return beside.on_record if self.carried_law and beside is not None else self.final
+        return beside.law.found if self.carried_law and beside is not None else self.final
 
     def augmented(self) -> AugmentedSimulator:
         """The simulator with what was found, and with a certified law."""

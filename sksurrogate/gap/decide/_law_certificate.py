@@ -34,15 +34,10 @@ MOST_FORMULAE = 3
 class CertifiedLaw:
     """A law and its free runs on runs left out."""
 
-    law: FittedLaw
+    law: FittedLaw  #: On the record of the search
     held: HeldOut
     fitted: Evidence[OdeCandidate]  #: The same on more of a long record
     evidence: float  #: Nats by which it is likelier than no law, its price paid
-
-    @property
-    def on_record(self) -> Evidence[OdeCandidate]:
-        """On the record of the search."""
-        return self.law.found
 
 
 def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:

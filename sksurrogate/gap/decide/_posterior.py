@@ -25,6 +25,7 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_left import LawLeft
 
 #: Probability from which a name is given, and from which one stands beside others; below it a law does as well in its place.
 CERTAIN_NAME = 0.9
@@ -197,16 +198,13 @@ def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
     return candidate.problem.candidate(effects, replace(candidate.fit, theta=theta, linearised=None))
 
 
-def law_beside_set(search: OdeSearch, final: Evidence) -> LawBeside | None:
-    """The law beside what is named."""
-    if not final.effects:
-        return law_beside_none(search)
-    return judged_law(search, final, final.candidate, along=False)
-
-
-def law_beside_none(search: OdeSearch) -> LawBeside | None:
-    """The law beside no effect at all, along the measured path."""
+def law_left_beside(search: OdeSearch, final: Evidence) -> LawLeft | None:
+    """The law without a name beside what is named; beside no effect at all along the measured path."""
     null = search.fitted_null
-    problem = null.candidate.problem
-    noises = null.noise, problem.quiet(null.noise)
-    return law_along(search, null.candidate, noises, search.x[: len(problem.plant.states)])
+    if final.effects:
+        law = judged_law(search, final, final.candidate, along=False)
+    else:
+        problem = null.candidate.problem
+        noises = null.noise, problem.quiet(null.noise)
+        law = law_along(search, null.candidate, noises, search.x[: len(problem.plant.states)])
+    return None if law is None else law.left

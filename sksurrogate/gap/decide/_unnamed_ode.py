@@ -13,7 +13,7 @@ from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
-from sksurrogate.gap.decide._posterior import Posterior, law_beside_none, law_beside_set, stands
+from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, stands
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._rules import GRID_SHARE, left_over
 from sksurrogate.gap.decide._separations import of_ode
@@ -102,8 +102,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return np.max(np.minimum(noises, self.most_noise), axis=0)
 
     def law_left(self, final: Evidence[OdeCandidate]) -> LawLeft | None:
-        law = law_beside_set(self.search, final)
-        return law.left if law is not None else None
+        return law_left_beside(self.search, final)
 
     def begin(self) -> None:
         """Whether the record fits in another unit."""
@@ -129,12 +128,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         return posterior
 
     def weigh_none(self) -> None:
-        self.beside = self.instead = self.law_alone()
-
-    def law_alone(self) -> LawLeft | None:
-        """The law beside no effect at all."""
-        law = law_beside_none(self.search)
-        return law.left if law is not None else None
+        self.beside = self.instead = self.law_left(self.search.fitted_null)
 
     def look_at_what_is_left(self, final: Evidence[OdeCandidate]) -> None:
         asked = self.places_asked or self.ask_for_places(final)
@@ -167,7 +161,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         if rounding is not None and final.left < NEARLY_WHITE:
             return rounding.sensor, "output"
         if self.instead is None and self.complete:
-            self.instead = self.law_alone()
+            self.instead = self.law_left(self.search.fitted_null)
         place = place_of_law(self.instead, places, problem.plant.inputs)
         if place:
             return place

@@ -110,11 +110,6 @@ class BaseCandidate(ABC):
         precision = 1.0 / sd**2
         return precision, precision * (mean - self.fit.theta)
 
-    @property
-    def known_columns(self) -> np.ndarray:
-        """Residual and sensitivities, (1 + n_theta, n_outputs, n_samples)."""
-        return np.concatenate([self.residual[None], self.sensitivities.transpose(1, 0, 2)])
-
     @abstractmethod
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
         """Columns (n_columns, n_outputs, n_samples) in units of the noise, initial states of the runs at ``starts`` taken out."""

@@ -14,6 +14,7 @@ from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import FEW_STEPS, Evidence, estimate_noise, judged_under
+from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate, TrajectoryFit
@@ -196,7 +197,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
 
         Free where the effect is linear, within 0..3 of the start where not.
         """
-        known = base.known_columns
+        known = linear_set(base).known.transpose(1, 0, 2)
         whole, few = np.concatenate([known, columns]), len(known)
         flat = base.without_starts(whole).reshape(len(whole), -1)
         white = flat[:few] @ flat.T, np.einsum("kn,kn->k", flat, flat)

@@ -28,7 +28,7 @@ JUMP_COLUMN = 0
 #: Shares of the samples below the kinks of a signal.
 HINGES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 #: Degrees of the polynomials.
-DEGREES = (2, 3, 4)
+POLYNOMIAL_DEGREES = (2, 3, 4)
 #: Knots of a smooth curve, and of a smooth surface along each of its signals.
 KNOTS_OF_LAW, KNOTS_OF_SURFACE = 10, 6
 #: What the name of a signal with its past ends with.
@@ -175,11 +175,11 @@ def moves(z: np.ndarray) -> bool:
 def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
     """Functions of a signal and their forms: simple ones, kinks, polynomials, a smooth curve; with a jump at zero too."""
     simple = np.stack([form(z / np.max(np.abs(z))) for form in SIMPLE])
-    powers = ((z - np.mean(z)) / np.ptp(z)) ** np.arange(max(DEGREES) + 1)[:, None]
+    powers = ((z - np.mean(z)) / np.ptp(z)) ** np.arange(max(POLYNOMIAL_DEGREES) + 1)[:, None]
     curve, kinks = hats(z, KNOTS_OF_LAW), hinges(z)
     ends = np.cumsum([len(simple), len(powers), len(curve), len(kinks)])
     forms = [Form(np.array([k])) for k in [*range(ends[0]), *range(ends[2], ends[3])]]
-    polynomials = [np.arange(ends[0], ends[0] + degree + 1) for degree in (0, 1, *DEGREES)]
+    polynomials = [np.arange(ends[0], ends[0] + degree + 1) for degree in (0, 1, *POLYNOMIAL_DEGREES)]
     forms += [Form(own) for own in polynomials]
     smooth = np.arange(ends[1], ends[2])
     rough = roughness(len(curve)) if len(curve) > 2 else None
