@@ -91,7 +91,9 @@ class DiagnosisPipeline(LawStage[C]):
     def fit_null(self) -> None:
         """The simulator alone; what can be asked in the second process while names are looked for."""
         self.search.fit_null()
-        self.unnamed.begin()
+        soon = self.started_at + SOON * (self.time_limit or np.inf)
+        with self.answered("whether the record has another unit"), time_until(soon):
+            self.unnamed.begin()
         if self.unnamed.asks_early:
             _ = self.baseline
 
