@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
-from sksurrogate.gap.faults._fault_left import Alternative, Found, _smoother
+from sksurrogate.gap.faults._fault_left import Alternative, Found
 from sksurrogate.gap.faults._proposals import _rest_of_shifts, later, tone
 from sksurrogate.gap.faults._wrong_readings import (
     _in_rows,
@@ -277,24 +277,6 @@ def test_noise_on_an_input_is_said_and_is_no_law():
     assert fault.kind == "input_noise" and fault.location == "u" and fault.share > 0.5
     size = 0.35 * 4.0 / np.sqrt(3)  # a share of the deviation of levels that are uniform within 4
     assert fault.size == pytest.approx(size, rel=0.15)
-
-
-@pytest.mark.parametrize("seed", [1, 1126])
-def test_noise_on_the_input_of_a_plant_that_swings_is_said(seed):
-    # What smoothing leaves of the noise moves such a plant by more than what it takes out.
-    report = diagnosed(make_case("cart", "input_noise", False, seed)).report_
-    assert report.data.kinds == ("input_noise",) and report.verdict == "none"
-    assert report.data[0].size == pytest.approx(0.35 * 4.0 / np.sqrt(3), rel=0.1)  # of levels between -4 and 4
-
-
-def test_a_smoother_input_is_taken_by_the_share_that_it_is_right_by():
-    clean = record()
-    whole = NoisyInput(0, 1).corrected(clean).u - clean.u
-    for weight, share in ((0.3, 0.3), (2.5, 1.0)):
-        fault = _smoother(NoisyInput(0, 1))(np.array([weight]))
-        np.testing.assert_allclose(fault.corrected(clean).u - clean.u, share * whole)
-        assert fault.deviation(clean) == NoisyInput(0, 1).deviation(clean)  # the noise is as large as it is
-    assert _smoother(NoisyInput(0, 1))(np.array([-0.2])) is None  # a rougher input is none
 
 
 def test_a_slow_actuator_is_no_noise_of_the_input():

@@ -145,7 +145,6 @@ class NoisyInput(BaseFault):
 
     input: int
     way: int  #: Of :data:`SMOOTHINGS`
-    weight: float = 1.0  #: Share of the smoothing that is the best estimate of what the plant got
     removed: float = np.nan  #: Share of the gap that the smoother input removes
     slow: SlowNoise | None = None  #: What stays, where the smoother input does not remove most of the gap
 
@@ -160,16 +159,10 @@ class NoisyInput(BaseFault):
     def corrected(self, record: Record) -> Record:
         """With the smoother input."""
         u = record.u.copy()
-        u[self.input] += self.weight * (self.smoothed(record) - u[self.input])
+        for a, b in record.spans:
+            u[self.input, a:b] = SMOOTHINGS[self.way](record.u[self.input, a:b])
         stays = record.input_noise if self.slow is None else np.hypot(record.input_noise, self.slow.moved)
         return replace(record, u=u, input_noise=stays)
-
-    def smoothed(self, record: Record) -> np.ndarray:
-        """The input (n_samples,) smoothed."""
-        u = record.u[self.input].copy()
-        for a, b in record.spans:
-            u[a:b] = SMOOTHINGS[self.way](u[a:b])
-        return u
 
     def noisier(self, record: Record, draw: int) -> Record:
         """The record with as much white noise once more on the input."""
@@ -180,7 +173,7 @@ class NoisyInput(BaseFault):
     def deviation(self, record: Record) -> float:
         """Of the noise: no larger than what smoothing removes, nor than what is white in the input."""
         u = record.u[self.input]
-        removed = float(np.std(u - self.smoothed(record)))
+        removed = float(np.std(u - self.corrected(record).u[self.input]))
         return min(removed, white_deviation([u[a:b] for a, b in record.spans]))
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:

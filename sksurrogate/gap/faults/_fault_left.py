@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, SlowNoise, smoother_inputs
-from sksurrogate.gap.faults._proposals import Proposal, proposals, tones
+from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, FEW_STEPS, Evidence, bar, estimate_noise
@@ -111,14 +111,14 @@ def _seen(bases: Sequence[Evidence], run: np.ndarray, smoother: Sequence[Proposa
 def _first(
     seen: Sequence[_Seen], bases: Sequence[Evidence], null: BaseCandidate, smoother: Sequence[Proposal]
 ) -> list[_Seen]:
-    """Those that are followed: the likeliest; on top of what stands, and of nothing, the likeliest and every smoother input.
+    """Those that are followed: the likeliest; on top of what stands, and of nothing, the likeliest and the likeliest smoother input.
 
-    White noise, which orders at first sight, hides a smoother input: most of what noise on an input leaves is slow.
+    Noise hides a smoother input.
     """
     first = list(seen[:FOLLOWED])
     for base in (bases[0].candidate, null):
         own = [one for one in seen if one.fit.model is base]
-        likeliest = own[:1] + [one for one in own[1:] if one.proposal in smoother]
+        likeliest = own[:1] + [one for one in own[1:] if one.proposal in smoother][:1]
         first += [one for one in likeliest if one not in first]
     return first
 
@@ -168,8 +168,9 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
 
 
 def _smoother(fault: NoisyInput) -> Callable[[np.ndarray], BaseFault | None]:
-    """A smoother input is an estimate with an error of its own: a share of the smoothing is the better one, never more than all."""
-    return lambda weights: replace(fault, weight=min(float(weights[0]), 1.0)) if weights[0] > 0 else None
+    """A smoother input is there whole, not in part."""
+    low, high = WHOLE
+    return lambda weights: fault if low < weights[0] < high else None
 
 
 def fit_beside(base: Evidence) -> _Fit | None:

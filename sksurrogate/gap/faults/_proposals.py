@@ -17,7 +17,7 @@ LEAST_PERIODS = 3.0
 FINE_SHIFTS = 40
 #: Longest shift that is tried, as a share of the shortest run.
 LONGEST_SHIFT = 0.2
-#: A shift is there whole, not in part: its column has a weight of one, more or less.
+#: A shift or a smoother input is there whole, not in part: its column has a weight of one, more or less.
 WHOLE = (0.5, 1.7)
 
 
