@@ -22,7 +22,7 @@ SIDE, DEGREE = 6, 3
 #: Most readings in a row that one spike takes.
 LONGEST_SPIKE = 3
 #: Twice the log likelihood that a spike must gain over a path without it beyond ``2 ln N``, and over a path with a kink or a step.
-BEYOND_CHANCE, BEYOND_KINK = 10.0, 12.0
+BEYOND_NONE, BEYOND_KINK = 10.0, 12.0
 #: Weights of the cubic through two readings on either side, and the standard deviation of what it misses in units of the noise.
 NEIGHBOURS = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
 MISSED = float(np.sqrt(1.0 + np.sum(NEIGHBOURS**2)))
@@ -98,7 +98,7 @@ def _is_spike(y: np.ndarray, place: int, sd: float, needed: float) -> tuple[int,
         variance = max(sd**2, left / free)
         other = float(np.max((sudden.T @ rest) ** 2))
         enough = removed > needed * variance and removed - other > BEYOND_KINK * variance
-        if enough and removed / variance > gained + BEYOND_CHANCE * (taken > 0):
+        if enough and removed / variance > gained + BEYOND_NONE * (taken > 0):
             taken, gained = k, removed / variance
     return taken, gained
 
@@ -131,7 +131,7 @@ def spikes(y: np.ndarray, sd: float) -> list[Stretch]:
     if n < width or not sd > 0:
         return []
     path, found = y.astype(float).copy(), []
-    needed = 2.0 * np.log(n) + BEYOND_CHANCE
+    needed = 2.0 * np.log(n) + BEYOND_NONE
     missed = path - predicted_by_neighbours(path)
     rough = max(1.4826 * float(np.median(np.abs(missed))) / MISSED, sd)
     done = np.zeros(n, bool)
