@@ -78,7 +78,8 @@ def files_of(model: Any) -> list[Path]:
         before = (len(folders), len(found))
         while texts:
             names += _names_in(texts.pop())
-        for file in (folder / name for name in names for folder in list(folders)):
+        # Resolved: "../parts" from every folder that it leads to would be a new one without end.
+        for file in ((folder / name).resolve() for name in names for folder in list(folders)):
             if file.is_dir() and file not in folders:
                 folders.append(file)
             elif file.is_file() and file not in found:
