@@ -21,7 +21,7 @@ from sksurrogate.physics._mujoco_units import joint_units
 __all__ = ["MuJoCoSimulator"]
 
 #: The way out of a run that diverged.
-SHORTER_STEP = (
+AFTER_DIVERGING = (
     'Check x0 and the units of the inputs; a stiff model may want a smaller timestep or integrator="implicitfast" '
     "(<option .../> in the MJCF)."
 )
@@ -303,7 +303,7 @@ class MuJoCoSimulator(NamedModel):
             )
         X0 = np.broadcast_to(start, (len(U), engine.n_states))
         X, read = engine.runs(float(times[0]), X0, controls, self.params, rows)
-        raise_if_diverged(X, times, layout.states, remedy=engine.refusal(self.params) or SHORTER_STEP)
+        raise_if_diverged(X, times, layout.states, remedy=engine.refusal(self.params) or AFTER_DIVERGING)
         return X, read, times
 
     # ---- back to MuJoCo ---------------------------------------------------------------------------------------------
