@@ -15,6 +15,7 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
 from sksurrogate.gap.faults._fault_left import Alternative, Found
 from sksurrogate.gap.faults._proposals import _rest_of_shifts, later, tone
+from sksurrogate.gap.faults._record_book import RecordBook
 from sksurrogate.gap.faults._wrong_readings import (
     _in_rows,
     _is_expected,
@@ -243,6 +244,15 @@ def test_a_late_run_beside_a_loss_is_no_law():
 )  # fmt: skip
 def test_a_fault_that_alone_comes_to_the_noise_beats_a_likelier_law(left, score, law, right):
     assert Found(Shifts(None, np.ones(1)), None, score, 100.0, 0.9, left).beats(law) is right
+
+
+@pytest.mark.parametrize(("score", "kept"), [(11.0, True), (9.0, False)])
+def test_noise_on_an_input_stays_only_where_the_names_are_likelier_with_it(score, kept):
+    first = RecordBook(raw=None, names=None)
+    second = first.with_fault(NoisyInput(0, 1, slow=SlowNoise(0.01, 0.001, np.zeros(1))), np.inf, score=10.0)
+    search = SimpleNamespace(standing=SimpleNamespace(left=1.0, candidate=None), score=lambda _: score)
+    after = replace(second, closed=True).looked_at(search, np.arange(3), None)
+    assert bool(after.faults) == kept and after.closed
 
 
 def test_names_do_not_stand_in_for_noise_on_an_input():

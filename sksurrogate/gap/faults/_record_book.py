@@ -37,6 +37,7 @@ class RecordBook:
     faults: tuple[BaseFault, ...] = ()  #: In the order in which they are taken out
     earlier: RecordBook | None = None  #: Before the last fault was found
     left: float = np.inf  #: RMS over the noise that the diagnosis left with that one
+    score: float = -np.inf  #: What the names had with that one, where the fault is one of likelihood only
     closed: bool = False  #: Whether no further fault is looked for
 
     @cached_property
@@ -71,11 +72,11 @@ class RecordBook:
             tuple(fault.described(self.raw, self.names, share) for fault, share in zip(self.faults, shares))
         )
 
-    def with_fault(self, fault: BaseFault, left: float) -> RecordBook:
-        """With one more, after a diagnosis that left so much without it."""
+    def with_fault(self, fault: BaseFault, left: float, score: float = -np.inf) -> RecordBook:
+        """With one more, after a diagnosis that left so much without it, or had that score."""
         known = {one.key: one for one in self.faults}
         known[fault.key] = known[fault.key].and_also(fault) if fault.key in known else fault
-        return replace(self, faults=tuple(known.values()), earlier=self, left=left)
+        return replace(self, faults=tuple(known.values()), earlier=self, left=left, score=score)
 
     def looked_at(
         self, search: BaseSearch[Any], rows: np.ndarray, law_left: Callable[[Any], LawLeft | None]
@@ -87,8 +88,8 @@ class RecordBook:
         ``law_left``: the likeliest law beside what was named: a fault must gain more.
         """
         final = search.standing
-        if self.earlier is not None and final.left > self.left:
-            return replace(self.earlier, closed=True)  # the names leave more without the fault than with it
+        if self.earlier is not None and (final.left > self.left or search.score(final.candidate) < self.score):
+            return replace(self.earlier, closed=True)  # with the fault the names are nearer, or likelier
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
         odd = outlying_beside(final, search.fitted_null.candidate)
@@ -111,7 +112,11 @@ class RecordBook:
         if fault is None:
             return self
         stays = isinstance(fault, NoisyInput) and fault.slow is not None
-        return self.with_fault(fault, np.inf if stays else final.left)
+        return (
+            self.with_fault(fault, np.inf, search.score(final.candidate))
+            if stays
+            else self.with_fault(fault, final.left)
+        )
 
     @property
     def slow_noise(self) -> list[SlowNoise]:
