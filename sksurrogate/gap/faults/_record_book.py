@@ -89,7 +89,7 @@ class RecordBook:
         """
         final = search.standing
         if self.earlier is not None and (final.left > self.left or search.score(final.candidate) < self.score):
-            return replace(self.earlier, closed=True)  # with the fault the names are nearer, or likelier
+            return replace(self.earlier, closed=True)  # in the record as it came the names leave less, or are likelier
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
         odd = outlying_beside(final, search.fitted_null.candidate)
