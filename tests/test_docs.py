@@ -1,5 +1,6 @@
 """Every Python block in the pages runs: prompts as doctests, the rest as a script, in one namespace a page."""
 
+import dataclasses
 import doctest
 import importlib
 import inspect
@@ -12,6 +13,11 @@ from pathlib import Path
 import pytest
 
 import sksurrogate
+from sksurrogate.blind import ARMS, PLANTS, ROBOT_ARMS
+from sksurrogate.blind._records import RECORDS
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap import GapReport
+from sksurrogate.gap.decide._rules import DecisionFeatures
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -126,3 +132,29 @@ def test_the_table_of_the_verdict_is_that_of_the_rules():
     spec.loader.exec_module(module)
     text = (DOCS / "verdict_rules.md").read_text(encoding="utf-8")
     assert module.page(text) == text, "run python docs/_scripts/verdict_page.py"
+
+
+@pytest.mark.skipif(not PAGES, reason="the pages are not beside the tests (installed package)")
+def test_the_glossary_has_every_entry_of_the_report():
+    section = (DOCS / "concepts.md").read_text(encoding="utf-8").split("### The report")[1].split("\n## ")[0]
+    lacking = [field.name for field in dataclasses.fields(GapReport) if f"`{field.name}`" not in section]
+    assert not lacking, f"docs/concepts.md does not tell of report.{lacking}"
+
+
+@pytest.mark.skipif(not PAGES, reason="the pages are not beside the tests (installed package)")
+def test_the_page_of_the_verdict_has_every_feature():
+    section = (DOCS / "verdict_rules.md").read_text(encoding="utf-8").split("## The features")[1].split("\n## ")[0]
+    lacking = [field.name for field in dataclasses.fields(DecisionFeatures) if f"`{field.name}`" not in section]
+    assert not lacking, f"docs/verdict_rules.md does not tell of {lacking}"
+
+
+@pytest.mark.skipif(not PAGES, reason="the pages are not beside the tests (installed package)")
+def test_the_blind_check_page_has_every_arm_and_the_sizes_of_plants_and_catalogue():
+    page = (DOCS / "blind_check.md").read_text(encoding="utf-8")
+    first = re.findall(r"^\| ([\w, ]+) \|", page + (DOCS / "blind_appendix.md").read_text(encoding="utf-8"), re.M)
+    told = {name for cell in first for name in cell.split(", ")}
+    assert not {*ARMS, *ROBOT_ARMS, *RECORDS} - {"complete"} - told
+    assert f"the {len(CATALOGUE)} names of the catalogue" in page and f"There are {len(PLANTS)} plants" in page
+    for other in (DOCS / "extending.md", DOCS.parent / "README.md"):
+        counts = set(re.findall(r"\b(?:has|holds) (\d+) effects", other.read_text(encoding="utf-8")))
+        assert counts == {str(len(CATALOGUE))}, f"{other.name}: the catalogue has {len(CATALOGUE)} effects"

@@ -153,9 +153,7 @@ def picture(figure: Any, name: str, words: str) -> str:
 
 def parts(result: BlindResult) -> dict[str, str]:
     """Every generated part of the two pages, by the name in its marks."""
-    named = [row for row in recordings() if not row["recording"].endswith(WITHHELD)]
     withheld = [row for row in recordings() if row["recording"].endswith(WITHHELD)]
-    right = sum(bool(row.get("right")) for row in named)
     fresh = BlindResult.load(DOCS / "blind_promises.jsonl").rows
     return {
         "promises": promised(fresh),
@@ -171,7 +169,6 @@ def parts(result: BlindResult) -> dict[str, str]:
         "unknown": table(result.unknown()),
         "calibration": table(result.calibration()),
         "baselines": baselines(result),
-        "recordings": f"{right} of {len(named)} answers agree with the documented effect.\n\n{recorded(named)}",
         "withheld": recorded(withheld),
         "missing": picture(missing_terms(result.rows), "blind_missing", "Missing terms, estimated and true"),
         "learned": picture(recorded_terms(recordings()), "blind_recorded", "Missing terms on recordings"),
