@@ -16,8 +16,6 @@ DATA = (".csv", ".tsv", ".txt", ".dat")
 def positionals_first(argv: Sequence[str]) -> list[str]:
     """Arguments of ``diagnose`` with the simulator and the data before the options; other commands stay as they are.
 
-    Examples
-    --------
     >>> positionals_first(["diagnose", "--free", "k", "c", "plant.py:plant", "data.csv", "--run", "r"])
     ['diagnose', 'plant.py:plant', 'data.csv', '--free', 'k', 'c', '--run', 'r']
     """

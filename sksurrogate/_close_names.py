@@ -11,8 +11,6 @@ __all__ = ["did_you_mean"]
 def did_you_mean(word: str, known: Iterable[str], cutoff: float = 0.5) -> str:
     """A question that begins with a space; empty where no name is close.
 
-    Examples
-    --------
     >>> did_you_mean("elbow", ["elbow.pos", "elbow.vel", "wrist.pos"])
     " did you mean 'elbow.vel' or 'elbow.pos'?"
     >>> did_you_mean("elbow", ["x"])

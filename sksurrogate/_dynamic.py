@@ -36,13 +36,8 @@ def lengthened(values: np.ndarray, n: int) -> np.ndarray:
 def unfollowed_jumps(y: np.ndarray, one_step: np.ndarray) -> np.ndarray:
     """Rows where an output jumps and its one-step prediction does not: a new run begins there.
 
-    Parameters
-    ----------
-    y, one_step : ndarray (n_samples, n_outputs)
-        One-step predictions are nan where there is no history.
+    ``y, one_step`` (n_samples, n_outputs): one-step predictions are nan where there is no history.
 
-    Examples
-    --------
     >>> t = np.arange(200)
     >>> y = np.where(t < 100, np.sin(0.1 * t), 3 + np.sin(0.1 * t))[:, None]
     >>> unfollowed_jumps(y, np.vstack([[[np.nan]], y[:-1] + 0.01]))

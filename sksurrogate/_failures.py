@@ -13,13 +13,8 @@ __all__ = ["failure_of"]
 def failure_of(error: Exception, simulator: str, data: str) -> str | None:
     """What is wrong in the file of a simulator; None where an error does not come from there.
 
-    Parameters
-    ----------
-    error : Exception
-    simulator : str
-        ``file.py:name``.
-    data : str
-        File of the recording.
+    ``simulator``: ``file.py:name``.
+    ``data``: file of the recording.
     """
     file = Path(simulator.rpartition(":")[0]).resolve()
     frames = [one for one in traceback.extract_tb(error.__traceback__) if Path(one.filename).resolve() == file]

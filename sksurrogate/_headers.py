@@ -15,8 +15,6 @@ _UNIT = re.compile(r"^(?P<name>.*\S)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)
 def split_unit(header: str) -> tuple[str, str]:
     """Name and unit of ``speed [rad/s]``, ``speed (rad/s)`` or ``speed / (rad/s)``.
 
-    Examples
-    --------
     >>> split_unit("speed [rad/s]"), split_unit("speed (rad/s)"), split_unit("speed / rad/s"), split_unit("speed")
     (('speed', 'rad/s'), ('speed', 'rad/s'), ('speed', 'rad/s'), ('speed', ''))
     """

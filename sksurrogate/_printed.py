@@ -23,10 +23,7 @@ OUTPUT, ERRORS = 1, 2
 def printed_as_errors(bar: bool = False) -> Iterator[None]:
     """Within, what is printed goes to the error stream.
 
-    Parameters
-    ----------
-    bar : bool, default=False
-        Whether a bar may be drawn on a terminal there: what is written past Python would go through the middle of it, and goes
+    ``bar``: whether a bar may be drawn on a terminal there: what is written past Python would go through the middle of it, and goes
         nowhere.
     """
     drawn = bar and getattr(sys.stderr, "isatty", lambda: False)()
@@ -38,8 +35,6 @@ def printed_as_errors(bar: bool = False) -> Iterator[None]:
 def silent() -> Iterator[None]:
     """Within, nothing is printed.
 
-    Examples
-    --------
     >>> with silent():
     ...     print("step")
     """

@@ -28,8 +28,6 @@ MOST_GAPS = 20
 def rows_of_stamps(t: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Row of the grid nearest to every stamp, counted from the first, and how far the stamp is behind it, in time.
 
-    Examples
-    --------
     >>> rows_of_stamps(np.array([5.0, 6.2, 6.9, 9.0]), 1.0)[0]
     array([0, 1, 2, 4])
     """

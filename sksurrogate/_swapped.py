@@ -28,13 +28,8 @@ def swapped_columns(
 ) -> list[str]:
     """Sentences about pairs of columns that look swapped; empty where none do.
 
-    Parameters
-    ----------
-    simulator : object with ``simulate``
-    X : ndarray (n_samples, n_inputs)
-    y : ndarray (n_samples, n_outputs)
-        One run.
-    inputs, outputs : sequence of str
+    ``X`` (n_samples, n_inputs).
+    ``y`` (n_samples, n_outputs): one run.
     """
     try:
         with time_until(time.perf_counter() + LONGEST):

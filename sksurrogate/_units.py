@@ -17,8 +17,6 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 def powers_of(unit: str) -> dict[str, Fraction] | None:
     """Unit name -> exponent; None where the text is not a product of units.
 
-    Examples
-    --------
     >>> powers_of("kg m/s^2") == {"kg": 1, "m": 1, "s": -2}
     True
     >>> powers_of("N/(m s)") == {"N": 1, "m": -1, "s": -1}
@@ -59,8 +57,6 @@ def powers_of(unit: str) -> dict[str, Fraction] | None:
 def unit_text(powers: Mapping[str, Fraction]) -> str:
     """One short form: positive powers, then what they are divided by.
 
-    Examples
-    --------
     >>> unit_text({"m": Fraction(1), "s": Fraction(-2)})
     'm/s^2'
     >>> unit_text({"m": Fraction(-1), "s": Fraction(-1)}), unit_text({})
@@ -81,8 +77,6 @@ def _one(name: str, power: Fraction) -> str:
 def times(first: str, second: str) -> str:
     """Product of two units.
 
-    Examples
-    --------
     >>> times("m/s", "s"), times("", "s")
     ('m', '')
     """
@@ -92,8 +86,6 @@ def times(first: str, second: str) -> str:
 def over(first: str, second: str) -> str:
     """Quotient of two units; empty where one is not known.
 
-    Examples
-    --------
     >>> over("m/s", "s"), over("m", "m"), over("m", "")
     ('m/s^2', '1', '')
     >>> over("deg C (outside)", "s")
@@ -105,8 +97,6 @@ def over(first: str, second: str) -> str:
 def to_power(unit: str, power: int) -> str:
     """A unit to a whole power.
 
-    Examples
-    --------
     >>> to_power("m/s", 2)
     'm^2/s^2'
     """

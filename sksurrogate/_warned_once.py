@@ -15,8 +15,6 @@ __all__ = ["warned_once"]
 def warned_once() -> Iterator[None]:
     """Within, a warning is shown once for each line of code that gives it, and by this process alone.
 
-    Examples
-    --------
     >>> with warnings.catch_warnings(record=True) as heard, warned_once():
     ...     warnings.simplefilter("always")
     ...     for k in range(9):

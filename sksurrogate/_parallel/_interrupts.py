@@ -22,8 +22,6 @@ def interrupts_blocked() -> Iterator[None]:
 
     Python shows a traceback of an interrupt that comes while a process still imports what it needs.
 
-    Examples
-    --------
     >>> import signal, subprocess, sys
     >>> with interrupts_blocked():
     ...     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
@@ -45,8 +43,6 @@ def interrupts_blocked() -> Iterator[None]:
 def workers(n_jobs: int | None, **options: Any) -> Parallel:
     """joblib's workers, started with :func:`interrupts_blocked`.
 
-    Examples
-    --------
     >>> workers(1)(delayed(abs)(k) for k in (-1, 2))
     [1, 2]
     """

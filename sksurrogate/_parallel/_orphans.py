@@ -20,10 +20,7 @@ PAUSE = 1.0
 def end_with(parent: int) -> None:
     """End this process, a fork, when its parent does: also while it waits in a simulator. Linux only.
 
-    Parameters
-    ----------
-    parent : int
-        Its process number; one that has ended before this call is noticed too.
+    ``parent``: its process number; one that has ended before this call is noticed too.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(SIGNAL_AT_DEATH_OF_PARENT, signal.SIGKILL, 0, 0, 0)
@@ -35,10 +32,6 @@ def watch_parent() -> threading.Thread:
     """End this process when the one that started it does, on every system that gives orphans to another parent.
 
     A thread looks: a signal at the death of the parent would come when the *thread* ends that started this process.
-
-    Returns
-    -------
-    threading.Thread
     """
     parent = os.getppid()
 

@@ -27,8 +27,6 @@ def side_by_side(
     Each takes the next item when it is done with one, until they meet. Where both begin the last item at once it is worked
     out twice. Items of most ``effort`` stand at the ends, so that they meet at short ones.
 
-    Examples
-    --------
     >>> side_by_side(lambda x: x**2, [1, 2, 3], None)
     [1, 4, 9]
     """

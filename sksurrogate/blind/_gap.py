@@ -32,25 +32,13 @@ def gap_beyond(
 ) -> float:
     """Root mean square of outputs minus those of a model whose initial states, and parameters, follow them, in ``unit``.
 
-    Parameters
-    ----------
-    plant : PlantSpec
-        The model, with its parameters.
-    U : ndarray (n_runs, n_samples, n_inputs)
-    X0 : ndarray (n_runs, n_states)
-        Where the search starts.
-    outputs : ndarray (n_runs, n_samples, n_outputs)
-        All outputs of the plant, without noise.
-    unit : ndarray (n_outputs,)
-        Noise of each output; infinite for one that is not measured.
-    truths : sequence of Truth
-        Effects that the model has too.
-    retune : bool
-        Whether the parameters are fitted as well.
-
-    Returns
-    -------
-    float
+    ``plant``: the model, with its parameters.
+    ``U`` (n_runs, n_samples, n_inputs).
+    ``X0`` (n_runs, n_states): where the search starts.
+    ``outputs`` (n_runs, n_samples, n_outputs): all outputs of the plant, without noise.
+    ``unit`` (n_outputs,): noise of each output; infinite for one that is not measured.
+    ``truths``: effects that the model has too.
+    ``retune``: whether the parameters are fitted as well.
     """
     n_runs = len(U)
     values, best = np.array(list(plant.params.values()), dtype=float), np.inf

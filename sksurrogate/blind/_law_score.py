@@ -16,8 +16,6 @@ __all__ = ["effect_r2", "law_score"]
 def effect_r2(plain: np.ndarray, predicted: np.ndarray, truth: np.ndarray, scale: np.ndarray) -> float | None:
     """R2 of the missing term's effect on the outputs: what the truth differs by from the plain simulator.
 
-    Examples
-    --------
     >>> y = np.arange(4.0).reshape(1, 4, 1)
     >>> effect_r2(0.0 * y, 0.9 * y, y, np.ones(1))
     0.99

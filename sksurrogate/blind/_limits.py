@@ -14,18 +14,8 @@ __all__ = ["line", "mean", "median", "share", "share_between", "wilson"]
 def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
     """Wilson's score interval of a share; 90 % by default.
 
-    Parameters
-    ----------
-    hits, count : int
-    z : float, default=1.645
-        Quantile of the normal distribution.
+    ``z``: quantile of the normal distribution.
 
-    Returns
-    -------
-    low, high : float
-
-    Examples
-    --------
     >>> low, high = wilson(49, 50)
     >>> round(low, 3), round(high, 3)
     (0.915, 0.996)

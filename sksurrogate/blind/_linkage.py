@@ -78,11 +78,7 @@ def _march(p: Mapping[str, float], dt: float, U: np.ndarray, X0: np.ndarray, act
 def linkage_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] | None:
     """An arm with friction in one joint that makes a gap of 8 to 40 times the noise; None where it cannot.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    kind : str or None
-        One of :data:`LINKAGE_ANSWERS`; None: nothing.
+    ``kind``: one of :data:`LINKAGE_ANSWERS`; None: nothing.
     """
     p = {
         "m1": rng.uniform(0.5, 2), "m2": rng.uniform(0.3, 1.2), "l1": rng.uniform(0.25, 0.5), "l2": rng.uniform(0.2, 0.45),

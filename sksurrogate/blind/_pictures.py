@@ -37,16 +37,7 @@ def embedded(figure: Any) -> str:
 
 
 def overview(result: Any) -> Any:
-    """Right answers by arm, detection over the size of the gap, probabilities, shrink; None without matplotlib.
-
-    Parameters
-    ----------
-    result : BlindResult
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-    """
+    """Right answers by arm, detection over the size of the gap, probabilities, shrink; None without matplotlib."""
     figure = _figure(10.5, 7.2)
     if figure is None:
         return None
@@ -66,16 +57,7 @@ def overview(result: Any) -> Any:
 
 
 def reliability(rows: Sequence[Row]) -> Any:
-    """Stated probability of names, with their class, against the share that acts; None without matplotlib.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-    """
+    """Stated probability of names, with their class, against the share that acts; None without matplotlib."""
     figure = _figure(4.6, 4.2)
     if figure is None:
         return None
@@ -146,17 +128,7 @@ def _shrink(axes: Any, rows: Sequence[Row]) -> None:
 
 
 def missing_terms(rows: Sequence[Row], most: int = 12) -> Any:
-    """Learned missing terms over the true ones, spread from the best to the worst; None where there are none.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-    most : int, default=12
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
-    """
+    """Learned missing terms over the true ones, spread from the best to the worst; None where there are none."""
     some = sorted((row for row in rows if row.get("curve")), key=lambda row: -row["shape"])
     if not some:
         return None
@@ -182,14 +154,7 @@ def missing_terms(rows: Sequence[Row], most: int = 12) -> Any:
 def recorded_terms(rows: Sequence[Row]) -> Any:
     """Missing terms learned from real recordings over the documented ones; None where there are none.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-        Rows of :func:`~sksurrogate.blind._recorded.run_recorded` that hold ``curve``.
-
-    Returns
-    -------
-    matplotlib.figure.Figure or None
+    ``rows``: rows of :func:`~sksurrogate.blind._recorded.run_recorded` that hold ``curve``.
     """
     some = [row for row in rows if row.get("curve")]
     figure = _figure(3.6 * max(len(some), 1), 3.0) if some else None

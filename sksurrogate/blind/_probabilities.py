@@ -68,8 +68,6 @@ def reliability_points(rows: Sequence[Row]) -> list[tuple[float, float, int]]:
 def calibration_error(pairs: Sequence[tuple[float, bool]], draws: int = 400) -> tuple[float, float, float]:
     """Mean distance between stated and true shares over :data:`PROBABILITY_BINS`, and its 90 % limits by resampling the names.
 
-    Examples
-    --------
     >>> round(calibration_error([(0.9, True)] * 9 + [(0.9, False)])[0], 6)
     0.0
     """

@@ -164,15 +164,7 @@ RECORDINGS = {"silverbox": silverbox, "cascaded_tanks": cascaded_tanks, "heat_ex
 def recorded(name: str, data_home: Any = None) -> Recording:
     """A recording by name: one of :data:`RECORDINGS` or of the balls.
 
-    Parameters
-    ----------
-    name : str
-    data_home : path, optional
-        As in the loaders.
-
-    Returns
-    -------
-    Recording
+    ``data_home``: as in the loaders.
     """
     return RECORDINGS[name](data_home) if name in RECORDINGS else ball(data_home, name)
 

@@ -16,16 +16,6 @@ def beyond_retuning(case: Case) -> float:
 
     Without noise, from the true parameters, with the check's own integrator.
 
-    Parameters
-    ----------
-    case : Case
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
     >>> from sksurrogate.blind import draw
     >>> case = draw("effect", 1)
     >>> bool(0 <= beyond_retuning(case) <= 1.01 * case.facts["gap_over_noise"])

@@ -62,12 +62,8 @@ INEXACT = ("load_friction", "payload", "stribeck")
 def real_runs(robot: RobotSpec, truth: RobotTruth | None, U: np.ndarray, X0: np.ndarray) -> np.ndarray:
     """Joint positions (n_runs, n_samples, n_joints) of the real robot, by ``mj_step``.
 
-    Parameters
-    ----------
-    robot : RobotSpec
-    truth : RobotTruth, optional
-    U : ndarray (n_runs, n_samples, n_joints)
-    X0 : ndarray (n_runs, 2 n_joints)
+    ``U`` (n_runs, n_samples, n_joints).
+    ``X0`` (n_runs, 2 n_joints).
     """
     mujoco = require("mujoco", "mujoco")
     payload = truth.size * robot.masses[-1] if truth is not None and truth.name == "payload" else 0.0

@@ -63,18 +63,8 @@ class Seal:
 def close_seal(content: dict[str, Any], folder: Any) -> Seal:
     """Seal plain data in a file of its own.
 
-    Parameters
-    ----------
-    content : dict
-        Plain data, as JSON takes them.
-    folder : path
+    ``content``: plain data, as JSON takes them.
 
-    Returns
-    -------
-    Seal
-
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     seal = close_seal({"name": "sensor_bias"}, folder)

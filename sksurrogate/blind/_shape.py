@@ -37,8 +37,6 @@ def active(case: Case) -> np.ndarray | None:
 def rows_of_rule(rule: str, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
     """Rows that a readable rule speaks of; None where it is not understood.
 
-    Examples
-    --------
     >>> rows_of_rule("level > 2 and flow <= 1", {"level": np.array([1, 3, 3]), "flow": np.array([0, 0, 2])})
     array([False,  True, False])
     """

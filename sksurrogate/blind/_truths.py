@@ -367,8 +367,6 @@ NOVEL: dict[str, Kind] = {
 def twins_of(name: str) -> tuple[str, ...]:
     """Names that can imitate an effect on some data, without itself.
 
-    Examples
-    --------
     >>> "sensor_lag" in twins_of("input_delay")
     True
     """
@@ -379,8 +377,6 @@ def twins_of(name: str) -> tuple[str, ...]:
 def remaining(names: list[str]) -> list[str]:
     """The canonical names that are left when these effects and their twins leave the catalogue.
 
-    Examples
-    --------
     >>> "coulomb_friction" in remaining(["stribeck_friction"])
     False
     """

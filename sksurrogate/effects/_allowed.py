@@ -104,8 +104,6 @@ def _is_plausible(effect: BaseEffect, known: Sequence[Pattern]) -> bool:
 def closed_places(exclude: Any, plausible: Any, plant: Plant) -> set[str]:
     """Places at which no effect is allowed, and so no law without a name.
 
-    Examples
-    --------
     >>> from sksurrogate.datasets import make_reactor
     >>> from sksurrogate.physics._simulator import describe
     >>> plant = describe(make_reactor())

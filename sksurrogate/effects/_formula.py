@@ -190,8 +190,6 @@ SHAPES: dict[str, Shape] = {
 def signal_of(name: str, signals: Mapping[str, Any]) -> Any:
     """A signal by name, or the difference "a - b" of two.
 
-    Examples
-    --------
     >>> signal_of("a - b", {"a": 3.0, "b": 1.0})
     2.0
     """
@@ -204,8 +202,6 @@ def signal_of(name: str, signals: Mapping[str, Any]) -> Any:
 def signal_names(name: str) -> tuple[str, ...]:
     """The signals in a name; that behind "lag(v)" is v.
 
-    Examples
-    --------
     >>> signal_names("a - b"), signal_names("lag(v)")
     (('a', 'b'), ('v',))
     """
@@ -307,8 +303,6 @@ def _written(template: str, factor: Factor, named: Callable[[str], str]) -> str:
 def equation_of(terms: Sequence[Term], coefficients: Sequence[float], latex: bool = False) -> str:
     """A sum of terms with their coefficients.
 
-    Examples
-    --------
     >>> equation_of([Term(), Term((("square", "v", 0.0, 0.0),))], [0.5, -0.3])
     '0.5 - 0.3*v^2'
     """

@@ -44,8 +44,6 @@ RARE = 3.0
 def quantize(u: np.ndarray, step: Any) -> np.ndarray:
     """``c round(u / c)``; u itself where c is 0.
 
-    Examples
-    --------
     >>> quantize(np.array([0.2, 0.9]), 0.5)
     array([0., 1.])
     """

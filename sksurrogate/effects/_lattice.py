@@ -36,8 +36,6 @@ def coherence(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
 def shows_steps(readings: np.ndarray, step: Any) -> np.ndarray:
     """Whether nearly every reading (n_samples,) is nearest to its own multiple of a step: (n_columns, 1) or (1,).
 
-    Examples
-    --------
     >>> import numpy as np
     >>> y = np.linspace(0.0, 9.0, 500)
     >>> [bool(shows_steps(np.round(y), np.array([step]))[0]) for step in (1.0, 0.7)]
@@ -122,17 +120,8 @@ def likely_steps(signal: np.ndarray, slope: np.ndarray) -> list[float]:
     transform of the slope over the values of the signal, ``S(f) = sum slope sin(2 pi f u)``, gives its product with every
     step at once: ``c/pi sum_k (-1)^k S(k/c) / k``.
 
-    Parameters
-    ----------
-    signal, slope : ndarray (n_samples,)
-        What is rounded, and what a unit change of it at every sample does.
+    ``signal, slope`` (n_samples,): what is rounded, and what a unit change of it at every sample does.
 
-    Returns
-    -------
-    list of float
-
-    Examples
-    --------
     >>> import numpy as np
     >>> u = np.random.default_rng(0).normal(size=1000)
     >>> slope = 0.031 * np.round(u / 0.031) - u

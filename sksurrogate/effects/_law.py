@@ -297,8 +297,6 @@ def law_effect(
 ) -> LawEffect | MemoryLawEffect | InputLawEffect | SensorLawEffect:
     """A law at a place: in the balance of a state, on an input ("input"), on a sensor ("output").
 
-    Examples
-    --------
     >>> law_effect("output", "y", (Term((("square", "y", 0.0, 0.0),)),), (0.1,)).kind
     'output'
     """

@@ -50,8 +50,6 @@ WINDOW = {
 def window(t: Any, bounds: Sequence[Any], span: Sequence[str], width: float) -> Any:
     """1 within the window, 0 outside, over a half width of time; ``bounds`` are the values of the ``span``.
 
-    Examples
-    --------
     >>> window(np.array([0.0, 1.0, 2.0, 3.0]), (1.0, 3.0), ("onset", "end"), 0.0)
     array([0., 1., 1., 0.])
     """
@@ -357,8 +355,6 @@ def starting(effect: BaseEffect, span: Sequence[str] = ("onset",)) -> BaseEffect
 def timed(effect: BaseEffect, t: np.ndarray) -> Any:
     """The effect with the times of the rows, (n_samples,), where it has a window: pieces of a run do not begin at its start.
 
-    Examples
-    --------
     >>> from sksurrogate.effects import CATALOGUE
     >>> late = starting(CATALOGUE["input_gain"]("valve"))
     >>> timed(late, np.array([5.0, 6.0])).times(np.array([0]), 2, 1.0)

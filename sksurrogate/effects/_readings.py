@@ -33,15 +33,9 @@ def read_sensors(
 ) -> np.ndarray:
     """Readings of sensors (effect, parameters), (n_outputs, n_columns, n_samples).
 
-    Parameters
-    ----------
-    bound : BoundModel
-    x : ndarray (n_states, n_columns, n_samples)
-    raw : ndarray (n_outputs, n_columns, n_samples)
-        Outputs along x.
-    sensors : sequence of (SensorEffect, list of ndarray)
-    sharp : bool
-        Whether readings that jump are not smoothed.
+    ``x`` (n_states, n_columns, n_samples).
+    ``raw`` (n_outputs, n_columns, n_samples): outputs along x.
+    ``sharp``: whether readings that jump are not smoothed.
     """
     record, outputs = bound.record, bound.a.plant.outputs
     sensors = sorted(sensors, key=lambda item: item[0].order)

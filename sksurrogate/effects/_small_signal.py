@@ -45,8 +45,6 @@ def refuse_slopes(effects: Sequence[BaseEffect]) -> None:
 def pade_of(delay: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """A, B, C, D of Pade's approximation of a delay, numerator and denominator of one order.
 
-    Examples
-    --------
     >>> A, B, C, D = pade_of(2.0, 1)   # (1 - s) / (1 + s)
     >>> A.tolist(), D
     ([[-1.0]], -1.0)

@@ -17,8 +17,6 @@ WITHIN_SAMPLE = 0.2
 def sign(v: Any, width: float) -> Any:
     """``sign(v)``, as ``tanh(v / width)``.
 
-    Examples
-    --------
     >>> sign(np.array([-2.0, 0.0, 2.0]), 0.0)
     array([-1.,  0.,  1.])
     """
@@ -30,8 +28,6 @@ def stable(width: float, jump: Any, h: float) -> Any:
 
     Steeper than that an explicit step chatters about 0, and slopes of the free run mean nothing.
 
-    Examples
-    --------
     >>> stable(0.01, np.array([0.1, 10.0]), 0.1)
     array([0.01, 0.5 ])
     """
@@ -53,8 +49,6 @@ def follow(rate: Any) -> Any:
 
     Where z rests does not change; a decay of half a step's length or slower changes by a thousandth at most.
 
-    Examples
-    --------
     >>> (follow(np.array([0.1, 1e6])) * np.array([0.1, 1e6])).round(4)
     array([0.1, 2. ])
     """
@@ -68,8 +62,6 @@ def after(t: Any, start: Any, width: float) -> Any:
     first moment wherever it lies within a step (hats sum to one and reproduce straight lines), and results depend
     smoothly on ``start``.
 
-    Examples
-    --------
     >>> after(np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), 0.0, 1.0)
     array([0.   , 0.125, 0.5  , 0.875, 1.   ])
     >>> after(np.array([-0.5, 0.0, 0.5]), 0.0, 0.0)

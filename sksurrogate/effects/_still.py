@@ -27,18 +27,8 @@ def driven_effects(effects: Sequence[BaseEffect], asked: Any, plant: Plant, reco
     An exchange with a room whose temperature is one number is a loss and a constant, and the gain of a constant input is a
     constant: such candidates would share the probability of the names that they imitate. What a user gives as an instance stays.
 
-    Parameters
-    ----------
-    effects : sequence of BaseEffect
-        Candidates.
-    asked : None, or one or several of str, class, instance
-        What the user asked for.
-    plant : Plant
-    record : Record
-
-    Returns
-    -------
-    list of BaseEffect
+    ``effects``: candidates.
+    ``asked``: what the user asked for.
     """
     still = still_signals(plant, record)
     if not still:

@@ -61,18 +61,7 @@ class Structure:
 
 
 def structure_of(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> Structure:
-    """Look at a plant with a right-hand side or a step.
-
-    Parameters
-    ----------
-    model : PlantModel
-    n_points : int, default=12
-    random_state : int, default=0
-
-    Returns
-    -------
-    Structure
-    """
+    """Look at a plant with a right-hand side or a step."""
     model = _with_rates(model)
     plant = model.plant
     gain = rate_gains(model, n_points=n_points, random_state=random_state)
@@ -138,16 +127,6 @@ def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int
     """States whose balance is an identity ``dq/dt = v`` with another state, seen at random points or declared (``kinematic``).
 
     No effect can be missing there: a position changes with its speed, whatever else is wrong.
-
-    Parameters
-    ----------
-    model : PlantModel
-    n_points : int, default=12
-    random_state : int, default=0
-
-    Returns
-    -------
-    tuple of str
     """
     found = integrals(model, n_points=n_points, random_state=random_state)
     return tuple(name for name in model.plant.states if name in found)

@@ -46,15 +46,10 @@ def whole_step(
 
     A simulator's own steps, each between two half steps of the terms that effects have themselves (Strang).
 
-    Parameters
-    ----------
-    bound : BoundModel
-    t : ndarray
-        Times of the samples.
-    x : ndarray (n_states, n_columns, n_samples)
-    mean : ndarray (n_sub, n_inputs, n_columns | 1, n_samples)
-    has_rates, has_ports : bool
-        Whether effects act on balances or have states of their own, and whether they act at ports.
+    ``t``: times of the samples.
+    ``x`` (n_states, n_columns, n_samples).
+    ``mean`` (n_sub, n_inputs, n_columns | 1, n_samples).
+    ``has_rates, has_ports``: whether effects act on balances or have states of their own, and whether they act at ports.
     """
     a = bound.a
     own = has_ports and bool(getattr(a.plant.simulator, "timestep", None))

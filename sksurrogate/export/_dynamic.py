@@ -18,8 +18,6 @@ AddEstimator = Callable[[Graph, Any, int], int]
 def substeps_of(n_sub: Any, default: int) -> int:
     """Substeps a sample as they were asked for, a default where they were not.
 
-    Examples
-    --------
     >>> substeps_of(None, 4), substeps_of(2, 4)
     (4, 2)
     """

@@ -64,8 +64,6 @@ def _stretched(parts: Sequence[list[float]]) -> list[list[float]]:
 def evaluate(nodes: Sequence[Sequence[Any]], given: Mapping[str, Sequence[float]]) -> list[list[float]]:
     """Values of all nodes ``(op, args, data)`` of a graph.
 
-    Examples
-    --------
     >>> nodes = [["input", [], ["x"]], ["constant", [], [[2.0]]], ["pow", [0, 1], []]]
     >>> evaluate(nodes, {"x": [3.0, -1.0]})[-1]
     [9.0, 1.0]

@@ -27,8 +27,6 @@ __all__ = ["BaseCleaner", "Interpolator", "fill_gaps"]
 def gap_lengths(missing: np.ndarray) -> np.ndarray:
     """Length of the gap that each row lies in, 0 outside gaps: int (n_samples,).
 
-    Examples
-    --------
     >>> gap_lengths(np.array([False, True, True, False, True]))
     array([0, 2, 2, 0, 1])
     """
@@ -42,8 +40,6 @@ def gap_lengths(missing: np.ndarray) -> np.ndarray:
 def fill_gaps(x: np.ndarray, method: str = "linear", max_gap: int | None = None, ends: str = "nearest") -> np.ndarray:
     """Fill nan in one column of one run from the rows of that run; a column of nothing but nan stays so.
 
-    Examples
-    --------
     >>> fill_gaps(np.array([1.0, np.nan, 3.0, np.nan]))
     array([1., 2., 3., 3.])
     """

@@ -36,18 +36,9 @@ def lag_columns(
 ) -> np.ndarray:
     """Lagged columns of one run: ``out[t, i] = values[t - lag_i, column_i]``.
 
-    Parameters
-    ----------
-    values : ndarray (n_samples, n_columns)
-    columns : sequence of (column, lag)
-    fill : "edge", "nan" or float
-        Before the first row: its value, nan, or a number.
-    out : ndarray (n_samples, len(columns)), optional
-        Where to write; fastest with contiguous columns.
-
-    Returns
-    -------
-    ndarray (n_samples, len(columns))
+    ``values`` (n_samples, n_columns).
+    ``fill``: before the first row: its value, nan, or a number.
+    ``out``: where to write; fastest with contiguous columns.
     """
     if out is None:
         out = np.empty((len(values), len(columns)), order="F")

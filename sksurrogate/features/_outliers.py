@@ -29,17 +29,9 @@ def moving_line(x: np.ndarray, window: int) -> tuple[np.ndarray, np.ndarray]:
     In each window of w rows: slope = median of the differences over w // 2 rows, level and spread = median and median
     absolute deviation (as a standard deviation) of what the slope leaves. At the ends the nearest whole window serves.
 
-    Parameters
-    ----------
-    x : ndarray (n_samples,)
-    window : int
+    ``x`` (n_samples,).
+    Returns (n_samples,).
 
-    Returns
-    -------
-    line, spread : ndarray (n_samples,)
-
-    Examples
-    --------
     >>> moving_line(np.array([0.0, 1.0, 2.0, 9.0, 4.0, 5.0]), window=5)[0]
     array([0., 1., 2., 3., 4., 5.])
     """

@@ -106,13 +106,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> DiagnosisPipeline[OdeCandidate
 
 
 def begin_trajectory(diagnoser: Settings, task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
-    """Of a simulator with ``simulate`` alone.
-
-    Raises
-    ------
-    SimulatorError
-        None of the effects that were asked for can be tested.
-    """
+    """Of a simulator with ``simulate`` alone; SimulatorError where none of the effects that were asked for can be tested."""
     plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
     wanted = [e for e in _candidates(plant, (), effects, diagnoser) if e.access == "trajectory"]
     _check_asked(plant, effects, wanted)

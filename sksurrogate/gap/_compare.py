@@ -44,19 +44,8 @@ def multisine(rng: np.random.Generator, n: int) -> np.ndarray:
 def excitation(
     limits: Sequence[tuple[float, float]], n_runs: int, n_samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Runs of steps and of multisines in turn, at three amplitudes, within limits.
+    """Runs of steps and of multisines in turn, at three amplitudes, within limits of every input: (n_runs, n_samples, n_inputs).
 
-    Parameters
-    ----------
-    limits : sequence of (low, high)
-        Of every input.
-
-    Returns
-    -------
-    ndarray (n_runs, n_samples, n_inputs)
-
-    Examples
-    --------
     >>> U = excitation([(-1.0, 2.0)], 4, 50, np.random.default_rng(0))
     >>> U.shape, bool(U.min() >= -1.0 and U.max() <= 2.0)
     ((4, 50, 1), True)

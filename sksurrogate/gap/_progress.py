@@ -45,8 +45,6 @@ TOO_EARLY = 0.5
 def remaining_seconds(elapsed: float, done: float) -> float | None:
     """Estimate of what remains where a share is done; None where it is too early to tell.
 
-    Examples
-    --------
     >>> remaining_seconds(10.0, 0.25)
     30.0
     """
@@ -56,12 +54,8 @@ def remaining_seconds(elapsed: float, done: float) -> float | None:
 class Progress:
     """Share of the work that is done, from the usual shares of the stages; each message within a stage is half of its rest.
 
-    Parameters
-    ----------
-    show : callable (message, done, remaining seconds or None) -> None
-        None shows nothing.
-    time_limit : float, optional
-        Seconds after which nothing remains.
+    ``show(message, done, remaining seconds or None)``; None shows nothing.
+    ``time_limit``: seconds after which nothing remains.
     """
 
     def __init__(self, show: Callable[[str, float, float | None], None] | None, time_limit: float | None):

@@ -28,22 +28,13 @@ from sksurrogate.gap.search._base import BaseSearch
 class DiagnosisState(Generic[C]):
     """What the stages share.
 
-    Parameters
-    ----------
-    unnamed : BaseUnnamed
-        What no name answers, as far as the simulator's access allows it.
-    correction : estimator or None
-        Generic learner of the waterfall.
-    labels : sequence
-        Of the runs.
-    rows : ndarray of int
-        Rows of the whole record that the search sees.
-    untestable : sequence of str
-        Effects that were asked for and cannot be tested.
-    time_limit : float, optional
-        Seconds; a stage that is not over at its share of them is cut, and the next ones answer what they can.
-    include_law : bool
-        Whether the augmented simulator carries a certified law.
+    ``unnamed``: what no name answers, as far as the simulator's access allows it.
+    ``labels``: of the runs.
+    ``rows``: rows of the whole record that the search sees.
+    ``correction``: generic learner of the waterfall.
+    ``time_limit``: seconds; a stage that is not over at its share of them is cut, and the next ones answer what they can.
+    ``include_law``: whether the augmented simulator carries a certified law.
+    ``untestable``: effects that were asked for and cannot be tested.
     """
 
     #: Labels of the runs in which what was found acts; None for all.

@@ -64,12 +64,8 @@ def coarse_start(
 
     None where the record is short, where steps so long would not do, or where that fit does not settle.
 
-    Parameters
-    ----------
-    inner, record, sd, names, theta, starts, given
-        As for :func:`~sksurrogate.physics._prepare.prepared`.
-    options : mapping
-        Of the fit.
+    ``inner, record, sd, names, theta, starts, given``: as for :func:`~sksurrogate.physics._prepare.prepared`.
+    ``options``: of the fit.
     """
     even = record.steps is None and inner.plant.access == "rhs"
     started = _telling_rows(record, sd, inner.plant.hold == "zoh") if even else None

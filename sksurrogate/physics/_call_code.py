@@ -16,10 +16,7 @@ def machine_code(shape: tuple[tuple[str, bool], ...]) -> Callable[[int, int, int
     The table, 64 bits an entry, holds the status of the call that fails, then of every call the address of the function, that of the
     bytes that tell where it is left out, and its arguments.
 
-    Parameters
-    ----------
-    shape : tuple of (str, bool)
-        Of every call the kinds of its arguments, and whether it is left out at some points. Kinds are "i", an integer, and "r" and
+    ``shape``: of every call the kinds of its arguments, and whether it is left out at some points. Kinds are "i", an integer, and "r" and
         "d", two entries: the address of an array and the width of its rows, of which the address is passed, or the number there.
     """
     try:

@@ -97,8 +97,6 @@ def describe(folder: str, path: Any) -> Any:
 def equal_steps(times: np.ndarray) -> list[tuple[int, int]]:
     """First and last row of every stretch of equal steps; the last row of one is the first of the next.
 
-    Examples
-    --------
     >>> equal_steps(np.array([0.0, 1.0, 2.0, 2.5, 3.0]))
     [(0, 2), (2, 4)]
     """

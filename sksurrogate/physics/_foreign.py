@@ -18,8 +18,6 @@ REFUSALS = (ArithmeticError, ValueError, RuntimeError)
 def offered(*values: np.ndarray) -> np.ndarray:
     """Which points (n, n_points) a foreign program may see: finite ones of a bearable size.
 
-    Examples
-    --------
     >>> offered(np.array([[0.0, np.nan, 1.0]]), np.array([1e300, 0.0, 2.0])).tolist()
     [False, False, True]
     """

@@ -42,24 +42,15 @@ def known(
 ) -> Knowledge:  # fmt: skip
     """Linearised, initial states projected out run by run, a memory of the residual taken into account.
 
-    Parameters
-    ----------
-    J_theta : ndarray (n_outputs, k, n_samples)
-    J_x : ndarray (n_outputs, n_free_states, n_samples)
-        Of the initial states of the run.
-    residual : ndarray (n_outputs, n_samples)
-    sd : ndarray (n_outputs,)
-        What the fit divided the residual of every output by.
-    starts : ndarray of int (n_runs,)
-    unit : ndarray (k,)
-        Size of each parameter.
-    confidence : float
-    fixed : ndarray of bool (k,)
-        Parameters at a bound: the others are judged as if these were known.
-    precision : ndarray (k,), optional
-        Of a prior, which counts like a measured value with the noise that is left.
-    measured : ndarray of bool (n_outputs, n_samples), optional
-        Which values were measured; J_theta, J_x and residual are 0 elsewhere.
+    ``J_theta`` (n_outputs, k, n_samples).
+    ``J_x`` (n_outputs, n_free_states, n_samples): of the initial states of the run.
+    ``residual`` (n_outputs, n_samples).
+    ``sd`` (n_outputs,): what the fit divided the residual of every output by.
+    ``starts`` (n_runs,).
+    ``unit`` (k,): size of each parameter.
+    ``fixed`` (k,): parameters at a bound: the others are judged as if these were known.
+    ``precision`` (k,): of a prior, which counts like a measured value with the noise that is left.
+    ``measured`` (n_outputs, n_samples): which values were measured; J_theta, J_x and residual are 0 elsewhere.
     """
     count = residual.size if measured is None else int(measured.sum())
     k, n_outputs = J_theta.shape[1], len(residual)

@@ -82,15 +82,11 @@ def exact_run(
 ) -> np.ndarray:
     """States (n_runs, n_samples, n_states) of runs of equal length, by the matrix exponential.
 
-    Parameters
-    ----------
-    derivative : callable (t, x, u) -> dx/dt on arrays (n, n_points)
-    U : ndarray (n_runs, n_samples, n_inputs)
-    X0 : ndarray (n_runs, n_states)
-    t : ndarray (n_samples,)
-    order : {0, 1}
-        Hold.
-    states : sequence of str
+    ``derivative`` (n, n_points).
+    ``U`` (n_runs, n_samples, n_inputs).
+    ``X0`` (n_runs, n_states).
+    ``t`` (n_samples,).
+    ``order``: hold.
     """
     if X0.shape[1] == 0:
         return np.zeros((len(U), len(t), 0))

@@ -27,18 +27,10 @@ def memory(pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequ
     flexible or the record short, since the fit follows slow noise; the restricted likelihood, that of the residual's
     part which no parameter can move, is not misled (Harville, JASA 72 (1977) 320-338).
 
-    Parameters
-    ----------
-    pieces : sequence of ndarray (n_samples,)
-        Residual of every run.
-    shared : sequence of ndarray (n_samples, k)
-        Slopes by the parameters.
-    own : sequence of ndarray (n_samples, m)
-        Slopes by what belongs to the run alone, its initial state.
-
-    Returns
-    -------
-    ndarray (n_lags,) or None
+    ``pieces`` (n_samples,): residual of every run.
+    ``shared`` (n_samples, k): slopes by the parameters.
+    ``own`` (n_samples, m): slopes by what belongs to the run alone, its initial state.
+    Returns (n_lags,).
     """
     n = sum(len(piece) for piece in pieces)
     most = min(_LONGEST, n // 20)

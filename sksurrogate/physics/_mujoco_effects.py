@@ -23,14 +23,7 @@ _LAWS = {
 
 
 def law_of(model: Any, layout: Layout, parameter: ModelParameter) -> list[tuple[str, str, str]]:
-    """The law at a port that a parameter is, as the key of an effect; none where it is no law of one degree of freedom.
-
-    Parameters
-    ----------
-    model : ``mujoco.MjModel``
-    layout : Layout
-    parameter : ModelParameter
-    """
+    """The law at a port that a parameter is, as the key of an effect; none where it is no law of one degree of freedom."""
     if parameter.element != "joint" or parameter.quantity not in _LAWS:
         return []
     first, place = int(model.jnt_dofadr[parameter.index]), int(model.jnt_qposadr[parameter.index])

@@ -320,8 +320,6 @@ def distinct_columns(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     A point of a fit has one of a few sets of many parameters: looked up by their bytes, no point is sorted, as it is by
     :func:`numpy.unique` along an axis.
 
-    Examples
-    --------
     >>> sets, which = distinct_columns(np.array([[2.0, 1.0, 2.0], [0.5, 0.5, 0.5]]))
     >>> sets.tolist(), which.tolist()
     ([[1.0, 2.0], [0.5, 0.5]], [1, 0, 1])

@@ -76,16 +76,7 @@ def name_of(model: Any, kind: str, i: int) -> str:
 
 
 def read_layout(model: Any) -> Layout:
-    """Names of a model.
-
-    Parameters
-    ----------
-    model : ``mujoco.MjModel``
-
-    Returns
-    -------
-    Layout
-    """
+    """Names of a model."""
     positions, velocities, joints, slopes, quaternions = _joints(model)
     controls, activations = _actuators(model)
     ports = [f"{port}.force" if port in controls else port for port in joints]

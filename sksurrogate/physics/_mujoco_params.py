@@ -48,16 +48,7 @@ class ModelParameter:
 
 
 def read_parameters(model: Any) -> dict[str, ModelParameter]:
-    """Everything that can be re-tuned, by name.
-
-    Parameters
-    ----------
-    model : ``mujoco.MjModel``
-
-    Returns
-    -------
-    dict of ModelParameter
-    """
+    """Everything that can be re-tuned, by name."""
     found: list[tuple[str, int, str, float]] = []
     for i, dof in enumerate(model.jnt_dofadr):
         found += [("joint", i, name, float(getattr(model, f"dof_{name}")[dof])) for name in ("damping", "frictionloss", "armature")]  # fmt: skip
@@ -116,15 +107,9 @@ def _of_actuator(model: Any, i: int) -> list[tuple[str, float]]:
 def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], values: Mapping[str, float]) -> None:
     """Write values into a copy of a model (what follows from them, ``mj_setConst`` computes).
 
-    Parameters
-    ----------
-    model : ``mujoco.MjModel``
-        Written.
-    origin : ``mujoco.MjModel``
-        The model as it was read.
-    parameters : dict of ModelParameter
-        Those of ``origin``.
-    values : dict of float
+    ``model``: written.
+    ``origin``: the model as it was read.
+    ``parameters``: those of ``origin``.
     """
     for name, value in values.items():
         one = parameters[name]

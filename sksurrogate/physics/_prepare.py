@@ -33,17 +33,10 @@ def prepared(
 ) -> tuple[FitModel, np.ndarray]:  # fmt: skip
     """The model with substeps that its error asks for, and a trajectory (n_states, n_samples) to start from.
 
-    Parameters
-    ----------
-    inner, record, names, theta
-        What is fitted to what, and from where.
-    sd : ndarray (n_outputs,)
-        Size of the noise.
-    starts : ndarray (n_runs, n_states)
-        Initial states; written where measured states are known better.
-    given : bool
-        Whether ``starts`` are the user's.
-    fit_x0 : bool
+    ``inner, record, names, theta``: what is fitted to what, and from where.
+    ``sd`` (n_outputs,): size of the noise.
+    ``starts`` (n_runs, n_states): initial states; written where measured states are known better.
+    ``given``: whether ``starts`` are the user's.
     """
     inner.probe(record.u[:, 0])
     near = first_guess(inner, record, starts, fit_x0 and not given)

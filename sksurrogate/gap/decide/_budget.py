@@ -34,8 +34,6 @@ def budget_of(
     ``formula``: where it is certified, what it closes on runs left out is a row of its own, a part of the unnamed law.
     Returns part, kind ("effect", "re-tuning", "unnamed law" or "disturbance"), share, low, high (90 %).
 
-    Examples
-    --------
     >>> shrink = Shrink(0.5, 0.1, 0.02, 0.8, (0.7, 0.9), fraction_power=0.96)
     >>> [(row["kind"], round(row["share"], 3)) for row in budget_of(["friction"], [0.96], 0.0, shrink, None)]
     [('effect', 0.96), ('re-tuning', 0.0), ('unnamed law', 0.0), ('disturbance', 0.04)]

@@ -136,8 +136,6 @@ def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, floa
 
     ``positions``: states that are integrals of others.
 
-    Examples
-    --------
     >>> rank(CATALOGUE["input_bias"]("valve")) < rank(CATALOGUE["sensor_bias"]("level"))
     True
     >>> rank(CATALOGUE["input_gain"]("voltage")) < rank(CATALOGUE["linear_loss"]("current", "voltage"))  # of its own level

@@ -93,8 +93,6 @@ def reported(
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Values and intervals by name: an interval is mirrored or shifted as its value is.
 
-    Examples
-    --------
     >>> from sksurrogate.effects._disturbance import PeriodicDisturbance
     >>> theta, low, high = np.array([[-2.0, 5.0, 0.0], [-2.2, 4.9, -0.1], [-1.9, 5.2, 0.1]])
     >>> params, intervals = reported(PeriodicDisturbance("speed"), theta, low, high)

@@ -25,8 +25,6 @@ def name_of(effect: BaseEffect) -> str:
 def leaves_the_range(u: np.ndarray, recorded: np.ndarray) -> bool:
     """Whether inputs (n_inputs, n_samples) go where no recorded input was.
 
-    Examples
-    --------
     >>> recorded = np.array([[0.0, 1.0, 0.5]])
     >>> leaves_the_range(0.5 * recorded, recorded), leaves_the_range(2.0 * recorded, recorded)
     (False, True)

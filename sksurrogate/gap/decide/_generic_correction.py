@@ -27,11 +27,7 @@ FOLDS, MAPS, UNITS, ITERATIONS, LAGS = 2, 1, 3, 8, 5
 class SimulatedOnce:
     """A simulator that runs each run once: the parts that teach and that judge are the same ones in turn.
 
-    Parameters
-    ----------
-    simulator : simulator
-    runs : iterable of (U, x0, y)
-        Runs that are known already: inputs (n_samples, n_inputs), initial states, outputs (n_samples, n_outputs).
+    ``runs``: those known already: inputs (n_samples, n_inputs), initial states, outputs (n_samples, n_outputs).
     """
 
     def __init__(self, simulator: Any, runs: Iterable[Run]):

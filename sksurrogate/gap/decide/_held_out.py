@@ -238,14 +238,8 @@ def notes_on_names(
 class Baseline:
     """Free runs on runs left out, of all that needs no name.
 
-    Parameters
-    ----------
-    correction : Correction or None
-        Learned on some runs, free run on the others.
-    early : bool
-        Whether it may be learned in a second process.
-    later : Second
-        Process for what is wanted later.
+    ``correction``: learned on some runs, free run on the others.
+    ``early``: whether it may be learned in a second process.
     """
 
     def __init__(self, null: Evidence, correction: Correction | None, early: bool, later: WorkerProcess):

@@ -53,13 +53,8 @@ def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
 def is_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -> bool:
     """Whether the interval of each effect's magnitude leaves out the value at which it does nothing.
 
-    Parameters
-    ----------
-    low, high : ndarray (n_theta,)
-        Of the effects' parameters, one effect behind the other, then of others.
+    ``low, high`` (n_theta,): of the effects' parameters, one effect behind the other, then of others.
 
-    Examples
-    --------
     >>> from sksurrogate.effects import CATALOGUE
     >>> drag, lag = CATALOGUE["quadratic_drag"]("v", "v"), CATALOGUE["hidden_mode"]("v", "v")
     >>> is_sized([drag], np.array([0.1]), np.array([0.2])), is_sized([drag], np.array([-0.1]), np.array([0.2]))

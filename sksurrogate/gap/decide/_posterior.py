@@ -35,20 +35,11 @@ LEAST_ALONE = 0.5
 
 @dataclass(frozen=True)
 class Posterior:
-    """Of what is named.
+    """Of what is named."""
 
-    Attributes
-    ----------
-    probabilities : tuple of float
-        That each effect acts, beside a law of any size; the members of its class count for it.
-    law : LawBeside or None
-        The law beside the set; None where it cannot be judged.
-    as_likely : tuple of OdeCandidate
-        Sets with another effect in the place of one that are as likely beside a law of their own, up to :data:`NATS_THAT_SETTLE`.
-    """
-
-    probabilities: tuple[float, ...]
-    law: LawBeside | None
+    probabilities: tuple[float, ...]  #: That each acts, beside a law of any size; the members of its class count for it
+    law: LawBeside | None  #: The law beside the set; None where it cannot be judged
+    #: Sets with another effect in the place of one, as likely beside a law of their own, up to :data:`NATS_THAT_SETTLE`
     as_likely: tuple[OdeCandidate, ...] = ()
     #: Names of a set that leaves too much of the gap to be weighed
     too_far: tuple[str, ...] = ()
@@ -184,8 +175,6 @@ def is_needed(whole: float, fewer: float, bar: float) -> bool:
     Squared errors; ``bar``: the tolerance in power. It does if more than the tolerance is left without it, and the effect closes most
     of that.
 
-    Examples
-    --------
     >>> is_needed(10.0, 104.0, bar=100.0), is_needed(90.0, 204.0, bar=100.0), is_needed(10.0, 90.0, bar=100.0)
     (True, False, False)
     """

@@ -32,8 +32,6 @@ def retuned_table(
 ) -> Table:
     """One row a free parameter: nominal, value, 90 % interval, moved or not, at a bound or not.
 
-    Examples
-    --------
     >>> rows = retuned_table({"k": -2.0}, ["k"], np.array([0.1]), np.array([0.05]), np.array([0.15]))
     >>> rows[0]["low"] < rows[0]["value"] < rows[0]["high"] < rows[0]["nominal"], rows[0]["moved"]
     (True, True)

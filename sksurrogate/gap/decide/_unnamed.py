@@ -25,18 +25,7 @@ from sksurrogate.gap.unnamed._law_left import LawLeft
 class BaseUnnamed(ABC, Generic[C]):
     """Questions on top of what is named; those that only a right-hand side answers have no answer here.
 
-    Attributes
-    ----------
-    complete : bool
-        False after an interrupt: nothing that takes long is asked any more.
-    scale : ndarray (n_states,) or None
-        Size of the states.
-    beside : LawLeft or None
-        The likeliest law without a name beside what stands, where one was looked for.
-    other_unit : str
-        A sentence where the record fits in another unit of time or of its readings.
-    places : list of Place or None
-        Of the gap, the most likely first; None before what is left was looked at.
+    ``complete``: False after an interrupt: nothing that takes long is asked any more.
     """
 
     #: Whether what needs no name is asked while names are looked for.
@@ -47,10 +36,10 @@ class BaseUnnamed(ABC, Generic[C]):
     #: How far experiments separate candidates.
     separations: ClassVar[Callable[..., Separations]]
     _channels: Channels[C] | None = None
-    scale: np.ndarray | None = None
-    beside: LawLeft | None = None
-    places: list[Place] | None = None
-    other_unit: str = ""
+    scale: np.ndarray | None = None  #: (n_states,): size of the states
+    beside: LawLeft | None = None  #: The likeliest law without a name beside what stands, where one was looked for
+    places: list[Place] | None = None  #: Of the gap, the most likely first; None before what is left was looked at
+    other_unit: str = ""  #: A sentence where the record fits in another unit of time or of its readings
 
     def __init__(self, search: BaseSearch[C], seed: int):
         self.search, self.seed, self.complete = search, seed, True

@@ -50,8 +50,6 @@ UNSTABLE_NOTE = (
 def lost_places(names: Sequence[str]) -> list[str]:
     """Places where no signal can be followed.
 
-    Examples
-    --------
     >>> lost_places(["level"])[0][:47]
     'No missing term could be looked for at level: t'
     """
@@ -66,17 +64,9 @@ def lost_places(names: Sequence[str]) -> list[str]:
 class OdeUnnamed(BaseUnnamed[OdeCandidate]):
     """Along the free run, and along the smoothed path.
 
-    Parameters
-    ----------
-    whole : Record
-        All of a long record.
-    excluded : iterable of str
-        Places where a user rules effects out: no law is looked for there.
-
-    Attributes
-    ----------
-    instead : LawLeft or None
-        The likeliest law in the place of all names, once it was asked for.
+    ``whole``: all of a long record.
+    ``excluded``: places where a user rules effects out: no law is looked for there.
+    ``instead``: the likeliest law in the place of all names, once it was asked for.
     """
 
     asks_early, among, channels_of = True, "of the catalogue", OdeChannels

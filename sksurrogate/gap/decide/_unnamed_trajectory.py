@@ -34,10 +34,7 @@ TRANSIENTS = (
 class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
     """Seen through a linear surrogate, after the search: it moves the initial states.
 
-    Parameters
-    ----------
-    only_given : bool
-        Whether the simulator answers no other inputs than those in X.
+    ``only_given``: whether the simulator answers no other inputs than those in X.
     """
 
     among, channels_of = "that can be tested here", TrajectoryChannels

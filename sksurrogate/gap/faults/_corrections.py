@@ -112,21 +112,11 @@ SMOOTHINGS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (held_levels, smoot
 
 @dataclass(frozen=True, eq=False)
 class SlowNoise:
-    """What such noise as an input has moves the outputs by: slow beside the plant it cannot be distinguished from the input.
+    """What such noise as an input has moves the outputs by: slow beside the plant it cannot be distinguished from the input."""
 
-    Attributes
-    ----------
-    share : float
-        Of the power of the gap that it makes up on average.
-    spread : float
-        Standard deviation of this share from one draw of the noise to another.
-    moved : ndarray (n_outputs,)
-        RMS.
-    """
-
-    share: float
-    spread: float
-    moved: np.ndarray
+    share: float  #: Of the power of the gap that it makes up on average
+    spread: float  #: Standard deviation of this share from one draw of the noise to another
+    moved: np.ndarray  #: (n_outputs,): RMS
 
     @property
     def is_the_gap(self) -> bool:
@@ -286,17 +276,9 @@ class Gains(_OfRuns):
 
 @dataclass(frozen=True, eq=False)
 class Hum(_OfRuns):
-    """A tone on one output, with a phase of its own in every run.
+    """A tone on one output: ``values`` (n_runs, 2) are weights of sine and cosine of the time since the start of the run."""
 
-    Attributes
-    ----------
-    values : ndarray (n_runs, 2)
-        Weights of sine and cosine of the time since the start of the run.
-    angular_frequency : float
-        Per unit of time.
-    """
-
-    angular_frequency: float
+    angular_frequency: float  #: Per unit of time
 
     kind, effect = "hum", "periodic_disturbance"
     remedy = (

@@ -101,8 +101,6 @@ def _by_run(
 def later(y: np.ndarray, k: int) -> np.ndarray:
     """Signals (n_outputs, n_rows) k samples later, earlier where k < 0; the end values are held.
 
-    Examples
-    --------
     >>> later(np.array([[1.0, 2.0, 3.0]]), 1)
     array([[1., 1., 2.]])
     """

@@ -113,8 +113,6 @@ REASON = 0.5
 def outlying_rows(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Rows of isolated outliers in a residual (n_samples,): a rise and a fall within a few readings.
 
-    Examples
-    --------
     >>> r = np.sin(np.arange(60.0))
     >>> r[[20, 21]] = 30.0
     >>> outlying_rows(r, np.array([0])).tolist()

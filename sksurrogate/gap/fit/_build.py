@@ -140,10 +140,7 @@ def build_trajectory(
 ) -> TrajectoryBackend:
     """The simulator's own runs, the linear surrogate learned from them, and what initial states move.
 
-    Raises
-    ------
-    SimulationDiverged
-        A run of the simulator alone does not stay finite.
+    SimulationDiverged where a run of the simulator alone does not stay finite.
     """
     simulations = Simulations(plant, record)
     nominal = simulations.simulated(record.u, {}, None)

@@ -29,8 +29,6 @@ NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
 class KnownParameters:
     """Bounds and priors of parameters, in their own units.
 
-    Examples
-    --------
     >>> known = KnownParameters({"k": (0.5, 2.0)}, {"k": (1.1, 0.11)})
     >>> [round(end, 3) for end in known.free_bounds("k", 1.0)]
     [-0.693, 0.693]
@@ -44,12 +42,7 @@ class KnownParameters:
     priors: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(NOTHING))
 
     def check(self, params: Mapping[str, float]) -> None:
-        """Say which bounds or prior hold no value of the sign of the nominal one.
-
-        Raises
-        ------
-        DataError
-        """
+        """DataError where bounds or a prior hold no value of the sign of the nominal one."""
         for name, (low, high) in self.bounds.items():
             nominal = params[name]
             if nominal != 0 and max(low / nominal, high / nominal) <= 0.0:
@@ -125,8 +118,6 @@ class KnownParameters:
 def value_of(nominal: float, phi: float) -> float:
     """Value of a free parameter.
 
-    Examples
-    --------
     >>> value_of(2.0, 0.0), value_of(0.0, 0.3)
     (2.0, 0.3)
     """

@@ -16,8 +16,6 @@ L = TypeVar("L", bound="LinearModel")
 class LinearModel:
     """A residual, the columns that explain it, and what holds their weights.
 
-    Examples
-    --------
     >>> model = LinearModel.of(np.array([[2.0, 4.0]])).beside(np.array([[[1.0, 2.0]]]))
     >>> flat = model.known.reshape(2, -1)
     >>> model.weights(flat @ flat.T).round(12).tolist()

@@ -24,17 +24,9 @@ SAMPLES_OF_PATH, MOVED_OF_RANGE = 64, 1e-3
 def neighbours(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Neighbours:
     """States near each state: those that its rate sees along a path, and those whose rates see it.
 
-    A position and its speed are one neighbour.
+    A position and its speed are one neighbour. None for small plants, and for those that step: in a step everything sees everything.
 
-    Parameters
-    ----------
-    model : PlantModel
-    t, x, u : ndarray (n_samples,), (n_states, n_samples), (n_inputs, n_samples)
-
-    Returns
-    -------
-    Neighbours
-        Empty for small plants, and for those that step: in a step everything sees everything.
+    ``t, x, u``: (n_samples,), (n_states, n_samples), (n_inputs, n_samples).
     """
     if model.plant.access != "rhs" or len(model.plant.states) <= SMALL_PLANT:
         return {}
@@ -57,8 +49,6 @@ def neighbours(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -
 def is_near(near: Neighbours, place: str | None, signals: Sequence[str]) -> bool:
     """Whether all states among some signals are near the balance of a state; inputs are, and elsewhere all are.
 
-    Examples
-    --------
     >>> near = {"a": frozenset("ab"), "b": frozenset("ab"), "c": frozenset("c")}
     >>> is_near(near, "a", ["b", "input"]), is_near(near, "a", ["b", "c"]), is_near({}, "a", ["c"])
     (True, False, True)

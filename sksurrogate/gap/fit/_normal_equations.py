@@ -27,8 +27,6 @@ def solve(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray:
 
     LinAlgError where a trajectory left the finite numbers.
 
-    Examples
-    --------
     >>> solve(np.diag([4.0, 1e-40]), np.array([2.0, 1e-40]))
     array([0.5, 1. ])
     """
@@ -42,8 +40,6 @@ def solve(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray:
 def unexplained(columns: np.ndarray, y: np.ndarray) -> np.ndarray:
     """What columns (n_values, n_columns) leave of y (n_values, ...) by least squares.
 
-    Examples
-    --------
     >>> unexplained(np.ones((3, 1)), np.array([1.0, 2.0, 3.0])).round(12)
     array([-1.,  0.,  1.])
     """

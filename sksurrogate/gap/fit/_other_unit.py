@@ -24,15 +24,10 @@ SUBSTEPS_OF_A_LOOK = 8
 
 
 def other_unit(model: PlantModel, record: Record) -> str:
-    """A sentence where the simulator alone explains the record in another unit, and not in its own.
+    """A sentence where the simulator alone explains the record in another unit, and not in its own; empty where it does not.
 
     A simulator that says what its own ``timestep`` is was given ``dt`` in that unit, as a multiple of it. Only shorter sample
     times are tried with it: one that is 3600 times longer would take 3600 times as many of its steps.
-
-    Returns
-    -------
-    str
-        Empty where it does not.
     """
     own = max(_explained(model, record), 0.0)
     if own > 1.0 - MORE_EXPLAINED:

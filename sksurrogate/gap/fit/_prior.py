@@ -81,8 +81,6 @@ def start_cost(candidate: OdeCandidate) -> float:
 def shown(H: np.ndarray, x: np.ndarray) -> float:
     """``min_z (z - x)' H (z - x) + z' z``, which is ``x' H (H + 1)^-1 x``, for an H of any size and rank.
 
-    Examples
-    --------
     >>> float(shown(np.diag([3.0, 0.0]), np.array([2.0, 7.0])))
     3.0
     """

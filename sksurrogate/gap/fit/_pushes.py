@@ -16,8 +16,6 @@ REMEMBERED = 10.0
 def a_sample_later(change: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Changes of the next states (..., n_samples) at the sample in which these are, never from one run into the next.
 
-    Examples
-    --------
     >>> a_sample_later(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0, 2]))
     array([0., 1., 0., 3.])
     """
@@ -30,8 +28,6 @@ def a_sample_later(change: np.ndarray, starts: np.ndarray) -> np.ndarray:
 def pushed_input(u: np.ndarray, i: int) -> tuple[np.ndarray, float]:
     """The inputs (n_inputs, n_samples) with a share of its range added to one of them, and what was added.
 
-    Examples
-    --------
     >>> pushed, push = pushed_input(np.array([[1.0, 2.0]]), 0)
     >>> pushed.tolist(), push
     ([[1.001, 2.001]], 0.001)

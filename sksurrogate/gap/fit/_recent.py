@@ -16,8 +16,6 @@ def recent_property(most: int) -> Callable[[Callable[[Any], T]], cached_property
 
     Memory does not grow with the number of instances; what was dropped is computed again where it is asked for.
 
-    Examples
-    --------
     >>> class Number:
     ...     def __init__(self, n):
     ...         self.n = n

@@ -17,17 +17,10 @@ PIECE = 1_500
 
 
 def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
-    """Pieces spread evenly over a record, at most ``most`` samples in all; short runs stay whole.
+    """Pieces spread evenly over a record, at most ``most`` samples in all, and the rows of the record that they hold.
 
-    Returns
-    -------
-    part : Record
-        Every piece is a run of its own, with its own unknown initial state.
-    rows : ndarray of int
-        Rows of the record that it holds.
+    Every piece is a run of its own, with its own unknown initial state; short runs stay whole.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from sksurrogate.kernels.record import Record
     >>> whole = Record(np.zeros((1, 100_000)), np.zeros((1, 100_000)), np.arange(1e5), np.array([0]), 1.0)

@@ -68,8 +68,6 @@ def is_rounded(y: np.ndarray, fitted: np.ndarray, step: float) -> bool:
     """Whether a free run misses the rounding of readings that crowd at the multiples of a step: it does not crowd there, and
     what it leaves is as large as the error of a rounding.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> true = np.linspace(0.0, 9.0, 500)
     >>> is_rounded(np.round(true), true, 1.0), is_rounded(np.round(true), np.round(true) + 0.1, 1.0)

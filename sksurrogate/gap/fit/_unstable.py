@@ -18,8 +18,6 @@ def largest_growth(sd: np.ndarray, spread: np.ndarray) -> float:
 
     ``sd, spread`` (n_outputs,): noise and deviation of every output.
 
-    Examples
-    --------
     >>> round(largest_growth(np.array([0.01]), np.array([1.0])), 3)
     4.605
     """
@@ -31,17 +29,10 @@ def piece_starts(A: np.ndarray, scale: np.ndarray, starts: np.ndarray, most: flo
 
     The growth is that of the product of the Jacobians, RMS over all directions: what grows here and shrinks there does not count.
 
-    Parameters
-    ----------
-    A : ndarray (n_states, n_states, n_samples)
-        State Jacobians of the step from every row to the next.
-    scale : ndarray (n_states,)
-        Size of the states.
-    starts : ndarray of int (n_runs,)
-    most : float
+    ``A`` (n_states, n_states, n_samples): state Jacobians of the step from every row to the next.
+    ``scale`` (n_states,): size of the states.
+    ``starts`` (n_runs,): first rows of the runs.
 
-    Examples
-    --------
     >>> A = np.full((1, 1, 100), np.exp(0.1))
     >>> piece_starts(A, np.ones(1), np.array([0]), 2.95)
     array([ 0, 30, 60, 90])
@@ -75,8 +66,6 @@ def followed_rows(A: np.ndarray, scale: np.ndarray, starts: np.ndarray, most: fl
 def in_pieces(record: Record, n_rows: int) -> Record:
     """The record with its runs in equal pieces of at most ``n_rows``, each with an unknown initial state of its own.
 
-    Examples
-    --------
     >>> whole = Record(np.zeros((1, 100)), np.zeros((1, 100)), np.arange(100.0), np.array([0, 40]), 1.0)
     >>> part = in_pieces(whole, 30)
     >>> part.starts, part.recorded_starts

@@ -38,8 +38,6 @@ def shown(budget: Table) -> list[Mapping[str, Any]]:
 def budget_lines(budget: Table, width: int) -> list[str]:
     """A bar of letters and one line a part.
 
-    Examples
-    --------
     >>> rows = ({"part": "friction", "kind": "effect", "share": 0.75, "low": 0.7, "high": 0.8},
     ...         {"part": "disturbance", "kind": "disturbance", "share": 0.25, "low": 0.2, "high": 0.3})
     >>> for line in budget_lines(Table(rows), 50):
@@ -63,8 +61,6 @@ def budget_lines(budget: Table, width: int) -> list[str]:
 def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """A colour for each part.
 
-    Examples
-    --------
     >>> fills([{"kind": "effect"}, {"kind": "effect"}, {"kind": "disturbance"}])
     ['#0072b2', '#009e73', '#bbbbbb']
     """
@@ -102,8 +98,6 @@ def _percent(row: Mapping[str, Any]) -> str:
 def part_name(row: Mapping[str, Any]) -> str:
     """What a part is called; an effect that its own state drives is called by its place alone.
 
-    Examples
-    --------
     >>> part_name({"part": "coulomb_friction at speed in speed", "kind": "effect"})
     'coulomb friction at speed'
     """

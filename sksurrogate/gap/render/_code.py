@@ -43,14 +43,6 @@ def code_of(report: ReportData) -> str:
     """Lines that use the result of a diagnosis.
 
     The effects of the catalogue are written out with their numbers; others are taken from the diagnoser.
-
-    Parameters
-    ----------
-    report : GapReport
-
-    Returns
-    -------
-    str
     """
     n_states, n_inputs = len(report.states), len(report.inputs)
     names = {"n_inputs": n_inputs, "inputs": list(report.inputs)}

@@ -61,8 +61,6 @@ def balance_axis(location: str, kind: str, report: ReportData) -> str:
 def form_of(effect: EffectEstimate) -> str:
     """The form of an effect of the catalogue, with what its letters are; empty for others.
 
-    Examples
-    --------
     >>> form_of(EffectEstimate("linear_loss", "level", "inflow", 1.0, {"coefficient": 0.1}, {}, 1.0))
     '<p>Form: <code>- c v</code>, added to the balance of level, with c = coefficient, v = inflow</p>'
     """

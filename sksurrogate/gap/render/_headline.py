@@ -57,16 +57,7 @@ def _retuned(row: Mapping[str, Any], report: ReportData) -> str:
 
 
 def headline(report: ReportData) -> str:
-    """The verdict in one sentence, or two.
-
-    Parameters
-    ----------
-    report : GapReport
-
-    Returns
-    -------
-    str
-    """
+    """The verdict in one sentence, or two."""
     if _is_undecided(report):
         by_then = f" Found by then, not judged yet: {_named(report)}." if report.effects else ""
         return f"The diagnosis stopped before it had an answer.{by_then}"
@@ -210,8 +201,6 @@ def not_identified(effect: EffectEstimate) -> list[str]:
 def first_of(names: Sequence[str]) -> str:
     """The first names of a list, and how many more there are.
 
-    Examples
-    --------
     >>> first_of(["drag", "friction", "hysteresis", "lag", "bias", "gain"])
     'drag; friction; hysteresis; lag; and 2 more'
     """

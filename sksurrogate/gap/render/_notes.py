@@ -24,8 +24,6 @@ def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -
 def failed_stages(failed: Mapping[str, str]) -> list[str]:
     """Stages that the linear algebra of a model broke: the rest of the report stands without them.
 
-    Examples
-    --------
     >>> failed_stages({"law": "the matrix is singular"})[0][:49]
     'Not answered, because the simulator is not finite'
     """
@@ -38,8 +36,6 @@ def failed_stages(failed: Mapping[str, str]) -> list[str]:
 def at_a_bound(retuned: Table) -> list[str]:
     """Free parameters that ended at a bound.
 
-    Examples
-    --------
     >>> at_a_bound(Table(({"parameter": "k", "value": 2.0, "at_bound": True},)))[0][:29]
     'Re-tuned to a bound: k = 2. T'
     """
@@ -55,8 +51,6 @@ def at_a_bound(retuned: Table) -> list[str]:
 def lost_candidates(said: Sequence[str]) -> list[str]:
     """What the simulator raised, the first three of it.
 
-    Examples
-    --------
     >>> lost_candidates(["ValueError: the level is negative"])[0][-34:]
     'ValueError: the level is negative.'
     """
@@ -94,8 +88,6 @@ def on_none(shrink: Shrink) -> list[str]:
 def too_little(names: Sequence[str], where: str = "in the data") -> str:
     """Said of names that are withdrawn.
 
-    Examples
-    --------
     >>> too_little(["input_delay"])
     'input_delay passed the evidence but closed too little of the gap in the data; no name is given.'
     """

@@ -42,16 +42,7 @@ LEAST_EXPLAINED = 0.02
 
 
 def html_page(report: ReportData) -> str:
-    """One page that needs nothing from outside; names are escaped.
-
-    Parameters
-    ----------
-    report : GapReport
-
-    Returns
-    -------
-    str
-    """
+    """One page that needs nothing from outside; names are escaped."""
     title = report.provenance.title or f"Sim-to-real gap: {report.verdict}"
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -63,16 +54,7 @@ def html_page(report: ReportData) -> str:
 
 
 def html_fragment(report: ReportData) -> str:
-    """The body of the page, with its style and script: for a notebook too.
-
-    Parameters
-    ----------
-    report : GapReport
-
-    Returns
-    -------
-    str
-    """
+    """The body of the page, with its style and script: for a notebook too."""
     parts = [
         f'<style>{STYLE}</style><div class="skgap">',
         _first_screen(report),

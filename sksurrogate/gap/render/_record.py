@@ -11,8 +11,6 @@ from sksurrogate.gap.results._data_faults import DataFaults
 def record_lines(faults: DataFaults, width: int) -> list[str]:
     """A title and one paragraph a fault; nothing where nothing is wrong.
 
-    Examples
-    --------
     >>> from sksurrogate.gap.results._data_faults import DataFault
     >>> fault = DataFault("gain", "level", "output", (2,), (), 0.05, 0.4, {2: 0.05}, "sensor_gain")
     >>> print("\\n".join(record_lines(DataFaults((fault,)), 60)))

@@ -82,8 +82,6 @@ def runs_html(report: ReportData) -> str:
 def run_name(label: object, blocks: bool = False) -> str:
     """A run as a heading; one run that was cut gives blocks.
 
-    Examples
-    --------
     >>> run_name(3), run_name("run 3"), run_name("calm"), run_name(0, blocks=True)
     ('Run 3', 'run 3', 'Run calm', 'Block 0')
     """
@@ -156,8 +154,6 @@ def _output(trace: Trace, j: int, report: ReportData, height: int) -> Panel:
 def near_readings(ends: tuple[float, float], readings: np.ndarray) -> tuple[float, float]:
     """Ends of an axis, not far beyond the readings (n_values,): a simulator that runs away must not flatten them.
 
-    Examples
-    --------
     >>> near_readings((-1.0, 1e9), np.array([0.0, 10.0]))
     (-1.0, 16.0)
     """

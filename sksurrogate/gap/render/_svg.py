@@ -78,16 +78,7 @@ def limits(values: Sequence[np.ndarray], room: float = 0.04) -> tuple[float, flo
 def figure(panels: Sequence[Panel], xlabel: str, title: str, width: int = 480) -> str:
     """Panels one below the other over a common axis.
 
-    Parameters
-    ----------
-    panels : sequence of Panel
-    xlabel, title : str
-        Escaped here; ``title`` is for readers that cannot see the picture.
-    width : int, default=480
-
-    Returns
-    -------
-    str
+    ``xlabel, title``: escaped here; ``title`` is for readers that cannot see the picture.
     """
     x_low, x_high = limits([line.x for panel in panels for line in panel.lines], room=0.0)
     inner = width - _LEFT - _RIGHT
@@ -151,8 +142,6 @@ def _points(
 def thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest point of every stretch, in order: peaks are kept.
 
-    Examples
-    --------
     >>> x, y = thinned(np.arange(4800.0), (np.arange(4800) == 777).astype(float))
     >>> len(x) <= 480, float(y.max()), float(x[y.argmax()])
     (True, 1.0, 777.0)
@@ -225,16 +214,7 @@ def _legend(panel: Panel, y: float, width: int) -> str:
 
 
 def bars(rows: Sequence[tuple[str, float]]) -> str:
-    """Bars with their numbers, as plain boxes that flow with the page.
-
-    Parameters
-    ----------
-    rows : sequence of (label, value)
-
-    Returns
-    -------
-    str
-    """
+    """Bars with their numbers, as plain boxes that flow with the page."""
     longest = max([value for _, value in rows] + [1e-300])
     out = []
     for label, value in rows:

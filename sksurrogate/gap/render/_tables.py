@@ -74,8 +74,6 @@ def table_html(table: Table) -> str:
 def grid(table: Table) -> list[str]:
     """Lines of plain text: heads, then one line a row; columns that are empty are left out.
 
-    Examples
-    --------
     >>> for line in grid(Table(({"output": "level", "gap": 0.25, "share": 1.0},))):
     ...     print(line)
     output   gap    share

@@ -20,17 +20,7 @@ MOST_ROWS = 4
 
 
 def terminal_page(report: ReportData, width: int = 80) -> str:
-    """Plain text, 80 columns.
-
-    Parameters
-    ----------
-    report : GapReport
-    width : int, default=80
-
-    Returns
-    -------
-    str
-    """
+    """Plain text, 80 columns."""
     title = [report.provenance.title, ""] if report.provenance.title else []
     lines = [*title, f"VERDICT  {report.verdict}" + ("" if report.complete else "  (interrupted)"), ""]
     lines += [*textwrap.wrap(headline(report), width), ""]

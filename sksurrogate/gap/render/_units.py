@@ -24,8 +24,6 @@ def axis(name: str, units: Mapping[str, str]) -> str:
 def labelled(quantity: str, unit: str) -> str:
     """Quantity, slash, unit; the quantity alone where no unit is known or it has none.
 
-    Examples
-    --------
     >>> labelled("speed", "rad/s"), labelled("gain", "1"), labelled("speed", "")
     ('speed / (rad/s)', 'gain', 'speed')
     """
@@ -37,8 +35,6 @@ def labelled(quantity: str, unit: str) -> str:
 def with_unit(number: str, unit: str) -> str:
     """A number and its unit.
 
-    Examples
-    --------
     >>> with_unit("2.5", "m/s"), with_unit("2.5", "1"), with_unit("2.5", "")
     ('2.5 m/s', '2.5', '2.5')
     """
@@ -53,8 +49,6 @@ def derivative_unit(name: str, units: Mapping[str, str]) -> str:
 def range_text(rule: str, units: Mapping[str, str]) -> str:
     """A rule of the operating range with the units of its signals.
 
-    Examples
-    --------
     >>> range_text("speed <= 0.3 and force > 2", {"speed": "m/s"})
     'speed <= 0.3 m/s and force > 2'
     """
@@ -73,8 +67,6 @@ def unit_column(table: Table, column: str, units: Mapping[str, str]) -> Table:
 def parameter_unit(effect: EffectEstimate, parameter: str, units: Mapping[str, str]) -> str:
     """Unit of a parameter of an effect of the catalogue; empty where it does not follow.
 
-    Examples
-    --------
     >>> drag = EffectEstimate("quadratic_drag", "speed", "speed", 1.0, {"coefficient": 0.1}, {}, 1.0)
     >>> parameter_unit(drag, "coefficient", {"speed": "m/s", "time": "s"})
     '1/m'

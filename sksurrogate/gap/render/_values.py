@@ -19,8 +19,6 @@ WORDS = ((0.99, "very likely"), (CERTAIN_NAME, "likely"), (LEAST_ALONE, "more li
 def number(value: float, digits: int = 4) -> str:
     """A number in few digits; a dash where it is not known.
 
-    Examples
-    --------
     >>> number(99.9713), number(0.0), number(float("nan")), number(1e-320)
     ('99.97', '0', '-', '0')
     """
@@ -37,8 +35,6 @@ def quantity(value: float, unit: str) -> str:
 def percent(share: float) -> str:
     """A share in per cent.
 
-    Examples
-    --------
     >>> percent(0.9876), percent(1e-5), percent(float("nan"))
     ('98.8 %', '< 0.1 %', '-')
     """
@@ -50,8 +46,6 @@ def percent(share: float) -> str:
 def interval_text(low: float, high: float) -> str:
     """An interval, empty where it is not known.
 
-    Examples
-    --------
     >>> interval_text(1.0, float("inf")), interval_text(float("nan"), 2.0)
     ('[1, inf]', '')
     """
@@ -61,8 +55,6 @@ def interval_text(low: float, high: float) -> str:
 def confidence(probability: float) -> str:
     """A probability as a word and a number.
 
-    Examples
-    --------
     >>> confidence(0.9999), confidence(0.93), confidence(0.2), confidence(float("nan"))
     ('very likely (probability > 0.999)', 'likely (probability 0.930)', 'uncertain (probability 0.200)', 'probability not known yet')
     """
@@ -80,8 +72,6 @@ def readable(name: str) -> str:
 def place_of(effect: EffectEstimate) -> str:
     """Effect, place and driving signal.
 
-    Examples
-    --------
     >>> place_of(EffectEstimate("linear_loss", "speed", "level", 1.0, {}, {}, 1.0))
     'linear loss at speed, driven by level'
     >>> place_of(EffectEstimate("linear_loss", "speed", "speed", 1.0, {}, {}, 1.0))
@@ -104,15 +94,8 @@ def is_wrong_parameter(effect: EffectEstimate) -> bool:
 def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mapping[str, str]) -> list[str]:
     """What the effect changes, one line a parameter: *before -> after* of the simulator's own, else value and interval.
 
-    Parameters
-    ----------
-    effect : EffectEstimate
-    nominal : mapping of str to float
-        Parameters of the simulator as it was given.
-    units : mapping of str to str
+    ``nominal``: parameters of the simulator as it was given.
 
-    Examples
-    --------
     >>> wrong = EffectEstimate("parameter_error", "length", None, 1.0, {"relative_error": 0.25}, {"relative_error": (0.2, 0.3)}, 1.0)
     >>> change_of(wrong, {"length": 2.0}, {"length": "m"})
     ['length: 2 -> 2.5 m [2.4, 2.6]']
@@ -150,8 +133,6 @@ def _moved(effect: EffectEstimate, before: float, units: Mapping[str, str]) -> s
 def moved_text(name: str, before: float, after: float, ends: Sequence[float], unit: str) -> str:
     """A parameter before and after, and the ends of its interval in any order.
 
-    Examples
-    --------
     >>> moved_text("mass", 2.0, 2.5, (2.6, 2.4), "kg")
     'mass: 2 -> 2.5 kg [2.4, 2.6]'
     """

@@ -67,8 +67,6 @@ _Message = tuple[np.ndarray, np.ndarray, np.ndarray | None, bool, np.ndarray]
 def largest(change: np.ndarray, sd: np.ndarray) -> np.ndarray:
     """Largest change over the noise of any output, (n_starts,), of changes (n_outputs, n_starts, n_samples); nan where one is nan.
 
-    Examples
-    --------
     >>> largest(np.array([[[1.0, -3.0], [0.0, np.nan]], [[0.5, 0.0], [1.0, 1.0]]]), np.array([2.0, 0.1]))
     array([ 5., nan])
     """

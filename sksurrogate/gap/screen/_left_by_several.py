@@ -20,8 +20,6 @@ def left_by_several(
     ``row`` (k): products of column k and every column.
     Returns (1 + most,): never rises.
 
-    Examples
-    --------
     >>> A = np.array([[1.0, 0.0], [1.0, 1.0]])  # two columns of two samples
     >>> r = np.array([3.0, 1.0])
     >>> left_by_several(r @ r, A @ r, np.sum(A**2, axis=1), lambda k: A @ A[k], 2).round(9)

@@ -35,12 +35,8 @@ from sksurrogate.kernels.smoother import output_jacobian
 class Responses:
     """One linearisation of a base, for all candidates.
 
-    Parameters
-    ----------
-    base : OdeCandidate
-        The model that effects are added to.
-    x : ndarray (n_states, n_samples)
-        Trajectory near the measured one, to start the smoother.
+    ``base``: the model that effects are added to.
+    ``x`` (n_states, n_samples): trajectory near the measured one, to start the smoother.
     """
 
     def __init__(self, base: OdeCandidate, x: np.ndarray):
@@ -165,7 +161,7 @@ class Responses:
         """What the force of the last effect changes in the next states (n_states, n_starts, n_samples).
 
         Its mean over the sample, times what a unit force at its place changes: no step of the plant for every start. The
-        path x may lie ``apart`` of the smoothed one (n_states, n_samples).
+        path x may lie apart of the smoothed one, by an ``offset`` (n_states, n_samples).
         """
         i, record, wire = len(self.base.effects), self.problem.record, model.wires[-1]
         later = np.concatenate([x[:, :, 1:], x[:, :, -1:]], axis=2)

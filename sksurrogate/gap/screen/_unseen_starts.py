@@ -21,17 +21,8 @@ START_SEEN = 0.01
 class Unseen:
     """The initial states that a base does not show.
 
-    Parameters
-    ----------
-    responses : Responses
-        The linearisation of the base.
-
-    Attributes
-    ----------
-    reach : ndarray (n_states,)
-        Range of the plant's states along the path.
-    free : ndarray (n_unseen, n_states, n_samples)
-        What becomes of each of them, started one range higher.
+    ``reach`` (n_states,): range of the plant's states along the path.
+    ``free`` (n_unseen, n_states, n_samples): what becomes of each of them, started one range higher.
     """
 
     def __init__(self, responses: Responses):

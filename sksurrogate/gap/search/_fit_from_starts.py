@@ -170,8 +170,6 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
 def first_places(expected: Mapping[Any, float], n: int) -> list[Any]:
     """The keys of the ``n`` largest values; those that share a value, as twins by form do, share a place, twice ``n`` at most.
 
-    Examples
-    --------
     >>> first_places({"bias": 5.0, "friction": 5.0, "loss": 4.0, "delay": 1.0}, 2)
     ['bias', 'friction', 'loss']
     """

@@ -12,14 +12,8 @@ from sksurrogate.effects._effect import BaseEffect
 def log_prior(effects: Sequence[BaseEffect], library: Sequence[BaseEffect], positions: Collection[str] = ()) -> float:
     """Log prior probability of a set of names out of a library: the product of their shares of all weights.
 
-    Parameters
-    ----------
-    effects, library : sequence of BaseEffect
-    positions : collection of str
-        States that are integrals of others.
+    ``positions``: states that are integrals of others.
 
-    Examples
-    --------
     >>> from sksurrogate.effects import CATALOGUE
     >>> friction, hysteresis = (CATALOGUE[name]("speed", "speed") for name in ("coulomb_friction", "hysteresis"))
     >>> round(float(np.exp(log_prior([hysteresis], [friction, hysteresis]))), 3)  # 0.1 against 1

@@ -44,14 +44,9 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     A state that remembers goes on from where it was at the edge: the columns of the initial states, free on both sides of it,
     stand for that, so that the column of the effect always there tells its answer within the window.
 
-    Parameters
-    ----------
-    screen : Screen
-        Of the null.
-    lengths : ndarray (n_runs,)
-        Samples of the runs.
-    least : float
-        Drop that a window must reach.
+    ``screen``: of the null.
+    ``lengths`` (n_runs,): samples of the runs.
+    ``least``: drop that a window must reach.
     """
     if screen.columns is None or not len(screen.starts):
         return []
@@ -108,17 +103,10 @@ def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> l
     that jumps, a quadratic drag for a quadratic loss of what stays positive.
 
     What it is always (a wrong parameter, a constant load; the effect without the window) has a column in the screen of the null, which
-    tells the other effects that move the outputs as it does; none where it was not a candidate.
+    tells the other effects that move the outputs as it does; none where it was not a candidate. Each comes with the values at which it
+    does what the effect does.
 
-    Parameters
-    ----------
-    theta : ndarray (n_params,)
-        Of the effect: its size, and the time of the jump or the window.
-
-    Returns
-    -------
-    list of (effect, ndarray)
-        Each with the values at which it does what the effect does.
+    ``theta`` (n_params,): of the effect: its size, and the time of the jump or the window.
     """
     jumps = [parameter.name for parameter in effect.parameters[1:]] == ["time"]
     windowed = isinstance(effect, Starting) and len(effect.parameters) == 1 + len(effect.span)
@@ -151,8 +139,6 @@ def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> l
 def _worth_more(drop: np.ndarray, other: np.ndarray, total: float) -> np.ndarray:
     """Whether something explains enough more of a squared residual than something simpler does.
 
-    Examples
-    --------
     >>> _worth_more(np.array([60.0, 97.5, 95.0]), np.array([50.0, 94.0, 94.0]), 100.0)
     array([ True,  True, False])
     """

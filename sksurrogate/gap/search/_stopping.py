@@ -46,8 +46,6 @@ def is_stack(candidate: Evidence) -> bool:
 def remembers_enough(effects: Sequence[BaseEffect]) -> bool:
     """Whether a set has as many effects with states of their own as are named at once.
 
-    Examples
-    --------
     >>> from sksurrogate.effects import CATALOGUE
     >>> lag, mode, loss = (CATALOGUE[name]("x", "x") for name in ("hidden_relaxation", "hidden_mode", "linear_loss"))
     >>> remembers_enough([lag, loss]), remembers_enough([lag, loss, mode])

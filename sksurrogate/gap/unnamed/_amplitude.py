@@ -27,8 +27,6 @@ def amplitude_evidence(
     ``power``: squared residual under the noise, nuisance parameters projected out.
     Returns (n_sizes,).
 
-    Examples
-    --------
     >>> float(amplitude_evidence(np.array([[3.0]]), np.array([2.0]), np.eye(1), np.array([1.0]))[0])  # 2^2/(2*4) - ln(4)/2
     -0.1931471805599453
     """
@@ -47,8 +45,6 @@ def known_to_rounding(G: np.ndarray) -> bool:
     A Gram has no negative eigenvalue. Where one of unit columns is ``-e``, rounding has moved the power that is explained by about
     ``e`` of the residual's: its products were differences of far larger numbers, as under a noise far below the residual.
 
-    Examples
-    --------
     >>> near = np.array([[1.0, 0.9], [0.9, 1.0]])
     >>> known_to_rounding(near), known_to_rounding(near + [[0.0, 0.2], [0.2, 0.0]])
     (True, True)
@@ -67,8 +63,6 @@ def prior_roots(metric: np.ndarray, rough: np.ndarray | None) -> list[np.ndarray
     ``metric``: mean square movement of the outputs by the weights, as a quadratic form.
     ``rough``: roughness of the weights, as a quadratic form; None: they are as rough as they may be.
 
-    Examples
-    --------
     >>> [root.round(6).tolist() for root in prior_roots(np.array([[4.0]]), None)]
     [[[0.5]]]
     """
@@ -97,8 +91,6 @@ def small_and_large(sizes: np.ndarray, tolerance: float) -> np.ndarray:
     ``tolerance``: scale of the half normal.
     Returns (2, n_sizes): of a small and of a large law.
 
-    Examples
-    --------
     >>> small_and_large(np.geomspace(1e-4, 10.0, 200), 0.1).sum(axis=1).round(3).tolist()
     [0.999, 1.0]
     """

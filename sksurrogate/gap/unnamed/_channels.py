@@ -21,21 +21,11 @@ from sksurrogate.gap.unnamed._when import times
 
 
 class Channels(ABC, Generic[C]):
-    """The channels of one null.
-
-    Parameters
-    ----------
-    null : BaseCandidate
-        The simulator, free parameters re-tuned.
-
-    Attributes
-    ----------
-    known : dict
-        Channels by location and kind; None for a place where no signal can be followed.
-    """
+    """The channels of one null: the simulator, free parameters re-tuned."""
 
     def __init__(self, null: C):
         self.null = null
+        #: By location and kind; None for a place where no signal can be followed
         self.known: dict[tuple[str, str], Channel | None] = {}
         self._drafts: dict[tuple[str, str], list[Draft]] = {}
 

@@ -81,8 +81,6 @@ class Drivers:
 def past_name(name: str) -> str:
     """The signal behind "lag(v)#0".
 
-    Examples
-    --------
     >>> past_name("lag(v)#0")
     'v'
     """

@@ -111,8 +111,6 @@ FAMILIES = (
 def factors_of(name: str, z: np.ndarray) -> Iterator[Factor]:
     """All shapes of a driver (n_samples,) with values of their constants; none where it stands still.
 
-    Examples
-    --------
     >>> [shape for shape, *_ in factors_of("v", np.linspace(-1.0, 1.0, 9))][:5]
     ['v', 'square', 'cube', 'drag', 'sign']
     """

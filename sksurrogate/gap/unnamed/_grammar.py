@@ -35,8 +35,6 @@ def structure(terms: Sequence[Term]) -> tuple[tuple[tuple[str, str], ...], ...]:
 def price_of(terms: Sequence[Term], n_drivers: int) -> float:
     """What it takes to write a formula down, in nats; the order of its terms and factors does not matter.
 
-    Examples
-    --------
     >>> bool(np.isclose(price_of([Term((("square", "v", 0.0, 0.0),))], 2), np.log(2 * len(SHAPES))))
     True
     """

@@ -44,23 +44,14 @@ TURNS = 2
 
 @dataclass(frozen=True)
 class LawBeside:
-    """The likeliest law beside a set of effects.
+    """The likeliest law beside a set of effects."""
 
-    Attributes
-    ----------
-    small, large : float
-        Log evidence of the set beside a law of at most about the tolerance, and of a larger one; the choice of the law
-        among all is paid.
-    seed : (int, int, Noise)
-        Which law and form it is among all, and the noise beside it.
-    left : LawLeft
-        Its place and its size.
-    """
-
+    #: small, large: Log evidence of the set beside a law of at most about the tolerance, and of a larger one; the choice of the
+    #: law among all is paid
     small: float
     large: float
-    seed: tuple[int, int, Noise]
-    left: LawLeft
+    seed: tuple[int, int, Noise]  #: Which law and form it is among all, and the noise beside it
+    left: LawLeft  #: Its place and its size
 
     @property
     def total(self) -> float:

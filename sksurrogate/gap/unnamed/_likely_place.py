@@ -27,8 +27,6 @@ def likely_place(found: Sequence[Place]) -> tuple[str, str]:
 
     ``found``: likeliest first.
 
-    Examples
-    --------
     >>> likely_place([Place("valve", "input", -10.0), Place("level", "state", -10.0), Place("level", "output", -90.0)])
     ('level', 'state')
     """
@@ -60,8 +58,6 @@ def push_alike(one: Place, other: Place) -> bool:
 def distinct(found: Iterable[Place]) -> list[Place]:
     """Places that the data distinguish: of an input and the balance that it alone pushes the first.
 
-    Examples
-    --------
     >>> [place.location for place in distinct([Place("level", "state", -3.0), Place("valve", "input", -3.0)])]
     ['level']
     """

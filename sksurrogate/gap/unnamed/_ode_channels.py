@@ -27,11 +27,7 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
 
     ``null``: the simulator, free parameters re-tuned.
     ``location, kind``: state, input, output, or the parameter of an element.
-
-    Raises
-    ------
-    LinAlgError
-        Where no noise can be followed along any path near the data.
+    LinAlgError where no noise can be followed along any path near the data.
     """
     null = on_record(null, blocked(null.problem.record))
     problem = null.problem

@@ -21,8 +21,6 @@ FEWEST_TO_COMPARE, GROWTH_BETWEEN_RUNS = 4, 3.0
 def left_by_cut(z: np.ndarray) -> np.ndarray:
     """Squares that two levels leave of a series (n,), the second from place 1, 2, ... n - 1 on, (n - 1,).
 
-    Examples
-    --------
     >>> left_by_cut(np.array([1.0, 1.0, 4.0])).round(12).tolist()
     [4.5, 0.0]
     """
