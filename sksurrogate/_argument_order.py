@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["positionals_first"]
-
 #: Options that take all values behind them; those that take none.
 MANY = ("--free", "--exclude", "--plausible", "--effects", "--bounds", "--prior", "--columns", "--json")
 FLAGS = ("--quiet", "-h", "--help")

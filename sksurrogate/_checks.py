@@ -11,8 +11,6 @@ from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.rows import RowSource
 
-__all__ = ["checked"]
-
 _NOT_GIVEN = "no_validation"
 
 

@@ -13,8 +13,6 @@ from sklearn.exceptions import DataConversionWarning
 from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 
-__all__ = ["by_name"]
-
 #: Names that nobody chose: u0, y1, x2, 3.
 _MADE_UP = re.compile(r"[uxy]?\d+")
 

@@ -8,8 +8,6 @@ from typing import Any
 
 from sksurrogate.exceptions import DataError
 
-__all__ = ["add_knowledge", "knowledge_of"]
-
 
 def add_knowledge(parser: argparse.ArgumentParser) -> None:
     """Add the options."""

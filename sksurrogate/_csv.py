@@ -16,8 +16,6 @@ import numpy as np
 
 from sksurrogate.exceptions import DataError
 
-__all__ = ["read_csv", "read_header"]
-
 #: A CSV larger than this is refused unread.
 LARGEST_CSV = 512 * 2**20
 #: A run label longer than this is not a label (and would blow up the array of labels).

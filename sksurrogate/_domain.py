@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Domain"]
-
 #: Share of a range outside it where a correction is hardly to be trusted any more, faded or not.
 DOUBTFUL = 0.5
 

@@ -17,8 +17,6 @@ from sksurrogate._domain import DOUBTFUL, Domain
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.runs import Run, Runs, resolve_runs
 
-__all__ = ["FreeRunMixin", "lengthened", "steps_ahead"]
-
 #: A free run that scores better has not met the end of a run.
 GOOD_SCORE = 0.95
 #: A jump is larger than this many deviations of the output and this many median errors of the one-step prediction, which misses

@@ -10,8 +10,6 @@ from sksurrogate.features._outliers import OutlierFilter
 from sksurrogate.linear._lagged import LaggedLinearRegressor
 from sksurrogate.physics._calibrate import CalibratedSimulator
 
-__all__ = ["expected_failed_checks"]
-
 #: Check -> why it does not hold where rows are in time order.
 IN_TIME_ORDER = {
     "check_methods_sample_order_invariance": "rows are in time order: the past of a row is the rows before it",

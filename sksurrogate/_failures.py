@@ -7,8 +7,6 @@ from pathlib import Path
 
 from sksurrogate.exceptions import SurrogateError
 
-__all__ = ["failure_of"]
-
 
 def failure_of(error: Exception, simulator: str, data: str) -> str | None:
     """What is wrong in the file of a simulator; None where an error does not come from there.

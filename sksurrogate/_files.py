@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-__all__ = ["append_line", "beside", "write_bytes", "write_text"]
-
 
 @contextmanager
 def beside(path: Any) -> Iterator[Path]:

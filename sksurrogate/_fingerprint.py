@@ -18,8 +18,6 @@ from joblib.hashing import NumpyHasher
 
 from sksurrogate.exceptions import DataError
 
-__all__ = ["fingerprint"]
-
 #: Entries of a class that say nothing of what it does.
 _SILENT = frozenset(
     {"__dict__", "__weakref__", "__doc__", "__module__", "__annotations__", "__dataclass_fields__", "_abc_impl"}

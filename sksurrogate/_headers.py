@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from sksurrogate.exceptions import DataError
 
-__all__ = ["assigned", "columns_of", "split_unit"]
-
 _UNIT = re.compile(r"^(?P<name>.*\S)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|\s/\s(?P<slash>\S.*))$")
 
 

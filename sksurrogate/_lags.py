@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.exceptions import DataError
 
-__all__ = ["lag_list", "lag_terms"]
-
 
 def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
     """The lags that an int (``first..lags``) or a list stands for, sorted."""

@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import TextIO
 
-__all__ = ["printed_as_errors", "silent", "silent_in_worker"]
-
 OUTPUT, ERRORS = 1, 2
 
 

@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Run, Runs
 
-__all__ = ["on_grid", "rows_of_stamps", "with_rows_in_gaps"]
-
 #: Share of a sample by which stamps may be off an even grid and count as on it: rounded stamps.
 ON_GRID = 1e-3
 #: The median step may differ from the simulator's by this share: beyond, one of the two is in another unit.

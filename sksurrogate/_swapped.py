@@ -11,8 +11,6 @@ import numpy as np
 
 from sksurrogate.kernels.clock import TimeIsUp, check_time, time_until
 
-__all__ = ["swapped_columns"]
-
 #: Rows of the first run that are compared; signals up to which every pair is tried.
 ROWS, MOST_COMPARED_SIGNALS = 1500, 8
 #: Seconds after which nothing is said of a simulator that is slow.

@@ -9,11 +9,6 @@ import numpy as np
 
 from sksurrogate.exceptions import DataError
 
-__all__ = [
-    "as_labels", "as_table", "column_number", "floats", "labels_from_index", "no_inputs", "outputs_of", "raw_column", "refuse_missing",
-    "refuse_unlabelled", "refuse_unseen", "unmasked", "without_nan",
-]  # fmt: skip
-
 #: Rows with this label (the gaps that :func:`~sksurrogate.runs.cut_runs` leaves) belong to no run.
 LEFT_OUT = -1
 

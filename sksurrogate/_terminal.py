@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import Any, TextIO
 
-__all__ = ["Patient", "patient_terminal"]
-
 
 class Patient:
     """A text stream that never raises where it is written; the first thing that went wrong is kept in ``error``.

@@ -6,8 +6,6 @@ import re
 from collections.abc import Mapping
 from fractions import Fraction
 
-__all__ = ["over", "powers_of", "times", "to_power", "unit_text"]
-
 _TOKEN = re.compile(
     r"\s*(?:(?P<name>[^\W\d_][^\s*·/^()\d+-]*|%|°[A-Za-z]?)(?:\^?(?P<power>[+-]?\d+))?|(?P<op>[*·/()])|(?P<one>1))"
 )

@@ -162,6 +162,12 @@ def test_every_public_name_can_be_imported():
     assert sksurrogate.__all__ == sorted(sksurrogate.__all__)
 
 
+def test_public_names_are_listed_by_faces_alone():
+    private = [path for path in FILES if path.parent != ROOT or path.name.startswith("_")]
+    listing = [str(path) for path in private if "\n__all__ =" in path.read_text(encoding="utf-8")]
+    assert listing == [str(ROOT / "__main__.py")], "a private module says what is its own by leading underscores"
+
+
 #: Rooms that are larger than the house rules allow; they may shrink, not grow. torch's classes stand in a function because
 #: torch is imported there.
 LARGER = {

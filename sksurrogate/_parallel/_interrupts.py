@@ -13,8 +13,6 @@ from typing import Any
 from joblib import Parallel, delayed, effective_n_jobs
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
-__all__ = ["interrupts_blocked", "workers"]
-
 
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:

@@ -19,8 +19,6 @@ try:
 except ImportError:  # an older joblib brings its own
     from joblib.externals import cloudpickle
 
-__all__ = ["cloudpickle", "receive", "send"]
-
 #: Bytes of which the place of an array that travels is a multiple.
 ALIGNED = 64
 #: Bytes of an array from which it is worth a place of its own.

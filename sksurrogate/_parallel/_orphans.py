@@ -9,8 +9,6 @@ import sys
 import threading
 import time
 
-__all__ = ["end_with", "watch_parent"]
-
 #: ``PR_SET_PDEATHSIG`` of Linux: the signal that a process is sent when its parent dies.
 SIGNAL_AT_DEATH_OF_PARENT = 1
 #: Seconds between two looks at the parent.

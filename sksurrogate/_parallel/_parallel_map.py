@@ -10,8 +10,6 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
 
-__all__ = ["side_by_side"]
-
 S = TypeVar("S")
 T = TypeVar("T")
 

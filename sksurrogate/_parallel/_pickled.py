@@ -11,8 +11,6 @@ from joblib.parallel import get_active_backend
 from sksurrogate._parallel._ipc import cloudpickle
 from sksurrogate.exceptions import SimulatorError
 
-__all__ = ["refuse_what_stays"]
-
 
 def refuse_what_stays(simulator: Any, n_jobs: int | None) -> None:
     """A simulator that holds a connection or an open file is refused where other processes are to run it.

@@ -25,8 +25,6 @@ from sksurrogate._parallel._orphans import end_with
 from sksurrogate._printed import silent
 from sksurrogate.kernels.clock import check_time, time_left
 
-__all__ = ["PendingAnswer", "WorkerProcess", "can_fork", "one_thread"]
-
 T = TypeVar("T")
 #: Seconds that are waited for an answer, and how many times what has passed since the question was asked: after that it is
 #: worked out here.

@@ -29,8 +29,6 @@ from sksurrogate.blind._solve import Solver, predict
 from sksurrogate.blind._table import stored_rows
 from sksurrogate.exceptions import require
 
-__all__ = ["gaussian_process", "main", "retuning", "run_baselines", "sparse_regression", "whiteness"]
-
 #: The functions of this module that answer questions.
 BASELINES = ("retuning", "sparse_regression", "whiteness", "gaussian_process")
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.blind._plants import Drive, PlantSpec
 
-__all__ = ["BIG_PLANTS"]
-
 Rates = Callable[[Any, Any, Any, Any], Any]
 
 

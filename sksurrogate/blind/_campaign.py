@@ -28,8 +28,6 @@ from sksurrogate.blind._solve import DEFAULT, Solver
 from sksurrogate.blind._table import BlindResult, stored_rows
 from sksurrogate.exceptions import SurrogateError
 
-__all__ = ["run_blind_check", "run_case"]
-
 
 def run_blind_check(
     cases: int = 100,

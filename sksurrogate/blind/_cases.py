@@ -18,8 +18,6 @@ from sksurrogate.blind._plants import PLANTS, PlantSpec
 from sksurrogate.blind._truths import KINDS, Truth, remaining
 from sksurrogate.exceptions import SurrogateError
 
-__all__ = ["ARMS", "Case", "Question", "draw"]
-
 #: Arm -> (what it asks, the right verdict).
 ARMS: dict[str, tuple[str, str]] = {
     "effect": ("one effect", "explained"),

@@ -15,8 +15,6 @@ from sksurrogate.blind._march import Course, march
 from sksurrogate.blind._plants import PlantSpec
 from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Scene, Truth
 
-__all__ = ["Setting", "as_truth", "choose", "disturbance", "fine", "make_setting", "sized"]
-
 #: Effects of a shape of their own: without them and their twins nothing left in the catalogue draws it.
 DISTINCT = [
     "coulomb_friction",

@@ -10,8 +10,6 @@ import numpy as np
 
 from sksurrogate.physics import CalibratedSimulator, ODESimulator
 
-__all__ = ["DOCUMENTED", "Documented", "documented_curve", "documented_term"]
-
 
 @dataclass(frozen=True)
 class Documented:

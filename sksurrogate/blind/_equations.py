@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Chosen"]
-
 
 class Chosen:
     """Some of the outputs of an output function.

@@ -8,8 +8,6 @@ import numpy as np
 
 from sksurrogate.blind._plants import Drive, PlantSpec
 
-__all__ = ["EXCITATIONS", "Controller", "coloured", "initial_states", "inputs"]
-
 #: Kinds of excitation with how often each is drawn.
 EXCITATIONS = {"multisine": 0.3, "steps": 0.25, "operating_log": 0.2, "closed_loop": 0.15, "single_sine": 0.1}
 

@@ -12,8 +12,6 @@ import numpy as np
 from sksurrogate.blind._cases import Case, Question
 from sksurrogate.blind._march import march
 
-__all__ = ["CONTROL", "experiment", "follow", "followed"]
-
 #: The experiment that the suggested one has to beat.
 CONTROL = "the same run again"
 

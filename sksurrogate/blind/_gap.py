@@ -12,8 +12,6 @@ from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PlantSpec
 from sksurrogate.blind._truths import Truth
 
-__all__ = ["gap_beyond"]
-
 #: Gauss-Newton steps (shorter after one that does not help), and relative steps of the differences.
 GAUSS_NEWTON_STEPS, PUSH = 12, 1e-4
 #: Relative gain that ends the search, and steps of the integrator in a sample.

@@ -13,8 +13,6 @@ import numpy as np
 
 from sksurrogate.blind._truths import KINDS, Term, Truth
 
-__all__ = ["INEXACT", "SAMPLED", "WANDERING", "form_of", "wandering"]
-
 Params = Mapping[str, Any]
 
 #: A limiter that moves once a sample; a delay that wanders.

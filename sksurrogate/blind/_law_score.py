@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.blind._cases import Case
 from sksurrogate.blind._laws import WITHHELD
 
-__all__ = ["effect_r2", "law_score"]
-
 
 def effect_r2(plain: np.ndarray, predicted: np.ndarray, truth: np.ndarray, scale: np.ndarray) -> float | None:
     """R2 of the missing term's effect on the outputs: what the truth differs by from the plain simulator.

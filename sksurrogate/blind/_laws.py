@@ -11,8 +11,6 @@ import numpy as np
 
 from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Params, Scene, Term, unit
 
-__all__ = ["GROUPS", "WITHHELD", "family"]
-
 
 def _places(scene: Scene) -> dict[str, Any]:
     """Where a law bends, and over what width, in units of its signal."""

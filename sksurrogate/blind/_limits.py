@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["line", "mean", "median", "share", "share_between", "wilson"]
-
 
 def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
     """Wilson's score interval of a share; 90 % by default.

@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.blind._robots import EFFECT_SIZES, MOVED
 from sksurrogate.physics import ODESimulator
 
-__all__ = ["LINKAGE_ANSWERS", "arm_rates", "linkage_case"]
-
 #: Steps in a sample of the real arm; kinks of its frictions over the size of the speeds.
 LINKAGE_SUBSTEPS, SHARP = 24, 2e-3
 #: Kind -> names at the torque of the joint that are right answers.

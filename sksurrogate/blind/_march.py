@@ -17,8 +17,6 @@ from sksurrogate.blind._laws import family
 from sksurrogate.blind._plants import PlantSpec
 from sksurrogate.blind._truths import Kind, Term, Truth, sign
 
-__all__ = ["Course", "march"]
-
 #: ``policy(k, y) -> u``: a controller that reads (n_runs, n_outputs) and sets (n_runs, n_inputs).
 Policy = Callable[[int, np.ndarray], np.ndarray]
 

@@ -12,8 +12,6 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import resolve_runs
 
-__all__ = ["plant_of"]
-
 
 class Copied:
     """A right-hand side that may write into what it is handed.

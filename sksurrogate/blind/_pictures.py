@@ -13,8 +13,6 @@ from sksurrogate.blind._cases import ARMS
 from sksurrogate.blind._limits import wilson
 from sksurrogate.blind._probabilities import reliability_points
 
-__all__ = ["embedded", "missing_terms", "overview", "recorded_terms", "reliability"]
-
 Row = Mapping[str, Any]
 
 BLUE, RED, GREEN, GREY = "#4878a8", "#b5482a", "#6a9a58", "#999999"

@@ -12,8 +12,6 @@ import numpy as np
 from sksurrogate.blind import _equations as eq
 from sksurrogate.physics import ODESimulator
 
-__all__ = ["PLANTS", "CountingRhs", "Drive", "PlantSpec"]
-
 
 @dataclass(frozen=True)
 class Drive:

@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.blind._limits import line
 
-__all__ = ["calibration", "calibration_error", "class_stated", "name_stated", "reliability_points"]
-
 Row = Mapping[str, Any]
 
 #: Edges of the bins in which stated and true shares are compared.

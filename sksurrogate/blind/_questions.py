@@ -11,8 +11,6 @@ from sksurrogate.blind._limits import mean, median, share, share_between
 from sksurrogate.blind._probabilities import calibration, class_stated
 from sksurrogate.blind._summaries import answered, place_up_to_twins
 
-__all__ = ["PROMISES", "TARGETS", "Question", "judged"]
-
 Row = Mapping[str, Any]
 Rows = Sequence[Row]
 

@@ -16,8 +16,6 @@ from sksurrogate.datasets import fetch_ball_drops, fetch_cascaded_tanks, fetch_h
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import CalibratedSimulator, ODESimulator
 
-__all__ = ["RECORDINGS", "Recording", "recorded", "run_recorded"]
-
 #: Balls too heavy for their drag to be seen from a bridge.
 HEAVY = ("Baseball", "Bowling Ball", "Golf Ball")
 

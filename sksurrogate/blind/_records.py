@@ -12,8 +12,6 @@ from sksurrogate.blind._choose import fine
 from sksurrogate.blind._march import march
 from sksurrogate.exceptions import SurrogateError
 
-__all__ = ["RECORDS", "as_recorded"]
-
 #: Share of the readings that are lost, samples from one reading of a slow sensor to the next.
 LOST, SLOW = 0.2, 5
 #: Moments of a sample at which it may be taken: stamps jitter by one of them, a fifth of a sample.

@@ -8,8 +8,6 @@ from sksurrogate.blind._cases import Case, draw
 from sksurrogate.blind._gap import gap_beyond
 from sksurrogate.blind._march import march
 
-__all__ = ["beyond_retuning", "with_retuning"]
-
 
 def beyond_retuning(case: Case) -> float:
     """The gap over the noise that stays when all parameters and initial states of the simulator are fitted to the plant.

@@ -16,8 +16,6 @@ from sksurrogate.blind._robots import ANSWERS, INEXACT, robot_case
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import MuJoCoSimulator
 
-__all__ = ["ROBOT_ARMS", "RobotCase", "draw_robot_case", "score_robot_case"]
-
 #: Arm -> (what it asks, the right verdict). They are asked by name: "all" leaves them out, for they need MuJoCo and time.
 ROBOT_ARMS: dict[str, tuple[str, str]] = {
     "robot": ("one effect in a robot of 2 to 6 joints (MuJoCo)", "explained"),

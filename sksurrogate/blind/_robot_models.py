@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.exceptions import require
 
-__all__ = ["RobotSpec", "draw_robot", "robot_inputs"]
-
 #: How often each number of joints is drawn.
 JOINTS = {2: 0.35, 3: 0.3, 4: 0.25, 6: 0.1}
 NAMES = ("base", "shoulder", "elbow", "wrist", "pitch", "roll")

@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.blind._robot_models import RobotSpec, draw_robot, robot_inputs
 from sksurrogate.exceptions import require
 
-__all__ = ["MOVED", "RobotTruth", "real_runs", "robot_case"]
-
 #: Share by which the size of an effect is moved for the oracle that fits it.
 MOVED = 1e-3
 #: Sizes tried, over a natural unit of the effect.

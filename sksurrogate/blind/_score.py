@@ -14,8 +14,6 @@ from sksurrogate.blind._march import march
 from sksurrogate.blind._shape import active, region_score, shape_curve, shape_score
 from sksurrogate.blind._truths import KINDS, NOVEL, Truth
 
-__all__ = ["oracle_error", "score"]
-
 Key = tuple[str, str, str | None]
 #: Share of the gap (amplitude) on runs nobody fitted from which other names imitate the withheld one.
 IMITATED = 0.95

@@ -12,8 +12,6 @@ from typing import Any
 
 from sksurrogate.exceptions import SurrogateError
 
-__all__ = ["Seal", "close_seal"]
-
 
 @dataclass(frozen=True)
 class Seal:

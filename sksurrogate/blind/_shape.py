@@ -12,8 +12,6 @@ from sksurrogate.blind._cases import Case
 from sksurrogate.blind._laws import family
 from sksurrogate.blind._truths import KINDS, Truth
 
-__all__ = ["active", "region_score", "rows_of_rule", "shape_curve", "shape_score", "true_curve"]
-
 
 def active(case: Case) -> np.ndarray | None:
     """Rows in which a regional effect acts, (n_rows,); None where there is none."""

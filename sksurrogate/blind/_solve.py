@@ -25,8 +25,6 @@ from sksurrogate._parallel._orphans import watch_parent
 from sksurrogate.blind._cases import Question
 from sksurrogate.exceptions import SimulatorError
 
-__all__ = ["Solver", "ask_gap_diagnoser"]
-
 #: Which function of the other process answers.
 DEFAULT = "sksurrogate.blind._solve:ask_gap_diagnoser"
 

@@ -12,16 +12,6 @@ from sksurrogate.blind._big_plants import BIG_PLANTS
 from sksurrogate.blind._limits import wilson
 from sksurrogate.blind._plants import PLANTS
 
-__all__ = [
-    "answered",
-    "detection",
-    "experiments",
-    "misplaced",
-    "misses",
-    "place_up_to_twins",
-    "unknown_scores",
-]
-
 Row = Mapping[str, Any]
 
 #: Edges of the bins of gap / noise.

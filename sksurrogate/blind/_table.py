@@ -20,8 +20,6 @@ from sksurrogate.blind._questions import PROMISES, TARGETS, judged
 from sksurrogate.blind._robot_arms import ROBOT_ARMS
 from sksurrogate.exceptions import DataError
 
-__all__ = ["BlindResult"]
-
 Row = Mapping[str, Any]
 
 #: Arms whose gap is about as large as the noise: no shares of it are given.

@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from scipy.special import erf
 
-__all__ = ["KINDS", "NOVEL", "Kind", "Scene", "Truth", "remaining", "twins_of"]
-
 Params = Mapping[str, Any]
 
 

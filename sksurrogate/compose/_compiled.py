@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.compose._skip_net import as_skip_net
 
-__all__ = ["Deviation", "compiled"]
-
 
 class Deviation:
     """A predictor of the output as one of the deviation: what it adds to the simulator's output, the last features."""

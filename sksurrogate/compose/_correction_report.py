@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.compose._left_out import LeftOut
 from sksurrogate.compose._support import CLEARLY_CLOSED, SHARES, Support, block_powers, supported
 
-__all__ = ["CorrectionReport", "keep_supported", "reach", "supported_reach", "surrogate_alone"]
-
 #: Reach of a correction beyond its data, as a share of their range: hardly any, and as much again.
 SHORTEST, LONGEST = 0.1, 1.0
 #: A correction that leaves at most this share of the error of every left-out block follows the plant, not the data: it reaches

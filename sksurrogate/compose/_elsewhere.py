@@ -8,8 +8,6 @@ import numpy as np
 
 from sksurrogate.kernels.rollout import free_run
 
-__all__ = ["Elsewhere"]
-
 #: Runs whose inputs are taken.
 RUNS_TAKEN = 16
 #: Share of the outputs' range beyond which the extreme starts lie, and disturbance of a rough start in spreads.

@@ -16,8 +16,6 @@ from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run
 from sksurrogate.kernels.shooting_evidence import EvidenceFit, first_penalty, fit_by_evidence
 from sksurrogate.neural import FNNRegressor
 
-__all__ = ["STRONG", "Belief", "shoot_by_evidence"]
-
 #: Penalty of the reference, and of the first way down: measured, it has never run away.
 STRONG = 0.1
 #: Penalties beside the mean squared error of one-step starts, until one does not run away; the first keeps weights within

@@ -13,8 +13,6 @@ from sksurrogate.kernels.lag_basis import BasisLoss, LagBasis
 from sksurrogate.kernels.shooting import FreeRunLoss, levenberg_marquardt
 from sksurrogate.kernels.shooting_evidence import fit_by_evidence
 
-__all__ = ["FeatureModel"]
-
 #: Steps of the free runs on the way to whole runs: each is started where the shorter ones ended.
 HORIZONS = (3, 10, 30)
 

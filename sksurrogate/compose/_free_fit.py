@@ -12,8 +12,6 @@ from sksurrogate.kernels.net import LagNet, Net
 from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run, levenberg_marquardt
 from sksurrogate.runs import Run
 
-__all__ = ["Scaling", "cut_pieces", "displaced", "shoot"]
-
 
 class Scaling:
     """Mean and spread of inputs and outputs; the loss is made of scaled numbers.

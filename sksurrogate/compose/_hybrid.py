@@ -24,8 +24,6 @@ from sksurrogate.export import Graph, to_casadi, to_onnx
 from sksurrogate.physics._simulator import describe
 from sksurrogate.runs import Runs, resolve_runs
 
-__all__ = ["HybridRegressor"]
-
 
 class HybridRegressor(RegressorMixin, BaseEstimator):
     """Free run of a simulator plus a learned correction, as far as left-out runs support it.

@@ -15,15 +15,13 @@ from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._plant_path import plant_path, training_substeps
 from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.compose._term_evidence import COEFFICIENT_UNIT, TermFit, fit_term
-from sksurrogate.effects._catalogue import kinematic_states
+from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
 from sksurrogate.kernels.output_error import output_error
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._free_run import free_run
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant, describe
-
-__all__ = ["DynamicsCorrection", "ends_linear"]
 
 #: Lengths of the default's smooth part, in units of :class:`Basis`: from bends within the data to nearly a polynomial.
 LENGTHS = (1.4, 0.7, 2.8)

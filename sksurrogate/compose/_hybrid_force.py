@@ -17,8 +17,6 @@ from sksurrogate.physics._free_run import hold_inputs
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant, simulated
 
-__all__ = ["ForceCorrection"]
-
 #: Rows at the end of a run in which the force has not shown itself in the outputs yet, where runs are long.
 _UNSEEN = 5
 #: Times that the force is estimated and learned, at most.

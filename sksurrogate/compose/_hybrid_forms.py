@@ -16,8 +16,6 @@ from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.physics._simulator import Plant, describe
 
-__all__ = ["CorrectionSettings", "chosen_form"]
-
 
 @dataclass(frozen=True, eq=False)
 class CorrectionSettings:

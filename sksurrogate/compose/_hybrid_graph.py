@@ -16,8 +16,6 @@ from sksurrogate.export import Graph, to_graph
 from sksurrogate.export._describe import SUBSTEPS, add_estimator, add_step
 from sksurrogate.physics._simulator import describe
 
-__all__ = ["hybrid_graph", "hybrid_state"]
-
 
 def hybrid_graph(correction: OutputCorrection | DynamicsCorrection, n_inputs: int, n_sub: int | None) -> Graph:
     """The hybrid as ``x_next, y = f(x, u)``; ``n_sub`` None: the correction's own number of substeps."""

@@ -24,8 +24,6 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe, recorded, simulated, simulated_batch
 
-__all__ = ["Free", "OutputCorrection", "simulate_runs"]
-
 #: Penalties and degrees that the default residual of the static forms is chosen from, by its free run.
 _PENALTIES = (1e-8, 1e-5, 1e-3, 1e-1)
 

@@ -21,20 +21,6 @@ from sksurrogate.linear._base import BaseBlockedRegressor
 from sksurrogate.neural._fnn import FNNRegressor
 from sksurrogate.runs import Run, Runs
 
-__all__ = [
-    "REPORTED",
-    "STAYS",
-    "barely_fitted",
-    "diverged",
-    "divergence",
-    "fitted",
-    "lag_rows",
-    "name_features",
-    "stacked",
-    "takes_rows",
-]
-
-
 #: Training rows that are run freely after a fit.
 REPORTED = 65_536
 #: What keeps free runs of lag models from leaving.

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["RUN_FOLDS", "Fold", "LeftOut", "Piece", "folds_of"]
-
 #: Fits beside the one of all runs: folds of runs; blocks where there are fewer than three runs, fewer in short ones. A fit
 #: keeps seven eighths of one run: without a quarter of it most free runs leave what the fit knows.
 RUN_FOLDS, FEWEST_BLOCK_FOLDS, BLOCK_FOLDS = 3, 4, 8

@@ -13,8 +13,6 @@ from sklearn.linear_model import LinearRegression, Ridge
 from sksurrogate.kernels.gram import CONDITION_LIMIT, solve_normal
 from sksurrogate.kernels.lag_moments import lag_moments
 
-__all__ = ["fit_linear_lags"]
-
 #: Smaller lag matrices are made: their fit takes milliseconds and is the estimator's own.
 FEW_NUMBERS = 2_000_000
 

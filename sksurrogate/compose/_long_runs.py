@@ -12,8 +12,6 @@ from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.windows import run_in_windows
 from sksurrogate.runs import Runs
 
-__all__ = ["long_runs", "watched"]
-
 
 def long_runs(
     slopes: Derivative,

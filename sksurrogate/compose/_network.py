@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.kernels.net import Net
 
-__all__ = ["agrees", "describe_network", "write_network"]
-
 #: Activations that the kernels know.
 _KNOWN = ("identity", "tanh", "logistic", "relu")
 

@@ -13,8 +13,6 @@ from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.rollout import free_run
 from sksurrogate.runs import Run
 
-__all__ = ["ALPHAS", "forgetting", "shoot_with"]
-
 #: Penalties that are tried, largest first.
 ALPHAS = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 #: A smaller penalty must not leave more than this multiple of what a larger one leaves of the first rows, and this

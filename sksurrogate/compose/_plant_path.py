@@ -17,8 +17,6 @@ from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["plant_path", "training_substeps"]
-
 
 def plant_path(
     plant: Plant, inputs: list[np.ndarray], measured: list[np.ndarray]

@@ -35,8 +35,6 @@ from sksurrogate.kernels.rollout import free_run, march
 from sksurrogate.kernels.rows import LagRows
 from sksurrogate.runs import Run, Runs
 
-__all__ = ["RecursivePredictor"]
-
 #: Rows in a block of one-step predictions.
 PREDICTION_ROWS = 65536
 

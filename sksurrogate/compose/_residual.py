@@ -12,8 +12,6 @@ from sklearn.utils import check_random_state
 from sksurrogate.compose._residual_fit import Pieces, cut, features, levenberg_marquardt, one_step, roll, shooting
 from sksurrogate.compose._skip_net import SkipNet, merged
 
-__all__ = ["FreeRunResidual"]
-
 #: Steps of a piece that is run freely while the nets learn.
 LONGEST_PIECE = 200
 #: Work of one Levenberg-Marquardt step, rows * parameters^2; more rows than this allows are thinned.

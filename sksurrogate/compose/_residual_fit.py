@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-__all__ = ["Pieces", "cut", "features", "levenberg_marquardt", "one_step", "roll", "shooting"]
-
 
 @dataclass(frozen=True, eq=False)
 class Pieces:

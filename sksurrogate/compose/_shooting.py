@@ -19,8 +19,6 @@ from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.start_rows import found_start
 from sksurrogate.runs import Runs
 
-__all__ = ["ShootingMixin"]
-
 
 class ShootingMixin:
     """Fit on free runs, standard deviations, and starts that are found from more rows than the lags."""

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["SkipNet", "as_skip_net", "merged", "write_back"]
-
 
 @dataclass(frozen=True, eq=False)
 class SkipNet:

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["StabilityReport", "growth_along"]
-
 #: Half width of differences in spreads of the outputs; the second for models of steps (forests), flat almost everywhere.
 SMOOTH_HALF_WIDTH, STEPPED_HALF_WIDTH = 1e-5, 0.5
 

@@ -13,8 +13,6 @@ from sksurrogate.compose._support import block_powers, supported
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics._simulator import describe, simulated, simulated_batch
 
-__all__ = ["Starts", "fitted_starts", "plain_starts", "runs_from"]
-
 #: Gauss-Newton steps: a few rows are nearly linear in the initial states.
 HIDDEN_START_STEPS = 3
 #: Share of the squared error that initial states must explain: where they explain less, they rather make up for what the

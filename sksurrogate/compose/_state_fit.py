@@ -8,8 +8,6 @@ from sksurrogate.kernels.state_evidence import fit_state_evidence
 from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import StateFit, fit_output_error, simulate, start_states, subspace
 
-__all__ = ["cut_pieces", "first_rows", "fit_linear", "fit_networks"]
-
 #: Rows that a subspace start looks at.
 SUBSPACE_ROWS = 100_000
 #: Rows that are run from elsewhere after every step of a fit.

@@ -18,8 +18,6 @@ from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import StateFit, simulate, start_states
 from sksurrogate.runs import Runs
 
-__all__ = ["StateSpaceRegressor"]
-
 #: What keeps free runs of state-space models from leaving.
 STEADY_STATES = "Give fewer states, longer runs, or a larger alpha."
 

@@ -9,8 +9,6 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-__all__ = ["CLEARLY_CLOSED", "SHARES", "Support", "block_powers", "supported"]
-
 #: Fewest blocks that a standard error is made of: with eight its own error is a quarter.
 FEWEST_BLOCKS = 8
 #: Probability with which a gain is at least what is called sure: the usual level of a one-sided test. Draws of blocks that

@@ -13,9 +13,6 @@ from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.stiff import one_sample
 from sksurrogate.physics._fit_model import FitModel
 
-__all__ = ["Basis", "BoundTermModel", "TermModel"]
-
-
 #: Kernels of a smooth basis, at most; eigenvalues of their Gram below this share of the largest are rounding.
 MOST_KERNELS, KERNEL_ROUNDING = 24, 1e-10
 

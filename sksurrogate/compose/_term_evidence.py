@@ -12,8 +12,6 @@ from sksurrogate.kernels.evidence import Evidence, by_run, correlation_length, w
 from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.output_error import output_error
 
-__all__ = ["COEFFICIENT_UNIT", "TermFit", "fit_term"]
-
 #: Size of a coefficient, for differences near 0: terms are in units of the spread of what they are added to.
 COEFFICIENT_UNIT = 0.1
 #: Rounds in which the penalty follows the evidence; the factor it changes by at most, and the nats between rounds

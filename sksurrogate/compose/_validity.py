@@ -13,8 +13,6 @@ from scipy.stats import qmc
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import resolve_runs
 
-__all__ = ["CoverageReport", "coverage_report"]
-
 #: Probes of the box, a power of two (Sobol).
 PROBES = 4096
 

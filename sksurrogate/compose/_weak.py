@@ -13,8 +13,6 @@ import numpy as np
 
 from sksurrogate.runs import Runs
 
-__all__ = ["WeakForm"]
-
 
 class WeakForm:
     """The integrals over windows of ``width`` sample intervals, one window wherever it fits into the run.

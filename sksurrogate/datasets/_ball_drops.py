@@ -12,8 +12,6 @@ from sksurrogate._files import write_bytes, write_text
 from sksurrogate.datasets._recordings import home, retrieved
 from sksurrogate.exceptions import DataError
 
-__all__ = ["fetch_ball_drops"]
-
 _BALLS_SHA256 = "33a67ebecee6af978ed76bc7d5e6d3baa9f440370771a420cc7f68ba49b0ce6d"
 _BALLS_COLUMNS = ["ball", "drop", "time_s", "height_m", "velocity_m_s"]
 _BALLS_TEXT = """Balls dropped from a bridge (real).

@@ -12,8 +12,6 @@ from scipy.stats import qmc
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["SINES", "design_of"]
-
 #: Sines of a multisine, and rows that a level of "levels" and a bit of "prbs" are held at least and at most.
 SINES = 8
 

@@ -26,8 +26,6 @@ from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe, simulated, simulated_batch
 
-__all__ = ["Experiments", "simulate_experiments"]
-
 
 @dataclass(frozen=True, eq=False)
 class Experiments:

@@ -11,8 +11,6 @@ from sklearn.utils import check_random_state
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics import ODESimulator
 
-__all__ = ["linear_reactor", "make_reactor", "make_reactor_experiments", "make_reactor_runs", "reactor_rhs"]
-
 #: Levels of the input of :func:`make_reactor_experiments`.
 PAPER_LEVELS = (0.22, 0.12, 0.25, 0.08, 0.18, 0.05, 0.20, 0.10, 0.16, 0.14)
 

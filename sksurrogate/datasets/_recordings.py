@@ -21,8 +21,6 @@ from sklearn.utils import Bunch
 from sksurrogate._files import beside
 from sksurrogate.exceptions import DataError, require
 
-__all__ = ["fetch_cascaded_tanks", "fetch_heat_exchanger", "fetch_silverbox", "home", "retrieved"]
-
 #: An archive larger than this is refused unread.
 LARGEST_ARCHIVE = 64 * 2**20
 

@@ -12,8 +12,6 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["allowed_effects", "closed_places"]
-
 HOW = (
     "expected names of effects, tuples (name, location) or (name, location, variable), or places of the simulator, for example "
     "{option}=['drift', ('*friction', 'speed'), 'level']."

@@ -11,8 +11,6 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._formula import SHAPES, Factor, Term
 from sksurrogate.exceptions import DataError
 
-__all__ = ["as_arguments", "as_text", "listed"]
-
 #: What stands apart from the arguments in a file.
 PLACE = ("location", "variable")
 

@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import SimulatorError
 
-__all__ = ["acting_in", "is_null", "paired", "values_of"]
-
 
 def acting_in(effects: Sequence[Any], runs: Sequence[Sequence[Any] | None] | None, label: Any) -> list[int]:
     """Numbers of the effects that act in a run.

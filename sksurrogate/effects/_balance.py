@@ -12,25 +12,6 @@ from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
 from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, positive, sign
 from sksurrogate.physics._simulator import Plant
 
-__all__ = [
-    "AsymmetricFriction",
-    "Bilinear",
-    "ConstantBias",
-    "CoulombFriction",
-    "CubicStiffness",
-    "EndStop",
-    "Exchange",
-    "GravityTilt",
-    "LinearLoss",
-    "PowerLaw",
-    "QuadraticDrag",
-    "QuadraticLoss",
-    "Radiation",
-    "SqrtLeak",
-    "StribeckFriction",
-]
-
-
 #: Levels of dry friction that may stop a state, over that of a tenth of its balance (a state that sticks hardly moves,
 #: whatever drives it). Within a sample they take at least the second share of its RMS.
 STOPPING, STOPPED_WITHIN_SAMPLE = 2.0 ** np.arange(1, 7), 0.04

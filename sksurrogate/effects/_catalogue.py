@@ -16,12 +16,10 @@ from sksurrogate.effects import _parameter as parameter
 from sksurrogate.effects import _sensor as sensor
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
 from sksurrogate.effects._ports import Places, places_of
-from sksurrogate.effects._structure import kinematic_states, motions
+from sksurrogate.effects._structure import motions
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
-
-__all__ = ["CATALOGUE", "build_effects", "check_place", "kinematic_states", "left_out"]
 
 _ORDER: tuple[type[BaseEffect], ...] = (
     parameter.ParameterError,

@@ -9,15 +9,14 @@ from typing import Any, cast
 import numpy as np
 from sklearn.base import clone
 
-from sksurrogate.effects._catalogue import check_place, kinematic_states
+from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._effect import BaseEffect, Probe
 from sksurrogate.effects._model import AugmentedModel, BoundModel
+from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import Plant, describe
-
-__all__ = ["check_effect"]
 
 
 def _tanks(t: Any, x: Any, u: Any, p: Any) -> tuple[Any, Any]:

@@ -11,8 +11,6 @@ from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
 from sksurrogate.effects._parameter import JUMPS, within_the_runs
 from sksurrogate.effects._smooth import after
 
-__all__ = ["Drift", "PeriodicDisturbance", "StepDisturbance", "frequencies"]
-
 
 def frequencies(duration: float, dt: float, most: int = 80) -> np.ndarray:
     """Angular frequencies at which a record of that duration can show a line: its harmonics up to pi / (3 dt).

@@ -18,19 +18,6 @@ from sksurrogate.effects._smooth import stable
 from sksurrogate.kernels.signals import Signal
 from sksurrogate.physics._simulator import Plant
 
-__all__ = [
-    "BalanceEffect",
-    "BaseEffect",
-    "HiddenEffect",
-    "InputEffect",
-    "LimitEffect",
-    "Parameter",
-    "ParameterEffect",
-    "Probe",
-    "SensorEffect",
-    "SensorPath",
-]
-
 
 class BaseEffect(PriorOdds, BaseEstimator):
     """Base of all effects (made to be subclassed through one of the five families).

@@ -10,8 +10,6 @@ import numpy as np
 
 from sksurrogate.effects._smooth import TINY, after, magnitude, sign
 
-__all__ = ["SHAPES", "Factor", "Shape", "Term", "equation_of", "signal_names", "signal_of"]
-
 #: Shape; signal; first constant; width over which its kink is rounded; further constants.
 Factor = tuple[Any, ...]
 #: Exponents that are fitted, and arguments of exponentials: beyond them nothing finite is left.

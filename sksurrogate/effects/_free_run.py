@@ -15,8 +15,6 @@ from sksurrogate.effects._onset import Starting
 from sksurrogate.kernels.integrate import close
 from sksurrogate.physics._free_run import TOLERANCE
 
-__all__ = ["augmented_states"]
-
 #: Sharp kinks want many substeps; all samples take them at once, so that this is bearable.
 MOST_SHARP_SUBSTEPS = 192
 #: Substeps of the inputs where scipy integrates between them.

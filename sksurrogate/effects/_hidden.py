@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
 from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, follow, magnitude
 
-__all__ = ["HiddenMode", "HiddenRelaxation", "Hysteresis", "LugreFriction"]
-
 #: A companion with a time constant of so many of the longest runs moves by a quarter of the way in them: its pull is that of
 #: a loss. True ones follow within a run, those in the place of other laws were found at 5 runs to 1e20.
 STILL = 4.0

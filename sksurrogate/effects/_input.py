@@ -12,25 +12,6 @@ from sksurrogate.effects._lattice import COARSE, likely_steps
 from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
 from sksurrogate.physics._simulator import Plant
 
-__all__ = [
-    "InputBacklash",
-    "InputBias",
-    "InputCoupling",
-    "InputCurve",
-    "InputDeadZone",
-    "InputDelay",
-    "InputGain",
-    "InputLag",
-    "InputQuantization",
-    "InputSaturation",
-    "RateLimit",
-    "levels_inside",
-    "neighbouring_steps",
-    "quantize",
-    "step_sizes",
-    "times",
-]
-
 #: Steps to the largest value: half a step is rounded to 0, steps finer than the last round nothing that can be seen.
 COARSEST, FINEST = 0.55, 40.0
 #: Largest value over the range of a signal, beyond which no finer steps are tried.

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["COARSE", "LATTICE_STEPS_SPANNED", "coherence", "lattice_steps", "likely_steps", "shows_steps"]
-
 #: Bins over the range of the readings, at least, and most bins with the empty ones.
 BINS, MOST_BINS = 2000, 1 << 19
 #: Least ``mean cos(2 pi y / step)`` of a lattice; share of the best from which a coarser step wins.

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, InputEffect, Parameter, SensorEffect
-from sksurrogate.effects._formula import SHAPES, Term, equation_of
+from sksurrogate.effects._formula import Term, equation_of
 from sksurrogate.effects._smooth import TINY, follow, stable
 from sksurrogate.kernels.signals import Signal, lag
-
-__all__ = ["SHAPES", "InputLawEffect", "LawEffect", "MemoryLawEffect", "SensorLawEffect", "Term", "law_effect"]
 
 #: Laws act after the effects of the catalogue on the same input or sensor.
 LAST = 99

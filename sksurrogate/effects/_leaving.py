@@ -18,8 +18,6 @@ from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["graph_of", "sampled_of", "small_signal_of", "steps_of"]
-
 Parts = tuple[Plant, Sequence[BaseEffect], np.ndarray]
 
 

@@ -11,8 +11,6 @@ from sksurrogate.effects._effect import BaseEffect, LimitEffect, Parameter, Prob
 from sksurrogate.effects._onset import Starting
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Overflow", "StateSaturation", "in_force"]
-
 #: Quantiles of the reached range at which limits are tried: a run may begin above a limit.
 LIMIT_QUANTILES = (0.998, 0.97, 0.9, 0.75, 0.5, 0.25)
 #: Depths below the top of the range, over the range: a limit may have cut off a few peaks only.

@@ -31,8 +31,6 @@ from sksurrogate.kernels.sampling import slopes_so_far
 from sksurrogate.kernels.signals import Signal, hold
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["AugmentedModel", "BoundModel"]
-
 
 class AugmentedModel:
     """A plant with effects and free parameters over a record.

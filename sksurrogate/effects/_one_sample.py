@@ -19,8 +19,6 @@ from sksurrogate.effects._sensor import SensorDelay, SensorLag, lag_moments
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.signals import Signal, delay_in_substeps, delayed_piece, lag_piece, ramp_piece
 
-__all__ = ["InputInSample", "Pieces", "SensorInSample", "own_values", "unwindowed"]
-
 #: Size of a signal that a memory is sought with: an actuator of one's own may have edges of any size.
 PROBED = (0.01, 1.0, 100.0)
 

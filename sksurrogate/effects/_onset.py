@@ -30,8 +30,6 @@ from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.signals import Signal
 
-__all__ = ["EDGE_SHARES", "WINDOW", "WINDOW_SHARES", "Starting", "can_start", "edges_of", "starting", "timed", "window"]
-
 #: Shares of the longest run at which windows are tried to begin or end.
 EDGE_SHARES = tuple(np.arange(1, 16) / 16.0)
 #: Those of windows that begin and end: every other one.

@@ -12,15 +12,6 @@ from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._smooth import after
 from sksurrogate.physics._simulator import Plant
 
-__all__ = [
-    "ParameterDependence",
-    "ParameterDrift",
-    "ParameterError",
-    "ParameterStep",
-    "constant_in_time",
-    "within_the_runs",
-]
-
 #: Times, as shares of the longest run, at which jumps are tried.
 JUMPS = tuple(float(share) for share in (np.arange(40) + 0.5) / 40)
 

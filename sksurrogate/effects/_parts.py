@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Parameter", "Probe", "SensorPath"]
-
 
 @dataclass(frozen=True)
 class Parameter:

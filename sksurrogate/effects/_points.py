@@ -12,8 +12,6 @@ from sksurrogate.export._symbol import Symbol, joined, symbols
 from sksurrogate.physics._model import PlantModel, wired
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PointModel", "SymbolModel", "bound_at_points", "stacked"]
-
 
 def stacked(rows: list[Any]) -> np.ndarray:
     """Components one above the other: arrays of points, or objects where one is a symbol."""

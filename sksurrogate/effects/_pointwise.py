@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.effects._at_work import paired, values_of
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, ParameterEffect
 
-__all__ = ["acting_params", "entering_at", "term_at"]
-
 
 class Augmented(Protocol):
     """A simulator with effects."""

@@ -18,8 +18,6 @@ from sksurrogate.effects._structure import Structure, structure_of
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Places", "Port", "at_port", "kind_at", "places_of"]
-
 #: Speeds that a port moves, up to which each may drive a law there where it cannot be determined which is the port's own.
 FEW = 2
 

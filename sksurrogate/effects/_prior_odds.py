@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import ClassVar
 
-__all__ = ["PriorOdds"]
-
 #: How many times less probable a law is that is driven by a signal other than those its form is known for.
 FOREIGN_DRIVER = 10.0
 

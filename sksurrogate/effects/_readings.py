@@ -11,8 +11,6 @@ from sksurrogate.effects._effect import SensorEffect, SensorPath
 from sksurrogate.effects._onset import timed
 from sksurrogate.kernels.sampling import read_between
 
-__all__ = ["read_sensors"]
-
 
 class Paths(Protocol):
     """A model with its parameters filled in."""

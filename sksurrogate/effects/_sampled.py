@@ -18,8 +18,6 @@ from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["SampledForm", "names_of_memory", "point_model"]
-
 
 def point_model(plant: Plant, effects: Sequence[BaseEffect], n_sub: int, scale: Any, sharpness: float) -> PointModel:
     """The augmented model at single points; kinks are sharp where the sizes of the states are not known."""

@@ -14,20 +14,6 @@ from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.sampling import read_between
 from sksurrogate.physics._simulator import Plant
 
-__all__ = [
-    "SensorBias",
-    "SensorCoupling",
-    "SensorDelay",
-    "SensorDrift",
-    "SensorGain",
-    "SensorLag",
-    "SensorNonlinearity",
-    "SensorQuantization",
-    "SensorRectification",
-    "SensorSaturation",
-    "lag_moments",
-]
-
 #: Nodes and weights on [0, 1]: exact for the smooth kernels of lags longer than a sample.
 _GAUSS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2

@@ -28,8 +28,6 @@ from sksurrogate.physics._free_run import OF_SCIPY, raise_if_diverged
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import BaseSimulator, Plant, describe, units_of
 
-__all__ = ["AugmentedSimulator"]
-
 
 def _is_pointwise(effect: BaseEffect) -> bool:
     """Whether an effect is a function of the present state, input and time."""

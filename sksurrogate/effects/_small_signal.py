@@ -19,8 +19,6 @@ from sksurrogate.effects._sensor import SensorDelay, SensorLag, SensorQuantizati
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["SampledPoint", "SmallSignal", "pade_of", "refuse_slopes"]
-
 #: Substeps with which kinks and fast memories are as they are in continuous time.
 FINE_SUBSTEPS = 1_000_000
 #: Why an effect has no slope.

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["TINY", "WITHIN_SAMPLE", "after", "follow", "magnitude", "positive", "sign", "stable"]
-
 #: Floor under roots and powers, whose slope at 0 is infinite.
 TINY = 1e-12
 #: What takes less than this share of a sample is not seen.

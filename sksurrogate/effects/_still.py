@@ -11,8 +11,6 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["driven_effects", "still_signals"]
-
 
 def still_signals(plant: Plant, record: Record) -> frozenset[str]:
     """Names of the inputs and of the measured outputs that have one value in the whole record."""

@@ -23,8 +23,6 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._trajectory import retuned_simulator
 from sksurrogate.exceptions import DataError
 
-__all__ = ["augmented_text", "load_augmented", "save_augmented"]
-
 #: A file of names and numbers is small; a larger one is refused unread.
 LARGEST_FILE = 2**20
 

@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["Structure", "integrals", "kinematic_states", "largest_gains", "motions", "rate_gains", "structure_of"]
-
 #: Push at a port, in its unit: rates are in proportion to it or nearly so, and rounding stays far below what it moves.
 PORT_PUSH = 1e-3
 #: A rate that moves by less than this share of its own size, a unit push, is not moved.

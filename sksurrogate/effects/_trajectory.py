@@ -16,16 +16,6 @@ from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.signals import hold
 from sksurrogate.physics._simulator import Plant, simulated, simulated_batch
 
-__all__ = [
-    "acting_inputs",
-    "acting_rows",
-    "even_times",
-    "plain_runs",
-    "readings",
-    "retuned_simulator",
-    "trajectory_runs",
-]
-
 #: Substeps in which inputs are computed.
 INPUT_SUBSTEPS = 16
 

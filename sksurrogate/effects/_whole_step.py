@@ -8,8 +8,6 @@ import numpy as np
 
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["held_for", "whole_step"]
-
 
 class Effects(Protocol):
     """What a step asks of a model with its parameters filled in (:class:`~sksurrogate.effects._model.BoundModel`)."""

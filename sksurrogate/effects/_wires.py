@@ -15,8 +15,6 @@ from sksurrogate.effects._structure import largest_gains
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["Wire", "entering", "factors", "feedback_of", "kink_width", "wire_of"]
-
 
 @dataclass(frozen=True)
 class Wire:

@@ -14,8 +14,6 @@ from sksurrogate.exceptions import require
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph, Node
 
-__all__ = ["to_c", "to_casadi"]
-
 
 def to_casadi(model: Any, name: str = "surrogate", n_sub: int | None = None) -> Any:
     """A fitted model as ``casadi.Function``.

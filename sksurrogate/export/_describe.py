@@ -14,8 +14,6 @@ from sksurrogate.export._features import FEATURE_MAPS, add_features, add_free_ba
 from sksurrogate.export._graph import Graph
 from sksurrogate.export._symbol import joined, symbols
 
-__all__ = ["SUBSTEPS", "add_estimator", "add_step", "to_graph"]
-
 #: sklearn's activations -> the graph's.
 _ACTIVATIONS = {"tanh": "tanh", "logistic": "logistic", "sigmoid": "logistic", "relu": "relu", "identity": ""}
 

@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.export._graph import Graph
 
-__all__ = ["add_derivative_model", "add_filter", "add_state_model", "runge_kutta", "substeps_of"]
-
 AddEstimator = Callable[[Graph, Any, int], int]
 
 

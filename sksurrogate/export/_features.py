@@ -15,8 +15,6 @@ import numpy as np
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.export._graph import Graph
 
-__all__ = ["FEATURE_MAPS", "add_features", "add_free_basis"]
-
 FEATURE_MAPS = ("SplineFeatures", "HeavisideFeatures", "FourierFeatures", "GaussianFeatures")
 #: Stands for "no bound" where a generated text could not hold infinity.
 NO_BOUND = 1e30

@@ -18,8 +18,6 @@ from sksurrogate.export import _unit_step
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph, Node
 
-__all__ = ["to_fmu"]
-
 #: The class that pythonfmu runs, behind the text of ``_unit_step.py``.
 _UNIT = '''
 

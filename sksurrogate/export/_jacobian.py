@@ -11,8 +11,6 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.export._describe import to_graph
 
-__all__ = ["chained_slopes", "input_jacobian"]
-
 #: Transformers whose slope is one number a column.
 _SCALERS = ("StandardScaler", "MinMaxScaler", "MaxAbsScaler", "RobustScaler")
 

@@ -11,8 +11,6 @@ from sksurrogate.exceptions import require
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph, Node
 
-__all__ = ["to_onnx"]
-
 #: Node -> operator of ONNX.
 _OPERATORS = {
     "tanh": "Tanh", "logistic": "Sigmoid", "relu": "Relu", "exp": "Exp", "log": "Log", "sin": "Sin", "cos": "Cos",

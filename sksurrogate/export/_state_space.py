@@ -11,8 +11,6 @@ from sksurrogate.exceptions import SurrogateError, require
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph
 
-__all__ = ["StateSpace", "state_space"]
-
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:

@@ -8,8 +8,6 @@ import numpy as np
 
 from sksurrogate.export._graph import Graph
 
-__all__ = ["Symbol", "symbols"]
-
 
 class Symbol:
     """One component of a graph under construction; numpy's functions call its methods."""

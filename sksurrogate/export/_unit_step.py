@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-__all__ = ["evaluate"]
-
 
 def _safe(function: Callable[..., float]) -> Callable[..., float]:
     """As IEEE arithmetic answers, instead of an exception."""

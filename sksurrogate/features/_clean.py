@@ -21,8 +21,6 @@ from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Runs, resolve_runs
 
-__all__ = ["BaseCleaner", "Interpolator", "fill_gaps"]
-
 
 def gap_lengths(missing: np.ndarray) -> np.ndarray:
     """Length of the gap that each row lies in, 0 outside gaps: int (n_samples,).

@@ -12,8 +12,6 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.features._base import INTERACTION, BaseFeatures, rising
 from sksurrogate.kernels.bases import fourier
 
-__all__ = ["FourierFeatures"]
-
 
 class Waves(NamedTuple):
     """Wavelengths of one input, and whether a constant comes with them."""

@@ -14,8 +14,6 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.features._base import TRANSFORM_ROWS, BaseFeatures, column_of, rising
 from sksurrogate.kernels.bases import gaussians, radial
 
-__all__ = ["GaussianFeatures"]
-
 
 class Bumps(NamedTuple):
     """Centres (n,) and width of the bumps of one input."""

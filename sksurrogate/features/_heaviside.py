@@ -11,8 +11,6 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sksurrogate.features._base import INTERACTION, BaseFeatures, column_of, rising
 from sksurrogate.kernels.bases import spline_at_data, steps
 
-__all__ = ["HeavisideFeatures"]
-
 
 class HeavisideFeatures(BaseFeatures):
     """Unit steps H(x - threshold): 0 below the threshold, 1 from it on.

@@ -25,8 +25,6 @@ from sksurrogate.runs import Runs, resolve_runs
 #: Rows that are written at a time, and numbers of a lag matrix from which threads share the work.
 _LAG_ROWS, _SHARED_NUMBERS = 65_536, 4_000_000
 
-__all__ = ["LagEmbedding", "lag_columns"]
-
 
 def lag_columns(
     values: np.ndarray,

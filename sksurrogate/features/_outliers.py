@@ -13,8 +13,6 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.features._clean import BaseCleaner, fill_gaps
 from sksurrogate.runs import Runs
 
-__all__ = ["OutlierFilter"]
-
 #: Median absolute deviation of a normal variable times this is its standard deviation.
 MAD_TO_SIGMA = 1.4826
 #: Windows that are worked on at a time.

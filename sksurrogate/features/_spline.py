@@ -14,8 +14,6 @@ from sksurrogate.kernels.bases import Spline, spline_at_data, spline_csr, spline
 from sksurrogate.kernels.gram import Moments
 from sksurrogate.kernels.spline_moments import add_spline_moments
 
-__all__ = ["SplineFeatures"]
-
 
 class SplineFeatures(BaseFeatures):
     """Splines of any order as features: pulses (0), saw teeth (1), smooth ones (3).

@@ -12,10 +12,11 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
-from sksurrogate.effects._catalogue import build_effects, kinematic_states, left_out
+from sksurrogate.effects._catalogue import build_effects, left_out
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
+from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress

@@ -9,8 +9,6 @@ from scipy.linalg.lapack import dposv
 
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
-__all__ = ["Arrow"]
-
 
 @dataclass(frozen=True, eq=False)
 class Arrow:

@@ -9,17 +9,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
-__all__ = [
-    "BlockTridiagonal",
-    "block_steps",
-    "first_order_scan",
-    "recursion_band",
-    "solve_adjoint",
-    "solve_blocks",
-    "solve_recursion",
-    "solved_squares",
-]
-
 #: Samples whose solutions are squared at once: more, of hundreds of columns, would leave the processor's cache.
 SAMPLES_SQUARED_AT_ONCE = 16
 

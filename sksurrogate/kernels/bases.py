@@ -18,20 +18,6 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-__all__ = [
-    "Spline",
-    "cardinal_coefficients",
-    "fourier",
-    "gaussians",
-    "radial",
-    "spline_at_data",
-    "spline_csr",
-    "spline_on",
-    "spline_weights",
-    "steps",
-    "tensor",
-]
-
 #: Rows that are worked on at a time: their weights stay in the cache.
 BASIS_ROWS = 8192
 

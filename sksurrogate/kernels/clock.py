@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-__all__ = ["TimeIsUp", "check_time", "limited", "time_left", "time_until"]
-
 #: The moment by :func:`time.perf_counter`, and the process that it holds for: a fork answers for another one, which waits.
 _UNTIL: ContextVar[tuple[float, int]] = ContextVar("until", default=(math.inf, 0))
 

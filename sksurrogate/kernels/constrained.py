@@ -7,8 +7,6 @@ from scipy import linalg, optimize
 
 from sksurrogate.kernels.gram import solve_rows
 
-__all__ = ["Infeasible", "constrained_least_squares"]
-
 _CONSTRAINT_TOLERANCE = 1e-9
 
 

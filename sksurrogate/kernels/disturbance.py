@@ -28,8 +28,6 @@ from sksurrogate.kernels.banded import (
     solved_squares,
 )
 
-__all__ = ["Disturbance", "Noise"]
-
 
 @dataclass(frozen=True, eq=False)
 class Noise:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Evidence", "by_run", "correlation_length", "left_out", "weigh"]
-
 #: Autocorrelation at which the sum over lags stops: beyond, it is mostly its own error.
 AUTOCORRELATION_SETTLED = 0.05
 #: Least variance of the noise, in units of the outputs' variance: rounding.

@@ -12,8 +12,6 @@ import numpy as np
 
 from sksurrogate.kernels.record import Record
 
-__all__ = ["BoundFreeRunModel", "FreeRunModel", "ObservedStepper", "Stepper"]
-
 
 class Stepper(Protocol):
     """A map from sample to sample, inputs and parameters filled in."""

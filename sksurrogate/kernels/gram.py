@@ -15,17 +15,6 @@ import numpy as np
 from scipy import linalg, sparse
 from scipy.linalg import lapack
 
-__all__ = [
-    "CONDITION_LIMIT",
-    "Moments",
-    "Quadratic",
-    "factor_normal",
-    "gcv_path",
-    "solve_normal",
-    "solve_rows",
-    "triangle",
-]
-
 #: Above this condition number of the (column-scaled) features, the Gram has lost the solution: eps * 1e14 = 1e-2.
 CONDITION_LIMIT = 1e7
 _EPS = float(np.finfo(float).eps)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["keep_freed_memory"]
-
 #: Bytes of the block whose release tells the C library to keep as much; below the 32 MiB from where it no longer learns.
 _RELEASED_BYTES = 8 * 2**20
 

@@ -14,8 +14,6 @@ import numpy as np
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.free_run_model import Stepper
 
-__all__ = ["close", "closing_weight", "march", "moved_one_by_one", "rk4", "state_jacobian"]
-
 #: Relative step of the forward differences through the step map (insensitive between 1e-9 and 1e-3).
 DIFFERENCE = 1e-5
 

@@ -14,8 +14,6 @@ from sksurrogate.kernels.newton import TOO_FAR, fill_band, solve_band
 from sksurrogate.kernels.rollout import march
 from sksurrogate.kernels.shooting import FreeRunLoss
 
-__all__ = ["BasisLoss", "LagBasis"]
-
 #: Rows whose features are made at once.
 FEATURE_ROWS = 16384
 #: Half width of the differences that give slopes of the features, in spreads.

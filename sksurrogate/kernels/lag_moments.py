@@ -8,8 +8,6 @@ import numpy as np
 
 from sksurrogate.kernels.gram import Moments
 
-__all__ = ["lag_moments"]
-
 
 def lag_moments(
     runs: Sequence[np.ndarray], max_lag: int, targets: Sequence[np.ndarray] | None = None, chunk: int = 8192

@@ -16,17 +16,6 @@ from scipy.linalg.lapack import dposv
 
 from sksurrogate.kernels.clock import check_time
 
-__all__ = [
-    "Evaluate",
-    "LeastSquaresFit",
-    "Slopes",
-    "dense",
-    "levenberg_marquardt",
-    "merge_rows",
-    "several_starts",
-    "with_memory",
-]
-
 #: theta -> (r'r, J'r, J'J). A problem may also have ``probe``: theta -> (r'r, a function that gives J'r and J'J), so that
 #: steps taken back cost no slopes.
 Evaluate = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]

@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-__all__ = ["limited_recursion"]
-
 
 def limited_recursion(
     A: np.ndarray, b: np.ndarray, starts: np.ndarray, limit: Callable[[np.ndarray, np.ndarray], np.ndarray]

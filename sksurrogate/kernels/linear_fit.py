@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["linear_least_squares"]
-
 
 def linear_least_squares(A: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarray:
     """The shortest x of those with the smallest ``|A x - b|``.

@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-__all__ = ["HoldMaps", "hold_maps", "linear_run"]
-
 #: Steps whose widths differ by less than so many roundings of the largest time are one step.
 _ROUNDINGS = 8.0
 

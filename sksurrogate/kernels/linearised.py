@@ -10,8 +10,6 @@ from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.free_run_model import FreeRunModel
 from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one
 
-__all__ = ["Linearised", "linearise"]
-
 #: Relative step of the forward differences with respect to parameters.
 THETA_DIFFERENCE = 1e-4
 

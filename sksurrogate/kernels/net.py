@@ -8,8 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-__all__ = ["LagNet", "Net"]
-
 
 @dataclass(frozen=True)
 class Net:

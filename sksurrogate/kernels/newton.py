@@ -9,8 +9,6 @@ from scipy.linalg.lapack import dtbtrs
 
 from sksurrogate.kernels.net import LagNet
 
-__all__ = ["adjoint_gradient", "fill_band", "newton_runs", "sensitivities", "solve_band"]
-
 #: Newton gives up where a correction is this many times the size of the outputs.
 TOO_FAR = 1e6
 

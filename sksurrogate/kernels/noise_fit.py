@@ -16,8 +16,6 @@ from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.noise_slopes import noise_slopes
 from sksurrogate.kernels.run_columns import RunColumns, take_out
 
-__all__ = ["fit_noise"]
-
 #: Correlation times of forces and of coloured sensor noise stay within these numbers of samples.
 TAU_RANGE = (2.0, 60.0)
 #: Least force over the RMS of dx/dt: a slow plant adds up a small force to more than its noise.

@@ -19,8 +19,6 @@ from scipy.linalg.lapack import dpbtrf
 
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 
-__all__ = ["noise_slopes"]
-
 #: Share of its own row of the precision that is known of a state at least: differences of rows round to that.
 KNOWN = 1e-13
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import dct, idct
 
-__all__ = ["held_levels", "smooth_path"]
-
 #: Strengths that a smooth path chooses from: from no smoothing to one line over 10^4 samples, half a decade apart.
 STRENGTHS = np.logspace(-2, 16, 37)
 

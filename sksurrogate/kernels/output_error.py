@@ -20,17 +20,6 @@ from sksurrogate.kernels.integrate import DIFFERENCE, close
 from sksurrogate.kernels.linearised import Linearised, linearise
 from sksurrogate.kernels.windows import run_in_windows
 
-__all__ = [
-    "Fit",
-    "Linearised",
-    "approached",
-    "free_run",
-    "linearise",
-    "output_error",
-    "run_near",
-    "settle_hidden",
-]
-
 #: Slopes of a point nearby end a descent only where they promise this share of what would do otherwise.
 _STRICTER = 1e-2
 #: Open steps diverged where they lead so many times further (squared error) from the data than the trajectory to fall back on.

@@ -15,8 +15,6 @@ import numpy as np
 
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
-__all__ = ["Stretch", "flat_stretches", "predicted_by_neighbours", "spans_where", "spikes"]
-
 #: Rows before and after a reading that it is compared with, and the degree of the path through them.
 SIDE, DEGREE = 6, 3
 #: Most readings in a row that one spike takes.

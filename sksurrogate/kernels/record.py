@@ -8,8 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-__all__ = ["Record", "bridged"]
-
 
 def bridged(y: np.ndarray, known: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Signals with what is not known joined linearly within a run, ends held; of a run without any the mean of the others.

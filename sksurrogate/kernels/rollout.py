@@ -9,8 +9,6 @@ import numpy as np
 from sksurrogate.kernels.net import LagNet, Net, lag_rows
 from sksurrogate.kernels.scalar import MAX_PRODUCTS, scalar_run
 
-__all__ = ["LagNet", "Net", "free_run", "march"]
-
 #: A run with more steps is cut into pieces.
 LONG = 4000
 

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-__all__ = ["LagRows", "RowSource"]
-
 #: Rows that the runs of a block must have on average to be copied run by run; below, single rows are fetched.
 _FEWEST_ROWS_IN_RUN = 32
 

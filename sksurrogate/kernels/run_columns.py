@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["UNSEEN", "RunColumns", "take_out"]
-
 #: Directions below this share of the largest, in the scale of the diagonal, count as unseen: single precision squared.
 UNSEEN = 1e-10
 

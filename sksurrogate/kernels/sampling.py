@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["read_between", "slopes_so_far", "with_slopes"]
-
 
 def read_between(
     y: np.ndarray,

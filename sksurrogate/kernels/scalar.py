@@ -10,8 +10,6 @@ import numpy as np
 
 from sksurrogate.kernels.net import LagNet
 
-__all__ = ["MAX_PRODUCTS", "scalar_run"]
-
 #: Networks with more products a step gain nothing from being written out.
 MAX_PRODUCTS = 400
 

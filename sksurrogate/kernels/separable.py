@@ -10,8 +10,6 @@ from scipy.linalg.lapack import dgeqrf, dorgqr, dtrtrs
 from sksurrogate.kernels.least_squares import Slopes
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
-__all__ = ["Separable"]
-
 #: Largest ratio of the diagonal of R at which a basis still counts as of full rank.
 RANK_RATIO = 1e14
 

@@ -13,8 +13,6 @@ from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivities
 from sksurrogate.kernels.rollout import known_sums, runs_at_once
 
-__all__ = ["FreeRunLoss", "adam", "descend", "fit_free_run", "levenberg_marquardt"]
-
 #: Steps of Levenberg-Marquardt after which starts are compared.
 SHORT = 15
 #: Rows on which the basin is looked for at most: it is wide, and the end is found on all.

@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.kernels.evidence import Evidence, correlation_length, left_out, weigh
 from sksurrogate.kernels.shooting import FreeRunLoss, descend
 
-__all__ = ["EvidenceFit", "first_penalty", "fit_by_evidence"]
-
 #: Rounds of Levenberg-Marquardt between which the penalty is weighed again, at most, and steps in a round: as many steps as
 #: a fit with a fixed penalty takes.
 PENALTY_ROUNDS, STEPS_IN_ROUND = 50, 4

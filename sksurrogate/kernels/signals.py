@@ -18,20 +18,6 @@ import numpy as np
 
 from sksurrogate.kernels.banded import first_order_scan
 
-__all__ = [
-    "Signal",
-    "delay",
-    "delay_in_substeps",
-    "delayed_piece",
-    "hold",
-    "lag",
-    "lag_piece",
-    "play",
-    "pointwise",
-    "ramp_piece",
-    "rate_limit",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Signal:

@@ -16,8 +16,6 @@ from sksurrogate.kernels.banded import BlockTridiagonal
 from sksurrogate.kernels.free_run_model import ObservedStepper
 from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one, state_jacobian
 
-__all__ = ["Smoothed", "drawn", "noise_of_differences", "smooth"]
-
 
 def noise_of_differences(
     y: np.ndarray, starts: np.ndarray, known: np.ndarray | None = None, t: np.ndarray | None = None

@@ -16,8 +16,6 @@ import numpy as np
 from sksurrogate.kernels.bases import Spline
 from sksurrogate.kernels.gram import Moments
 
-__all__ = ["add_spline_moments"]
-
 #: Rows that are sorted at a time.
 _SORTED = 2**16
 #: Rows that are multiplied at a time, and numbers in them: they stay in the cache.

@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-__all__ = ["found_start"]
-
 #: Gauss-Newton steps, and half width of differences; numbers are in spreads.
 START_STEPS, START_HALF_WIDTH = 8, 1e-5
 #: Spreads that a start may be away from the mean before it is known better: it only holds what no row sees.

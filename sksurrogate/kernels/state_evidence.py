@@ -11,8 +11,6 @@ from sksurrogate.kernels.shooting_evidence import LARGEST_LOG_CHANGE, PENALTY_SE
 from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import OutputErrorLoss, StateFit, fit_output_error, state_slopes
 
-__all__ = ["fit_state_evidence", "run_variance", "weigh_states"]
-
 #: Steps of Levenberg-Marquardt between which the penalty is weighed again, and how often it is at most.
 STEPS_BETWEEN, STATE_ROUNDS = 10, 12
 #: Prior standard deviation of the affine part, whose coefficients are of order one in standardised units: it holds what the

@@ -7,8 +7,6 @@ from math import prod
 
 import numpy as np
 
-__all__ = ["Block", "StateModel"]
-
 
 @dataclass(frozen=True)
 class Block:

@@ -16,8 +16,6 @@ from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.state_model import StateModel
 
-__all__ = ["OutputErrorLoss", "StateFit", "fit_output_error", "simulate", "start_states", "state_slopes", "subspace"]
-
 #: Rows whose sensitivities are held at once.
 SENSITIVITY_ROWS = 20_000
 

@@ -13,8 +13,6 @@ import numpy as np
 
 from sksurrogate.kernels.integrate import rk4
 
-__all__ = ["one_sample", "rosenbrock"]
-
 #: The first step of a sample is 0.5 to this power of it.
 _DOUBLINGS = 13
 #: Relative step of the differences for the Jacobian of the right-hand side.

@@ -10,8 +10,6 @@ from scipy.special import gammaln
 
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
-__all__ = ["Elimination", "eliminate", "log_evidence", "refit", "threshold_refit"]
-
 #: Ridge on columns of norm 1 that lets dependent columns be distinguished: its square is the rounding of doubles.
 DEPENDENT_RIDGE = 1e-8
 #: Share of the squares below which a residual is rounding: what the ridge leaves.

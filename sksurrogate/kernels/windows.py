@@ -13,8 +13,6 @@ import numpy as np
 
 from sksurrogate.kernels.integrate import close
 
-__all__ = ["run_in_windows"]
-
 #: Samples of the first window; fewer than the second are walked through one by one: Newton takes as many evaluations of the map.
 FIRST_WINDOW, SHORTEST_WINDOW = 64, 12
 #: Samples of a window and states: more leave the processor's cache.

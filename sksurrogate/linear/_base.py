@@ -24,8 +24,6 @@ from sksurrogate.export._jacobian import chained_slopes
 from sksurrogate.kernels.gram import Moments
 from sksurrogate.kernels.rows import RowSource
 
-__all__ = ["BaseBlockedRegressor", "Blocks", "warn_ill_conditioned"]
-
 #: Makes an iterator over (features, targets, weights or None).
 Blocks = Callable[[], Iterator[tuple[Any, np.ndarray, np.ndarray | None]]]
 

@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.exceptions import DataError
 from sksurrogate.linear._penalties import Situation, no_intercept
 
-__all__ = ["BaseConstraint", "Bounds", "LinearEquality", "LinearInequality", "Monotone", "OutputBounds"]
-
 
 class BaseConstraint(ABC):
     """A constraint ``lower <= C theta <= upper``, theta with the intercept as its last row.

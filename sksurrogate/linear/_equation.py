@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["equation"]
-
 
 def equation(left: str, coef: np.ndarray, names: Sequence[Any] | np.ndarray, intercept: float, digits: int = 4) -> str:
     """``left = intercept + coef * name ...`` with the terms that are not zero.

@@ -17,8 +17,6 @@ from sksurrogate.linear._base import BaseBlockedRegressor
 from sksurrogate.linear._regressor import PenalizedRegressor
 from sksurrogate.runs import Runs, resolve_runs
 
-__all__ = ["LaggedLinearRegressor"]
-
 
 class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Linear regression on columns of X and their past within each run, without the lag matrix.

@@ -19,8 +19,6 @@ from sksurrogate._tables import unmasked
 from sksurrogate.kernels.least_squares import levenberg_marquardt, merge_rows, several_starts
 from sksurrogate.kernels.separable import Separable
 
-__all__ = ["NonlinearBasisRegressor"]
-
 #: Rows up to which rows that repeat are merged.
 BASIS_MERGE_ROWS = 5_000
 #: Rows beyond which the starts are tried on a subsample, rows of that, and evaluations on all rows then.

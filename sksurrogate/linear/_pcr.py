@@ -12,8 +12,6 @@ from sklearn.utils._param_validation import Interval, RealNotInt, StrOptions
 from sksurrogate.kernels.gram import CONDITION_LIMIT, triangle
 from sksurrogate.linear._base import BaseBlockedRegressor, Blocks, warn_ill_conditioned
 
-__all__ = ["PCRRegressor"]
-
 _EPS = float(np.finfo(float).eps)
 
 

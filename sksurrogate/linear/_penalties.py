@@ -13,18 +13,6 @@ import numpy as np
 
 from sksurrogate.exceptions import DataError
 
-__all__ = [
-    "BasePenalty",
-    "CloseTo",
-    "Curvature",
-    "Ridge",
-    "RidgeTo",
-    "Rows",
-    "Situation",
-    "Slope",
-    "no_intercept",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Situation:

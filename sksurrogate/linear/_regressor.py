@@ -23,8 +23,6 @@ from sksurrogate.linear._base import BaseBlockedRegressor, Blocks, warn_ill_cond
 from sksurrogate.linear._constraints import BaseConstraint
 from sksurrogate.linear._penalties import BasePenalty, Situation
 
-__all__ = ["PenalizedRegressor"]
-
 
 class PenalizedRegressor(BaseBlockedRegressor):
     """Least squares with any weighted sum of secondary losses, under any linear constraints.

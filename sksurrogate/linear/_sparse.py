@@ -16,8 +16,6 @@ from sksurrogate.kernels.subsets import eliminate, log_evidence, threshold_refit
 from sksurrogate.linear._base import BaseBlockedRegressor, Blocks
 from sksurrogate.linear._equation import equation
 
-__all__ = ["SparseRegressor"]
-
 
 class SparseRegressor(BaseBlockedRegressor):
     """Least squares with few of many terms; the terms that stay are refitted without any penalty.

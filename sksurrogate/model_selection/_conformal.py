@@ -12,8 +12,6 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate.exceptions import RunError
 from sksurrogate.runs import Runs, resolve_runs
 
-__all__ = ["ConformalFreeRun"]
-
 
 class ConformalFreeRun(MetaEstimatorMixin, BaseEstimator):
     """Free run with an interval that holds for a new run, by conformal calibration over runs.

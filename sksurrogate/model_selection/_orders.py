@@ -12,8 +12,6 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.features._lag import lag_columns
 from sksurrogate.runs import Run, cut_runs, resolve_runs
 
-__all__ = ["OrderScan", "scan_orders"]
-
 
 @dataclass(frozen=True, eq=False)
 class OrderScan:

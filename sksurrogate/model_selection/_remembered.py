@@ -13,8 +13,6 @@ from sklearn.utils.validation import check_is_fitted, check_memory
 
 from sksurrogate._fingerprint import fingerprint
 
-__all__ = ["Remembered"]
-
 
 def _fit(value: str, estimator: Any, X: Any, y: Any, how: dict[str, Any]) -> Any:
     """A fitted estimator; what joblib keeps, under the ``value`` of estimator and ``how``."""

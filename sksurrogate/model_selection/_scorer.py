@@ -11,8 +11,6 @@ from sklearn.utils._metadata_requests import _MetadataRequester
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import resolve_runs
 
-__all__ = ["FreeRunScorer"]
-
 
 class FreeRunScorer(_MetadataRequester):
     """Score the free run from the measured first rows of every run, those rows left out.

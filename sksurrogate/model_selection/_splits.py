@@ -13,8 +13,6 @@ from sksurrogate._tables import as_labels
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.runs import cut_runs, resolve_runs
 
-__all__ = ["BlockedSplit", "split_runs"]
-
 
 class BlockedSplit(BaseCrossValidator):
     """Cross-validation over blocks of time.

@@ -20,9 +20,6 @@ except ImportError:  # scikit-learn 1.8
         return method
 
 
-__all__ = ["CallbackSupportMixin", "Tasks", "with_callbacks"]
-
-
 class Tasks:
     """Reports a fit, and each of its steps, to the callbacks of an estimator.
 

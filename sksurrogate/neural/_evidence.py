@@ -13,8 +13,6 @@ from sksurrogate.neural._problems import JACOBIAN_ROWS, Rows, normal_equations
 from sksurrogate.neural._solvers import Plan, train_least_squares
 from sksurrogate.neural._training import Torch, Trained, train
 
-__all__ = ["Belief", "train_by_evidence"]
-
 #: Where the penalty begins, beside the mean squared error. A free fit is a fixed point of its own (large weights ask for
 #: a small penalty), a much larger one too (no weights ask for a large one): from between, the path finds the data's.
 FIRST = 1e-3

@@ -47,8 +47,6 @@ from sksurrogate.neural._training import (
     warn_if_falling,
 )
 
-__all__ = ["FNNRegressor"]
-
 #: Starts of the solvers where the user does not say.
 STARTS = {"lm": 5}
 

@@ -14,8 +14,6 @@ from sksurrogate.neural._network import Layers
 from sksurrogate.neural._settings import read_device, read_options
 from sksurrogate.neural._training import GRADIENT
 
-__all__ = ["NetAccess"]
-
 
 class NetAccess:
     """Predictions and slopes of a network of arrays, and ``net_``, made on first access and left out of pickles."""

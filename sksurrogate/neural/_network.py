@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import erf, expit
 
-__all__ = ["ACTIVATIONS", "Layers", "draw_layers"]
-
 
 @dataclass(frozen=True)
 class Activation:

@@ -13,8 +13,6 @@ from sksurrogate.kernels.separable import Separable
 from sksurrogate.neural._network import ACTIVATIONS, Layers
 from sksurrogate.neural._shallow import Shallow
 
-__all__ = ["CURVATURE_STEP", "JACOBIAN_ROWS", "Rows", "Smoothness", "normal_equations", "projected", "squares"]
-
 #: Rows that are worked on at once, so that a block of the Jacobian stays in cache.
 JACOBIAN_ROWS = 2048
 #: Distance over which slopes and curvatures are taken, in standard deviations of the input.

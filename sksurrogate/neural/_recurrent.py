@@ -13,8 +13,6 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
 from sksurrogate.neural._settings import read_device
 
-__all__ = ["RecurrentRegressor"]
-
 
 class RecurrentRegressor(FreeRunMixin, BaseEstimator):
     """Recurrent network with the inputs alone as its signals (a state description, which the paper does not treat).

@@ -12,17 +12,6 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.neural._network import ACTIVATIONS, Layers
 from sksurrogate.neural._problems import Rows, Smoothness
 
-__all__ = [
-    "epochs_of",
-    "read_activations",
-    "read_batch",
-    "read_device",
-    "read_options",
-    "read_prior",
-    "read_sizes",
-    "read_smoothness",
-]
-
 #: Rows of a mini-batch of the solvers in torch where the data are too many to be taken whole at every step.
 MANY_ROWS, BATCH = 20_000, 500
 #: Steps of the solvers in torch with mini-batches.

@@ -11,8 +11,6 @@ from sksurrogate.kernels.least_squares import Slopes
 from sksurrogate.kernels.separable import Separable
 from sksurrogate.neural._network import ACTIVATIONS, Layers
 
-__all__ = ["Shallow"]
-
 #: Least ratio of the pivots of the Cholesky factor (about 1 / condition of the basis) at which inner products will do.
 PIVOTS = 1e-4
 #: How many times the rounding of the residual must lie below the residual.

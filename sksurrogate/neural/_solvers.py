@@ -19,18 +19,6 @@ from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.neural._network import Layers, draw_layers
 from sksurrogate.neural._problems import JACOBIAN_ROWS, Rows, normal_equations, projected, squares
 
-__all__ = [
-    "Outcome",
-    "Plan",
-    "Validation",
-    "draw_steps",
-    "misfit",
-    "objective",
-    "train_lbfgs",
-    "train_least_squares",
-    "train_linear",
-]
-
 #: Rows up to which variable projection holds the whole Jacobian.
 WHOLE_JACOBIAN_ROWS = 20_000
 #: Rows of the subsample on which a larger set is searched from several starts.

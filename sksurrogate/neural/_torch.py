@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.neural._network import ACTIVATIONS, Layers
 from sksurrogate.neural._problems import CURVATURE_STEP
 
-__all__ = ["build_net", "read_layers", "train_net", "write_layers"]
-
 #: Solver -> optimizer of torch.optim and its parameters (None: our own line search).
 OPTIMIZERS: dict[str, tuple[str | None, dict[str, Any]]] = {
     "gd": ("SGD", {}),

@@ -25,21 +25,6 @@ from sksurrogate.neural._solvers import (
     train_linear,
 )
 
-__all__ = [
-    "FEW_ROWS",
-    "GRADIENT",
-    "SMALL_NET",
-    "Torch",
-    "Trained",
-    "choose",
-    "memory_of",
-    "prepare",
-    "split",
-    "train",
-    "train_more",
-    "warn_if_falling",
-]
-
 #: Solvers that run in torch, through skorch, with their learning rates (paper, Table 2).
 GRADIENT = {
     "gd": 0.01, "line_search": 1.0, "momentum": 0.01, "nesterov": 0.01, "adam": 0.001, "adamw": 0.001, "rmsprop": 0.01

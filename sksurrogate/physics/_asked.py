@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["asked_bounds", "asked_names", "asked_priors", "initial_states", "nominal_values"]
-
 
 def asked_names(plant: Plant, params: Sequence[str] | None) -> list[str]:
     """Names to fit."""

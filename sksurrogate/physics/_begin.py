@@ -16,8 +16,6 @@ from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import fastest, first_guess, refined, smoothed_run
 
-__all__ = ["coarse_start", "thinned"]
-
 #: Rows that are kept at least, of all runs and of the shortest.
 _LEAST_ROWS, _ROWS_OF_A_RUN = 400, 25
 #: One row of at least and at most so many is kept: records that would be thinned less are faster fitted at once.

@@ -13,8 +13,6 @@ from scipy import special
 
 from sksurrogate.physics._foreign import offered
 
-__all__ = ["Branches"]
-
 #: Time, states, inputs, parameters.
 _Part = tuple[Any, np.ndarray, np.ndarray, dict[str, Any]]
 

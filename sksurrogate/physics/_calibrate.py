@@ -34,8 +34,6 @@ from sksurrogate.physics._prior import Prior, weighed
 from sksurrogate.physics._simulator import Plant, describe, simulated
 from sksurrogate.runs import Run, Runs, resolve_runs
 
-__all__ = ["CalibratedSimulator"]
-
 #: Squared residuals, in units of the noise, above which single shooting is tried as well.
 _POOR = 4.0
 #: Open steps converge quadratically: after one that moves by less than this share, the next would change nothing.

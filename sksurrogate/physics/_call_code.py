@@ -6,8 +6,6 @@ import ctypes
 from collections.abc import Callable
 from functools import lru_cache
 
-__all__ = ["machine_code"]
-
 
 @lru_cache(maxsize=64)
 def machine_code(shape: tuple[tuple[str, bool], ...]) -> Callable[[int, int, int], int] | None:

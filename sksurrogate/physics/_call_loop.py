@@ -14,8 +14,6 @@ import numpy as np
 
 from sksurrogate.physics._call_code import machine_code
 
-__all__ = ["Call", "CallLoop", "Real", "Row"]
-
 #: Points between two looks at the keyboard: the machine code itself cannot be interrupted.
 _STRETCH = 4096
 

@@ -15,8 +15,6 @@ from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator, numbers_of
 from sksurrogate.physics._wrappers import StepSimulator
 
-__all__ = ["CasadiSimulator"]
-
 #: What the inputs of a function may be called at length.
 _LONG = {"states": "x", "inputs": "u", "params": "p"}
 

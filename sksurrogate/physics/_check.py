@@ -11,8 +11,6 @@ from sklearn.base import clone
 
 from sksurrogate.physics._simulator import describe
 
-__all__ = ["check_simulator"]
-
 
 def check_simulator(simulator: Any, U: Any = None, x0: Any = None) -> None:
     """Check that an object keeps the protocol of a simulator.

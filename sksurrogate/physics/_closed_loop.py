@@ -18,8 +18,6 @@ from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._simulator import BaseSimulator, Plant, describe, units_of
 from sksurrogate.physics._wrappers import StepSimulator
 
-__all__ = ["ClosedLoopSimulator"]
-
 #: Before the name of a state of the controller that the plant has too.
 CONTROLLER = "controller."
 

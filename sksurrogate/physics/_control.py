@@ -16,8 +16,6 @@ from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator, numbers_of
 from sksurrogate.physics._wrappers import StepSimulator
 
-__all__ = ["ControlSimulator"]
-
 
 def _is_continuous(self: ControlSimulator) -> bool:
     return not self.system.dt

@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._rhs import PointwiseFunction
 
-__all__ = ["EventMap"]
-
 #: Largest difference between one sample in n and in 2 n substeps, relative to the size of the states.
 _EVENT_TOLERANCE = 1e-8
 _FEWEST_SUBSTEPS, _MOST_SUBSTEPS_TRIED = 4, 64

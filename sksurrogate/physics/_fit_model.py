@@ -15,8 +15,6 @@ from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.stiff import one_sample
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["BoundFitModel", "FitModel"]
-
 #: Points that go through all stages of a step together, so that they stay in the cache.
 _POINTS_IN_BLOCK = 8192
 

@@ -24,8 +24,6 @@ from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator, numbers_of
 from sksurrogate.physics._simulator import describe as physics_describe
 
-__all__ = ["FMUSimulator"]
-
 T = TypeVar("T")
 #: Folder of an unpacked unit -> its description; question -> what the unit gives.
 _DESCRIPTIONS: dict[str, Any] = {}

@@ -14,8 +14,6 @@ from sksurrogate.physics._fmu_exchange import ExchangeUnit
 from sksurrogate.physics._fmu_signals import Signals, Unfit, read_signals
 from sksurrogate.physics._fmu_steps import CoSteps
 
-__all__ = ["Access", "Question", "find_access", "open_engine"]
-
 #: Rows of the run by which a step is proven.
 _PROOF_ROWS = 100
 #: Largest difference between steps and a run that goes through, relative to the range of a signal: an inner solver that

@@ -11,8 +11,6 @@ from scipy.optimize import brentq
 from sksurrogate.physics._fmu_exchange import ExchangeUnit, Refused
 from sksurrogate.physics._foreign import offered
 
-__all__ = ["EventSteps"]
-
 #: Largest difference between one sample in n and in 2 n substeps, relative to the size of the states.
 _FMU_TOLERANCE = 1e-8
 _MOST_FMU_SUBSTEPS = 64

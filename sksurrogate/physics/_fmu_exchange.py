@@ -13,8 +13,6 @@ from sksurrogate.physics._fmu_signals import Signals
 from sksurrogate.physics._fmu_unit import Messages, new_instance
 from sksurrogate.physics._foreign import LARGEST_OFFERED, offered
 
-__all__ = ["ExchangeUnit", "Refused"]
-
 #: Up to so many points an order of their visit costs more than it saves.
 _FEW = 8
 #: Rounds of an event until nothing changes any more.

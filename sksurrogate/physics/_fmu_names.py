@@ -7,8 +7,6 @@ from typing import Any
 
 from sksurrogate.exceptions import SimulatorError
 
-__all__ = ["check_driven", "check_settable", "variables"]
-
 
 def variables(description: Any, path: Any, given: Sequence[str] | None, causality: str) -> list[str]:
     """Names as given, each of them known and once, else by causality."""

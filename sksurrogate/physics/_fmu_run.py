@@ -9,8 +9,6 @@ import numpy as np
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError, require
 from sksurrogate.physics._fmu_unit import OpenUnit, equal_steps
 
-__all__ = ["run_whole"]
-
 
 def run_whole(
     unit: OpenUnit, path: Any, rows: np.ndarray, times: np.ndarray, dt: float, values: dict[str, float], inputs: list[str],

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Signals", "Unfit", "read_signals"]
-
 
 class Unfit(Exception):
     """The unit gives no equations, or no steps, in this way; the sentence says why."""

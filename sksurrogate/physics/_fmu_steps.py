@@ -13,8 +13,6 @@ from sksurrogate.physics._fmu_signals import Signals
 from sksurrogate.physics._fmu_unit import Messages, new_instance
 from sksurrogate.physics._foreign import offered
 
-__all__ = ["CoSteps"]
-
 
 class CoSteps:
     """One instance of a unit for co-simulation that begins anew at every point.

@@ -18,8 +18,6 @@ import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["Messages", "OpenUnit", "describe", "equal_steps", "new_instance", "unpack"]
-
 #: Largest size of an unpacked unit, bytes.
 _LARGEST_UNIT = 2_000_000_000
 #: Most files in a unit.

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["LARGEST_OFFERED", "REFUSALS", "at_points", "offered"]
-
 #: Values beyond this are not offered to a foreign program: their cubes would leave the finite numbers.
 LARGEST_OFFERED = 1e100
 #: What a function raises at a point that it refuses; other errors are mistakes in the function.

@@ -13,8 +13,6 @@ from sksurrogate.kernels.integrate import march, rk4
 from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.windows import run_in_windows
 
-__all__ = ["OF_SCIPY", "free_run", "hold_inputs", "raise_if_diverged", "substeps"]
-
 #: Largest local error of a sample, relative to the size of the state, that the choice of substeps accepts.
 TOLERANCE = 1e-8
 #: Evaluations of the right-hand side in a stretch, beside 2000 a sample, after which the integrator counts as stuck.

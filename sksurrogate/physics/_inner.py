@@ -9,8 +9,6 @@ from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError
 
-__all__ = ["InnerRunsMixin", "held_over_samples"]
-
 
 def held_over_samples(hold: Any, method: Any = "auto") -> None:
     """A map from sample to sample knows neither inputs between samples nor an integrator."""

@@ -9,8 +9,6 @@ from scipy.special import stdtrit
 
 from sksurrogate.physics._memory import memory
 
-__all__ = ["Knowledge", "known"]
-
 #: A direction of the parameters whose singular value is below this share of the largest is not fixed by the data.
 _WEAK = 1e-6
 

@@ -10,8 +10,6 @@ import numpy as np
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.linear_step import linear_run
 
-__all__ = ["LinearParts", "exact_run", "linear_parts"]
-
 #: Largest departure from the linear law at a probe, relative to the size of its terms: rounding of a sum of some hundred.
 _ROUNDING = 1e-10
 #: Sizes of the probes beside those of the start and of the inputs.

@@ -13,8 +13,6 @@ from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe
 
-__all__ = ["Linearisation", "linearise", "steady_state"]
-
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:

@@ -8,8 +8,6 @@ import numpy as np
 from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.optimize import minimize, minimize_scalar
 
-__all__ = ["memory"]
-
 #: Longest autoregression.
 _LONGEST = 20
 #: Up to so many rows and so high an order the likelihood is restricted: beyond, what the fit swallows is next to nothing.

@@ -14,8 +14,6 @@ from sksurrogate.kernels.clock import check_time
 from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant
 
-__all__ = ["PlantModel", "wired"]
-
 
 class PlantModel:
     """Right-hand side (or step) and output of a plant on arrays ``(n, *s)``.

@@ -18,8 +18,6 @@ from sksurrogate.physics._mujoco_patch import patched
 from sksurrogate.physics._mujoco_read import NamedModel, whole_steps
 from sksurrogate.physics._mujoco_units import joint_units
 
-__all__ = ["MuJoCoSimulator"]
-
 #: The way out of a run that diverged.
 AFTER_DIVERGING = (
     'Check x0 and the units of the inputs; a stiff model may want a smaller timestep or integrator="implicitfast" '

@@ -12,8 +12,6 @@ from sksurrogate.physics._mujoco_engine import Engine
 from sksurrogate.physics._mujoco_layout import Layout
 from sksurrogate.physics._mujoco_params import ModelParameter
 
-__all__ = ["as_parameters", "law_of"]
-
 #: Parameters of a joint that are laws at its port, driven by its own velocity or position.
 _LAWS = {
     "damping": ("linear_loss", "vel"),

@@ -15,8 +15,6 @@ from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._mujoco_layout import read_layout
 from sksurrogate.physics._mujoco_params import assign, colliding, read_parameters
 
-__all__ = ["Engine", "Points"]
-
 #: Numbers that one call of the rollout may write; more are cut into several calls.
 _LARGEST_BLOCK = 4_000_000
 #: Copies of the model that hold different parameters, and the bytes that all of them may take.

@@ -9,8 +9,6 @@ import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["Layout", "name_of", "read_layout"]
-
 _LINEAR_AXES, _ROTATION, _QUATERNION = ("x", "y", "z"), ("rx", "ry", "rz"), ("qw", "qx", "qy", "qz")
 #: Components of a sensor by their number; others are counted.
 _COMPONENTS = {3: _LINEAR_AXES, 4: ("w", *_LINEAR_AXES)}

@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.exceptions import require
 from sksurrogate.physics._mujoco_layout import name_of
 
-__all__ = ["ModelParameter", "assign", "colliding", "read_parameters"]
-
 #: Friction of a geom: its three columns.
 _FRICTION = ("friction", "torsional_friction", "rolling_friction")
 

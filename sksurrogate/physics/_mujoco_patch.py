@@ -17,8 +17,6 @@ from sksurrogate.physics._mujoco_layout import name_of
 from sksurrogate.physics._mujoco_params import ModelParameter
 from sksurrogate.physics._mujoco_source import editable, is_text
 
-__all__ = ["patched"]
-
 #: Fields that the parameters live in: a patched text must compile to these numbers.
 _FIELDS = (
     "dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "body_mass", "body_inertia", "actuator_gear",

@@ -17,8 +17,6 @@ from sksurrogate.physics._mujoco_engine import Engine
 from sksurrogate.physics._mujoco_source import files_of, identity, read_model
 from sksurrogate.physics._params import ParametricSimulator
 
-__all__ = ["NamedModel", "whole_steps"]
-
 
 class Resolved:
     """A constructor argument that is kept as given and read through the method ``_read_<name>(given)``."""

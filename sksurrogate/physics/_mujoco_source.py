@@ -11,8 +11,6 @@ from typing import Any
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["editable", "files_of", "identity", "is_text", "read_model"]
-
 #: What a text names: included models, meshes, textures, and their folders.
 _NAMED = re.compile(r"""\b(?:file|meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["']""")
 #: Text or path, and working folder -> files that it was made of, and their stamps.

@@ -7,8 +7,6 @@ from typing import Any
 from sksurrogate._units import over
 from sksurrogate.physics._mujoco_layout import name_of
 
-__all__ = ["joint_units"]
-
 #: Kind of joint -> units of position, velocity, generalised force.
 _KINDS = {"slide": ("m", "m/s", "N"), "hinge": ("rad", "rad/s", "N m")}
 #: Numbers of the kinds in ``mjtJoint``; free and ball joints have coordinates of several kinds.

@@ -13,8 +13,6 @@ from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import first_guess
 
-__all__ = ["finite_along", "not_finite_along"]
-
 WAY_OUT = (
     "See that the unit and the offset of the outputs are those of the simulator, and where its function is defined: a root, a "
     "logarithm or a division may want np.maximum(x, 0) or a floor."

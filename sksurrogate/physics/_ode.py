@@ -19,8 +19,6 @@ from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._rhs import PointwiseFunction
 from sksurrogate.physics._simulator import describe
 
-__all__ = ["ODESimulator"]
-
 
 def _has_events(self: ODESimulator) -> bool:
     return bool(self.events)

@@ -8,8 +8,6 @@ from typing import Any
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._simulator import BaseSimulator
 
-__all__ = ["ParametricSimulator", "numbers_of"]
-
 
 def numbers_of(params: Any) -> dict[str, float]:
     """Parameters as numbers.

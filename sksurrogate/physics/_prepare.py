@@ -13,8 +13,6 @@ from sksurrogate.kernels.smoother import drawn
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 
-__all__ = ["SIMULATOR_LOCAL_ERROR", "fastest", "first_guess", "prepared", "refined", "smoothed_run"]
-
 #: Substeps are doubled until one sample differs by less than this share of the size of a state.
 SIMULATOR_LOCAL_ERROR = 1e-6
 #: Runge-Kutta with more substeps than this, and the plant counts as stiff.

@@ -11,8 +11,6 @@ import numpy as np
 from sksurrogate.kernels.free_run_model import FreeRunModel
 from sksurrogate.kernels.output_error import Fit, output_error
 
-__all__ = ["Prior", "weighed"]
-
 #: A fit is made again where the noise that it leaves differs from the assumed one by more than this factor.
 SAME_NOISE = 1.01
 #: Rounds at most: noise and parameters hardly move each other, so that two or three settle it.

@@ -13,9 +13,6 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._branches import Branches
 from sksurrogate.physics._foreign import REFUSALS, offered
 
-__all__ = ["PointwiseFunction", "locked"]
-
-
 #: Whole powers up to this are taken by multiplication.
 _LARGEST_POWER = 8
 #: Functions that were said to be slow: once in a process and in those that are forked from it.

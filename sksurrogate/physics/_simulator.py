@@ -13,8 +13,6 @@ from sklearn.base import BaseEstimator
 
 from sksurrogate.exceptions import SimulatorError, require
 
-__all__ = ["BaseSimulator", "Plant", "describe", "recorded", "simulated", "simulated_batch", "units_of"]
-
 
 class BaseSimulator(BaseEstimator):
     """Base of the simulators: one method, ``simulate``; everything else is found by presence.

@@ -15,8 +15,6 @@ from sksurrogate.physics._inner import InnerRunsMixin
 from sksurrogate.physics._simulator import BaseSimulator
 from sksurrogate.physics._wrappers import StepSimulator
 
-__all__ = ["SurrogateSimulator"]
-
 #: Points at which it is seen which states only pass a value on.
 _PASSING_PROBES = 5
 

@@ -18,8 +18,6 @@ from sksurrogate.physics._params import ParametricSimulator
 from sksurrogate.physics._simulator import BaseSimulator, describe
 from sksurrogate.runs import unstack_runs
 
-__all__ = ["CallableSimulator", "StepSimulator", "TableSimulator"]
-
 
 def _inputs(U: Any, names: Sequence[str] | None = None) -> np.ndarray:
     """(n_samples, n_inputs) as float."""

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from sklearn.base import clone
 
 from sksurrogate.effects import CATALOGUE, Probe, build_effects
-from sksurrogate.effects._catalogue import kinematic_states
 from sksurrogate.effects._disturbance import frequencies
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

@@ -13,10 +13,9 @@ from sksurrogate.effects import (
     load_augmented,
     save_augmented,
 )
-from sksurrogate.effects._catalogue import kinematic_states
 from sksurrogate.effects._law import LawEffect, Term
 from sksurrogate.effects._ports import Port, places_of
-from sksurrogate.effects._structure import structure_of
+from sksurrogate.effects._structure import kinematic_states, structure_of
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics import ODESimulator, StepSimulator
 from sksurrogate.physics._model import PlantModel

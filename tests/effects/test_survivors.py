@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
-from sksurrogate.effects._catalogue import kinematic_states
+from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe

@@ -9,7 +9,7 @@ from sklearn.linear_model import LinearRegression
 
 from sksurrogate.compose import DerivativeRegressor, HybridRegressor, RecursivePredictor, StateSpaceRegressor
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
-from sksurrogate.effects._catalogue import kinematic_states
+from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export import to_graph
 from sksurrogate.gap import GapDiagnoser
