@@ -31,6 +31,8 @@ class Evidence:
         Of the parameters.
     log_evidence : float
         Up to a constant that depends on the sizes of the groups alone.
+    half_nat : float
+        What half a nat is in squares: the noise, times the rows over which residuals stay alike.
     """
 
     penalty: np.ndarray
@@ -38,6 +40,7 @@ class Evidence:
     effective: np.ndarray
     covariance: np.ndarray
     log_evidence: float
+    half_nat: float
 
 
 def weigh(
@@ -103,7 +106,7 @@ def weigh(
     with np.errstate(divide="ignore"):
         log_evidence += 0.5 * float(np.sum(np.log(weight[held]))) - 0.5 * log_det
     log_evidence += 0.5 * free * np.log(spread)
-    return Evidence(np.minimum(moved, most), noise, effective, spread * inverse, float(log_evidence))
+    return Evidence(np.minimum(moved, most), noise, effective, spread * inverse, float(log_evidence), spread)
 
 
 def _inverse(H: np.ndarray) -> tuple[np.ndarray, float]:

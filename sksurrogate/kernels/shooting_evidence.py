@@ -114,11 +114,10 @@ def fit_by_evidence(
         if not np.isfinite(value) or (holds is not None and not holds(model)):
             return found
         e = loss.errors(y)
-        alike = correlation_length(e)
-        evidence = _weighed(loss, model, _gram(loss, model, y), e, alike)
+        evidence = _weighed(loss, model, _gram(loss, model, y), e, correlation_length(e))
         found = EvidenceFit(model, loss, y, evidence)
         change = float(np.log((evidence.penalty[0] + 1e-300) / (loss.alpha + 1e-300)))
-        if abs(change) < PENALTY_SETTLED and before - value < alike * evidence.noise:
+        if abs(change) < PENALTY_SETTLED and before - value < evidence.half_nat:
             break
         before = value
         loss = replace(loss, alpha=float(loss.alpha * np.exp(np.clip(change, -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE))))

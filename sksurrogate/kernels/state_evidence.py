@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from sksurrogate.kernels.evidence import Evidence, by_run, correlation_length, weigh
-from sksurrogate.kernels.shooting_evidence import LARGEST_LOG_CHANGE, PENALTY_SETTLED
+from sksurrogate.kernels.shooting_evidence import LARGEST_LOG_CHANGE, PENALTY_ROUNDS, PENALTY_SETTLED
 from sksurrogate.kernels.state_model import StateModel
 from sksurrogate.kernels.state_space import OutputErrorLoss, StateFit, fit_output_error, state_slopes
 
-#: Steps of Levenberg-Marquardt between which the penalty is weighed again, and how often it is at most.
-STEPS_BETWEEN, STATE_ROUNDS = 10, 12
+#: Steps of Levenberg-Marquardt between which the penalty is weighed again.
+STEPS_BETWEEN = 10
 #: Prior standard deviation of the affine part, whose coefficients are of order one in standardised units: it holds what the
 #: outputs do not see (other coordinates of the state), and nothing else.
 AFFINE_PRIOR = 100.0
@@ -50,15 +50,16 @@ def fit_state_evidence(
 ) -> tuple[StateFit, float]:
     """Follow the minimum from ``alpha`` to the penalty of the largest evidence; the fit and its penalty.
 
-    Steps to models that ``holds`` refuses are not taken.
+    The way ends where neither the penalty moves nor a round gains half a nat. Steps to models that ``holds`` refuses are not taken.
     """
-    steps = fit.n_iter
-    for _ in range(STATE_ROUNDS):
-        wanted = float(weigh_states(model, fit, U, Y, starts, alpha).penalty[0]) / max(int(np.isfinite(Y).sum()), 1)
-        change = float(np.clip(np.log(wanted / alpha), -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE))
-        if abs(change) < PENALTY_SETTLED:
+    steps, before, count = fit.n_iter, np.inf, max(int(np.isfinite(Y).sum()), 1)
+    for _ in range(PENALTY_ROUNDS):
+        evidence = weigh_states(model, fit, U, Y, starts, alpha)
+        change = float(np.log(evidence.penalty[0] / count / alpha))
+        if abs(change) < PENALTY_SETTLED and (before - fit.cost) * count < evidence.half_nat:
             break
-        alpha *= float(np.exp(change))
+        before = fit.cost
+        alpha *= float(np.exp(np.clip(change, -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE)))
         fit = fit_output_error(
             model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=STEPS_BETWEEN, tol=1e-4, holds=holds
         )

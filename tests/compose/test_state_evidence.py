@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from sksurrogate.compose import StateSpaceRegressor
-from sksurrogate.kernels.state_evidence import weigh_states
+from sksurrogate.datasets import make_reactor_runs
+from sksurrogate.kernels.state_evidence import STEPS_BETWEEN, weigh_states
 from sksurrogate.kernels.state_model import StateModel
-from sksurrogate.kernels.state_space import StateFit, simulate, state_slopes
+from sksurrogate.kernels.state_space import OutputErrorLoss, StateFit, fit_output_error, simulate, state_slopes
 
 
 def linear_runs(n_runs, noise, seed):
@@ -83,3 +84,17 @@ def test_the_penalty_grows_with_the_noise():
         assert model.noise_[0] == pytest.approx(noise, rel=0.12)
         penalties.append(model.alpha_)
     assert penalties[1] > 10 * penalties[0]
+
+
+def test_the_way_down_ends_where_a_round_gains_less_than_half_a_nat():
+    # a penalty that has settled is not enough: without noise the fit still falls
+    X, y, groups = make_reactor_runs(4, 100, y0_range=(4.0, 8.0), u_range=(0.1, 0.2), random_state=0)
+    model = StateSpaceRegressor(1, hidden_layer_sizes=(4,), random_state=0).fit(X, y, groups=groups)
+    U, Y = (X - model.u_mean_) / model.u_spread_, ((y - model.y_mean_) / model.y_spread_)[:, None]
+    starts = np.arange(0, 400, 100)
+    objective = OutputErrorLoss(model.model_, U, Y, starts, model.alpha_)
+    cost, _ = objective.cost(model.theta_, model.x0_, None)
+    further = fit_output_error(
+        model.model_, model.theta_, model.x0_, U, Y, starts, alpha=model.alpha_, max_iter=STEPS_BETWEEN
+    )
+    assert (cost - further.cost) * len(Y) < model._evidence.half_nat
