@@ -1,11 +1,10 @@
-"""How well is a missing term found as a formula: published systems with one term deleted, against a sparse regression, and recordings.
+"""How well is a missing term found as a formula: published systems with one term deleted, against peers, and recordings.
 
 Run: ``python tests/benchmarks/bench_laws.py systems [NAME ...]``, ``... false [NAME ...]`` (the same systems with nothing
 deleted, half of them under a coloured disturbance) or ``... recordings [NAME ...]`` (data below ``SKSURROGATE_DATA``; long
-records are cut to ``ROWS`` rows). A term is recovered where the R2 of the formula against the true term, along runs that nobody fitted, is
-at least 0.99. The peer is pysindy's STLSQ (extra ``bench``) on the same runs: polynomials of degree three and sines of the states
-against the derivative that the simulator leaves; without pysindy it is left out. Recordings are diagnosed with and without the
-accepted names: the law should close most of what the name closes.
+records are cut to ``ROWS`` rows). A term is recovered where the R2 of the formula against the true term, along runs that nobody
+fitted, is at least 0.99. The peers of ``law_peers.py`` (pysindy, gplearn) see the same runs; one that is not installed is nan.
+Recordings are diagnosed with and without the accepted names: the law should close most of what the name closes.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from law_peers import PEERS, best_of, r2, residual
 from published_systems import SYSTEMS, System
 from scipy.signal import lfilter
 
@@ -53,12 +53,6 @@ def runs_of(system: System, n_runs: int, seed: int) -> np.ndarray:
     return np.asarray(simulator_of(system, True).simulate_batch(np.zeros((n_runs, system.n_samples, 0)), starts))
 
 
-def r2(found: np.ndarray, truth: np.ndarray) -> float:
-    """Of a term along fresh runs."""
-    spread = float(np.sum((truth - truth.mean()) ** 2))
-    return 1.0 - float(np.sum((truth - found) ** 2)) / spread if np.isfinite(found).all() else -np.inf
-
-
 def by_law(system: System, runs: np.ndarray, noise: np.ndarray, fresh: np.ndarray) -> tuple[float, str, float]:
     """R2 of the formula, its text, and the processor seconds of the diagnosis."""
     y = (runs + noise).reshape(-1, runs.shape[2])
@@ -84,31 +78,6 @@ def first_rows(one: Any) -> Any:
     return one if counts.max() <= most else replace(one, X=one.X[kept], y=one.y[kept], groups=one.groups[kept])
 
 
-def by_sparse_regression(system: System, runs: np.ndarray, noise: np.ndarray, fresh: np.ndarray) -> float:
-    """R2 of what STLSQ finds in the derivative that the simulator leaves; nan without pysindy."""
-    try:
-        import pysindy
-    except ImportError:
-        return float("nan")
-    place = system.states.index(system.place)
-    slope = pysindy.SmoothedFiniteDifference(smoother_kws={"window_length": 11})
-    t = system.dt * np.arange(runs.shape[1])
-    Z, left = [], []
-    for run in runs + noise:
-        smooth = np.asarray(run)
-        rate = np.asarray(slope._differentiate(smooth, t))
-        Z.append(smooth)
-        left.append(rate[:, place] - np.broadcast_to(np.asarray(system.rest(smooth.T)[place]), rate[:, place].shape))
-    library = pysindy.PolynomialLibrary(degree=3) + pysindy.FourierLibrary(n_frequencies=1)
-    features = np.asarray(library.fit_transform(np.concatenate(Z)))
-    target = np.concatenate(left)[:, None]
-    best = -np.inf
-    for threshold in (0.02, 0.05, 0.1, 0.2):
-        model = pysindy.STLSQ(threshold=threshold).fit(features, target)
-        best = max(best, r2(np.asarray(library.transform(fresh.T)) @ np.ravel(model.coef_), system.term(fresh)))
-    return best  # the threshold that suits the truth: more than a user can choose
-
-
 def systems(names: list[str]) -> None:
     """Every system in a line, then the counts."""
     rows = []
@@ -117,11 +86,19 @@ def systems(names: list[str]) -> None:
         runs, fresh = runs_of(system, RUNS, 1), runs_of(system, FRESH, 2).reshape(-1, len(system.states)).T
         noise = NOISE * runs.std(axis=(0, 1)) * np.random.default_rng(3).normal(size=runs.shape)
         found, text, seconds = by_law(system, runs, noise, fresh)
-        peer = by_sparse_regression(system, runs, noise, fresh)
-        rows.append((found, peer))
-        print(f"{name}: R2 {found:.4f} [{text}], STLSQ {peer:.4f}, {seconds:.1f} s", flush=True)
-    recovered = [sum(value >= 0.99 for value in column) for column in zip(*rows)]
-    print(f"recovered: {recovered[0]} of {len(rows)}; STLSQ (its best threshold): {recovered[1]} of {len(rows)}")
+        Z, left = residual(system, runs + noise)
+        truth = system.term(fresh)
+        started = time.process_time()
+        peers = {peer: best_of(peer, Z, left, fresh.T, truth) for peer in PEERS}
+        rows.append((found, *peers.values()))
+        said = ", ".join(f"{peer} {value:.4f}" for peer, value in peers.items())
+        print(
+            f"{name}: R2 {found:.4f} [{text}], {seconds:.1f} s; {said}, {time.process_time() - started:.1f} s",
+            flush=True,
+        )
+    for name, values in zip(("law", *PEERS), zip(*rows)):
+        counts = (sum(value >= bar for value in values) for bar in (0.99, 0.999))
+        print("{}: R2 of 0.99 in {}, of 0.999 in {} of {}".format(name, *counts, len(values)))
 
 
 def false(names: list[str]) -> None:
