@@ -45,10 +45,10 @@ def silverbox():
 
 
 def wiener():
-    """Wiener-Hammerstein 2009: 8000 of the 100000 official training rows; the official test record."""
+    """Wiener-Hammerstein 2009: 16000 of the 100000 official training rows; the official test record."""
     data = np.load(os.path.join(os.environ["SKSURROGATE_DATA"], "wiener_hammerstein_2009", "wh2009.npz"))
     u, y = data["uBenchMark"].ravel(), data["yBenchMark"].ravel()
-    train, test = slice(5200, 13200), slice(105200, 184000)
+    train, test = slice(5200, 21200), slice(105200, 184000)
     return u[train, None], y[train], {"test": (u[test, None], y[test])}, "mV", 1e3
 
 
