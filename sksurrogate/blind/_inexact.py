@@ -19,6 +19,9 @@ Params = Mapping[str, Any]
 SAMPLED, WANDERING = "sampled", "wandering"
 #: Share by which a delay wanders, and over how many samples.
 SWING, PERIOD = 0.15, 60.0
+#: What a Bouc-Wen loop forgets with the way that it goes; the rest with the motion's direction. 0.5 each in the catalogue.
+LEAN, FULL = "lean", "full"
+FORGOTTEN = {LEAN: 0.35, FULL: 0.7}
 
 
 def _s(h: float) -> float:
@@ -110,6 +113,7 @@ INEXACT: dict[str, dict[str, Term | str]] = {
         "bent": lambda t, u, v, w, p, h: u * (1.0 + p["relative_error"] * (1.0 + 0.05 * np.tanh(u / _s(h)))),
         "drooping": lambda t, u, v, w, p, h: u * (1.0 + p["relative_error"] * (1.0 - 0.0005 * t / (1e-3 + abs(p["relative_error"])))),
     },
+    "hysteresis": {LEAN: LEAN, FULL: FULL},
     "rate_limit": {"sampled": SAMPLED, "wandering": WANDERING},
     "input_delay": {"wandering": WANDERING},
     "sensor_saturation": {
@@ -135,6 +139,12 @@ def form_of(truth: Truth) -> Term | None:
     if callable(variant):
         return variant
     return KINDS[truth.name].form if truth.name in KINDS else None
+
+
+def loop_rate(truth: Truth, moved: Any, z: Any) -> Any:
+    """Derivative of a Bouc-Wen state z for a motion: ``v' - (g |v'| z + (1 - g) v' |z|) / limit``."""
+    share = FORGOTTEN.get(truth.variant, 0.5)
+    return moved - (share * np.abs(moved) * z + (1.0 - share) * moved * np.abs(z)) / truth.params["limit"]
 
 
 def wandering(truth: Truth, t: float, dt: float) -> float:

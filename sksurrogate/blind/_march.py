@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.blind._inexact import SAMPLED, form_of, wandering
+from sksurrogate.blind._inexact import SAMPLED, form_of, loop_rate, wandering
 from sksurrogate.blind._laws import family
 from sksurrogate.blind._plants import PlantSpec
 from sksurrogate.blind._truths import Kind, Term, Truth, sign
@@ -330,8 +330,7 @@ class _Machine:
         p, own = truth.params, z[self.slots[id(truth)]]
         v, _ = self.factors(truth, x, u)
         if truth.name == "hysteresis":
-            moved = dz[self.index[truth.variable or truth.location]]
-            return moved * (1.0 - np.abs(own[0]) / p["limit"] * (1.0 + np.sign(moved * own[0])) / 2.0)
+            return loop_rate(truth, dz[self.index[truth.variable or truth.location]], own[0])
         if truth.name == "lugre_friction":
             g = p["level"] + (p["static_level"] - p["level"]) * np.exp(-((v / p["velocity"]) ** 2))
             return v - p["stiffness"] * v * sign(v, truth.width) * own[0] / g

@@ -10,6 +10,7 @@ import pytest
 from sksurrogate.blind import draw
 from sksurrogate.blind._equations import two_rooms
 from sksurrogate.blind._excite import coloured
+from sksurrogate.blind._inexact import FORGOTTEN, FULL, LEAN, loop_rate
 from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
 from sksurrogate.blind._retune import beyond_retuning
@@ -296,3 +297,12 @@ def test_noise_that_fades_has_unit_variance_and_its_memory(samples):
     np.testing.assert_allclose(noise.std(axis=0), 1.0, atol=0.2)  # 400 draws: a deviation of 0.035
     assert np.mean(noise[:, 200:] ** 2) == pytest.approx(1.0, abs=0.1)
     assert np.mean(noise[:, 300:-1] * noise[:, 301:]) == pytest.approx(np.exp(-1.0 / samples), abs=0.1)
+
+
+@pytest.mark.parametrize("variant", ["", LEAN, FULL])
+def test_a_loop_yields_to_its_limit_whatever_it_forgets_on_the_way_back(variant):
+    truth = Truth("hysteresis", "v", "y", {"stiffness": 1.0, "limit": 2.0}, variant=variant)
+    share = FORGOTTEN.get(variant, 0.5)
+    assert loop_rate(truth, 3.0, 0.5) == pytest.approx(3.0 * (1.0 - 0.5 / 2.0))
+    assert loop_rate(truth, -3.0, 0.5) == pytest.approx(-3.0 * (1.0 + (2.0 * share - 1.0) * 0.5 / 2.0))
+    assert loop_rate(truth, 3.0, 2.0) == pytest.approx(0.0)

@@ -9,8 +9,9 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.decide import _posterior
 from sksurrogate.gap.decide._contenders import Contender, preferred
-from sksurrogate.gap.decide._posterior import Posterior, _of_classes
+from sksurrogate.gap.decide._posterior import Posterior, _of_classes, needed_only
 from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.physics import ODESimulator
 
@@ -146,3 +147,27 @@ def test_an_exact_name_does_not_fall_to_another_form_far_from_the_data_with_a_la
     report = diagnoser.fit(X, y, groups=np.repeat(np.arange(4), 300)).report_
     assert report.verdict == "explained" and [e.name for e in report.effects] == ["power_law"]
     assert report.effects[0].params["exponent"] == pytest.approx(1.85, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("other", "tolerated", "left"),
+    [
+        (("lugre_friction", "v", "v"), 400.0, ["hysteresis"]),
+        (("lugre_friction", "v", "v"), 200.0, ["hysteresis", "lugre_friction"]),
+        (("linear_loss", "v", "v"), 400.0, ["hysteresis", "linear_loss"]),
+    ],
+)
+def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monkeypatch, other, tolerated, left):
+    """A loop between two forms of the catalogue is followed to the noise by their sum."""
+
+    def one(effects, cost):
+        return SimpleNamespace(effects=effects, fit=SimpleNamespace(cost=cost), left=1.0)
+
+    both = CATALOGUE["hysteresis"]("v", "y"), CATALOGUE[other[0]](*other[1:])
+    final = one(both, 100.0)
+    final.candidate = final
+    search = SimpleNamespace(
+        tolerated_cost=tolerated, without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0)
+    )
+    monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
+    assert [effect.name for effect in needed_only(search, final).effects] == left

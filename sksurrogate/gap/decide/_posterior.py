@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._contenders import (
     Contender,
     contender,
@@ -22,6 +24,7 @@ from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
@@ -155,18 +158,29 @@ def _taken(search: OdeSearch, candidate: OdeCandidate, before: Evidence) -> Evid
 def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
     """A set without effects that the practical bar does not need, the least needed first.
 
-    A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others.
+    A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
+    of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant.
     """
-    while len(final.effects) > 1 and final.left > SETTLED:
-        sets = [search.without(final.candidate, i) for i in range(len(final.effects))]
-        known = [one for one in sets if one is not None and one.effects]
-        if not known:
-            break
-        fewer = min(known, key=lambda one: one.fit.cost)
-        if is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost):
-            break
+    while len(final.effects) > 1:
+        fewer = _nearest_without(search, final, [i for pair in _forms_of_one_law(final.effects) for i in pair])
+        if fewer is None or fewer.fit.cost > search.tolerated_cost:
+            fewer = _nearest_without(search, final, range(len(final.effects))) if final.left > SETTLED else None
+            if fewer is None or is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost):
+                break
         final = _taken(search, fewer, final)
     return final
+
+
+def _forms_of_one_law(effects: Sequence[BaseEffect]) -> list[tuple[int, int]]:
+    """Positions of the pairs that are forms of one law."""
+    return [(i, j) for i, j in combinations(range(len(effects)), 2) if of_one_law(effects[i], effects[j])]
+
+
+def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int]) -> OdeCandidate | None:
+    """The set without the effect at one of some positions that comes nearest to the data; None where there is none."""
+    sets = [search.without(final.candidate, i) for i in positions]
+    known = [one for one in sets if one is not None and one.effects]
+    return min(known, key=lambda one: one.fit.cost, default=None)
 
 
 def is_needed(whole: float, fewer: float, bar: float) -> bool:

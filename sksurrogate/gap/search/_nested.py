@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
 HARDLY_ANY = 5e-4
@@ -45,6 +45,26 @@ def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
 
 def related(one: BaseEffect, other: BaseEffect) -> bool:
     """Whether two effects at one place, in one variable, nest each other or a form in common."""
-    forms = {one.name, *NESTED.get(one.name, ())} & {other.name, *NESTED.get(other.name, ())}
     same = one.variable == other.variable or None in (one.variable, other.variable)
-    return bool(forms) and one.location == other.location and same and one.name != other.name
+    return same and _share_a_form(one, other)
+
+
+def of_one_law(one: BaseEffect, other: BaseEffect) -> bool:
+    """Whether two effects are forms of one law: related, or friction that remembers a motion by its position and by its speed.
+
+    Examples
+    --------
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> loop, bristles, loss = (
+    ...     CATALOGUE[name]("v", of) for name, of in (("hysteresis", "y"), ("lugre_friction", "v"), ("linear_loss", "y"))
+    ... )
+    >>> of_one_law(loop, bristles), of_one_law(loop, loss)
+    (True, False)
+    """
+    remember = isinstance(one, HiddenEffect) and isinstance(other, HiddenEffect)
+    return related(one, other) or (remember and _share_a_form(one, other))
+
+
+def _share_a_form(one: BaseEffect, other: BaseEffect) -> bool:
+    forms = {one.name, *NESTED.get(one.name, ())} & {other.name, *NESTED.get(other.name, ())}
+    return bool(forms) and one.location == other.location and one.name != other.name
