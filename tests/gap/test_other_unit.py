@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._other_unit import other_unit
+from sksurrogate.gap.fit._other_unit import _divided, _explained, other_unit
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -157,3 +157,19 @@ def test_a_diagnosis_of_degrees_says_so():
     report = diagnoser.fit(np.concatenate(U), np.degrees(np.concatenate(Y)), groups=np.repeat([0, 1], 120)).report_
     assert (report.verdict, report.reasons.rule, report.effects) == ("unknown", "other_unit", [])
     assert any("from degrees to radians" in note for note in report.notes)
+
+
+def test_a_plant_that_only_moves_less_is_in_no_other_unit():
+    """A bumper keeps a pendulum from falling over: the simulator of small motions does better than the simulator, in any small unit."""
+
+    def falling(t, x, u, p):
+        bumper = p["k"] * np.logaddexp(0.0, (x[0] - 0.8) / 0.03) * 0.03
+        return x[1], 2.5 * u[0] - 1.25 * x[1] - 15.0 * np.sin(x[0]) - 2.5 * bumper
+
+    plant = ODESimulator(falling, states=["q", "v"], inputs=["torque"], outputs=["q"], params={"k": 80.0}, dt=0.02)
+    U = [np.repeat(np.random.default_rng(seed).uniform(-5, 5.5, (12, 1)), 20, axis=0) for seed in range(3)]
+    record = Record.from_runs(U, [plant.simulate(u) for u in U], [0.02 * np.arange(240)] * 3, 0.02)
+    nominal = PlantModel(describe(plant.set_params(params__k=0.0)))
+    assert _explained(nominal, record) < 0.0
+    assert _explained(nominal, _divided(record, np.full(1, 1000.0), np.full(1, 1000.0))) > 0.5
+    assert other_unit(nominal, record) == ""

@@ -19,6 +19,10 @@ DEGREES = 180.0 / np.pi
 OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: In the right unit the simulator alone explains at least this share of every output's variance more: half of what there is.
 MORE_EXPLAINED = 0.5
+#: All signals in so small a unit: the simulator is linear there.
+SMALL_MOTIONS = 1e6
+#: A unit of all signals that leaves no less than half of what a linear simulator does is no unit of its own, unless it leaves less.
+MOST_UNEXPLAINED = 0.05
 #: Steps of the integrator in a sample, enough where a sample resolves the plant.
 SUBSTEPS_OF_A_LOOK = 8
 
@@ -52,12 +56,14 @@ def _of_time(model: PlantModel, record: Record, own: float) -> str:
 
 def _of_readings(model: PlantModel, record: Record, own: float) -> str:
     """Readings in other units, each in the likeliest one, or all of them and the inputs in the same."""
-    n_inputs, n_outputs = len(record.u), len(record.y)
-    options = [(np.full(n_inputs, k), np.full(n_outputs, k)) for k in OF_READINGS]
-    options.insert(0, (np.ones(n_inputs), _likely_units(model, record)))
-    found = [_explained(model, _divided(record, u, y)) for u, y in options]
+
+    def all_in(k: float) -> tuple[np.ndarray, np.ndarray]:
+        return np.full(len(record.u), k), np.full(len(record.y), k)
+
+    options = [(np.ones(len(record.u)), _likely_units(model, record)), *map(all_in, OF_READINGS)]
+    found = [_explained(model, _divided(record, *option)) for option in options]
     best = int(np.argmax(found))
-    if found[best] < own + MORE_EXPLAINED:
+    if found[best] < own + MORE_EXPLAINED or (best > 0 and _is_linear(model, record, 1.0 - found[best])):
         return ""
     plant, (of_inputs, of_outputs) = model.plant, options[best]
     names, factors = (*plant.inputs, *plant.outputs), np.concatenate([of_inputs, of_outputs])
@@ -66,6 +72,13 @@ def _of_readings(model: PlantModel, record: Record, own: float) -> str:
         f"With {' and '.join(parts)} the simulator alone explains {100 * found[best]:.0f} % of every output's variance, with "
         f"the record as it is {100 * own:.0f} %: are the units of the record those of the simulator? Convert these columns."
     )
+
+
+def _is_linear(model: PlantModel, record: Record, unexplained: float) -> bool:
+    """Whether a simulator of small motions does as well as one in another unit of all signals: any small unit would then do."""
+    small = np.full(len(record.u), SMALL_MOTIONS), np.full(len(record.y), SMALL_MOTIONS)
+    as_well = 1.0 - _explained(model, _divided(record, *small)) < 2.0 * unexplained
+    return as_well and unexplained > MOST_UNEXPLAINED
 
 
 def _likely_units(model: PlantModel, record: Record) -> np.ndarray:
