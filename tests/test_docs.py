@@ -154,7 +154,26 @@ def test_the_blind_check_page_has_every_arm_and_the_sizes_of_plants_and_catalogu
     first = re.findall(r"^\| ([\w, ]+) \|", page + (DOCS / "blind_appendix.md").read_text(encoding="utf-8"), re.M)
     told = {name for cell in first for name in cell.split(", ")}
     assert not {*ARMS, *ROBOT_ARMS, *RECORDS} - {"complete"} - told
+    assert len(page.split()) < 2500
     assert f"the {len(CATALOGUE)} names of the catalogue" in page and f"There are {len(PLANTS)} plants" in page
     for other in (DOCS / "extending.md", DOCS.parent / "README.md"):
         counts = set(re.findall(r"\b(?:has|holds) (\d+) effects", other.read_text(encoding="utf-8")))
         assert counts == {str(len(CATALOGUE))}, f"{other.name}: the catalogue has {len(CATALOGUE)} effects"
+
+
+@pytest.mark.skipif(not PAGES, reason="the pages are not beside the tests (installed package)")
+def test_every_page_has_the_same_count_of_recordings_with_a_documented_effect():
+    page = (DOCS / "benchmarks" / "recorded_diagnosis.md").read_text(encoding="utf-8")
+    all_, named = re.search(r"(\d+) recordings have an accepted name. In (\d+) of them", page).groups()
+    phrases = {
+        DOCS / "benchmarks" / "index.md": f"a documented name in {named} of {all_}",
+        DOCS / "what_the_diagnosis_can_see.md": f"{named} of {all_}.",
+        DOCS / "blind_check.md": f"On {all_} of them an effect is documented; in {named} it is named",
+        DOCS.parent / "README.md": f"an effect is documented for {all_} recordings, and {named} answers hold it",
+    }
+    lacking = [
+        path.name
+        for path, phrase in phrases.items()
+        if phrase not in " ".join(path.read_text(encoding="utf-8").split())
+    ]
+    assert not lacking, f"{named} of {all_} recordings: {lacking} say something else"
